@@ -1,8 +1,11 @@
-"""What must hold before a version is published, for the workflows and by hand; needs nothing but Python and pip.
+"""What must hold before a version is published, for the workflows and by hand; needs
+nothing but Python and pip.
 
-python tests/release.py tag v0.4.0    the tag is the version of the source, of the citation and of the changelog
+python tests/release.py tag v0.4.0    the tag is the version of the source, of the
+                                      citation and of the changelog
 python tests/release.py build         source and wheel into dist/, both whole
-python tests/release.py install       the wheel alone in a new environment: its weight, the commands shown
+python tests/release.py install       the wheel alone in a new environment: its weight,
+                                      the commands shown
 """
 
 from __future__ import annotations
@@ -27,7 +30,11 @@ HEAVIEST = 450
 
 def version() -> str:
     """The version that the source states."""
-    (found,) = re.findall(r'^__version__ = "(.+)"$', (ROOT / "src/skyarm/__init__.py").read_text("utf-8"), re.M)
+    (found,) = re.findall(
+        r'^__version__ = "(.+)"$',
+        (ROOT / "src/skyarm/__init__.py").read_text("utf-8"),
+        re.M,
+    )
     return str(found)
 
 
@@ -35,7 +42,8 @@ def wrong_with_tag(tag: str, source: str, citation: str, changelog: str) -> str 
     """One line on what does not fit to a tag; None if all does.
 
     Args:
-        tag: as pushed. source: version of the source. citation, changelog: texts of the files.
+        tag: as pushed. source: version of the source. citation, changelog: texts of the
+            files.
     """
     if tag != f"v{source}":
         return f"tag {tag}: must be v{source}, the version of src/skyarm/__init__.py"
@@ -52,12 +60,20 @@ def wrong_with_tag(tag: str, source: str, citation: str, changelog: str) -> str 
 def sources() -> set[str]:
     """Files of the package, below src."""
     files = (path for path in (ROOT / "src" / "skyarm").rglob("*") if path.is_file())
-    return {path.relative_to(ROOT / "src").as_posix() for path in files if path.suffix not in (".pyc", ".pyo")}
+    return {
+        path.relative_to(ROOT / "src").as_posix()
+        for path in files
+        if path.suffix not in (".pyc", ".pyo")
+    }
 
 
 def wrong_with_contents(held: Iterable[str], wanted: set[str]) -> str | None:
-    """One line on files that a wheel lacks or holds beyond the package; None if it is whole."""
-    names = {name for name in held if ".dist-info/" not in name and not name.endswith("/")}
+    """One line on files that a wheel lacks or holds beyond the package; None if it is
+    whole.
+    """
+    names = {
+        name for name in held if ".dist-info/" not in name and not name.endswith("/")
+    }
     if missing := sorted(wanted - names):
         return f"the wheel lacks {', '.join(missing[:5])}"
     if more := sorted(names - wanted):
@@ -69,8 +85,8 @@ def wrong_with_page(metadata: str, repository: str) -> str | None:
     """One line on what the index page of a wheel lacks; None if it is whole.
 
     Args:
-        metadata: of the wheel. repository: OWNER/NAME whose workflow builds it; empty elsewhere, where links stay as
-            they are.
+        metadata: of the wheel. repository: OWNER/NAME whose workflow builds it; empty
+            elsewhere, where links stay as they are.
     """
     head, _, text = metadata.partition("\n\n")
     if "# skyarm" not in text:
@@ -78,13 +94,21 @@ def wrong_with_page(metadata: str, repository: str) -> str | None:
     if repository and f"/{repository}\n" not in f"{head}\n":
         return f"the wheel's metadata lacks the address of {repository}"
     left = re.findall(r"\]\((?!https?:|#)([^)\s]+)\)", text) if repository else []
-    return f"README of the wheel's metadata has links that lead nowhere: {', '.join(left[:3])}" if left else None
+    return (
+        "README of the wheel's metadata has links that lead nowhere:"
+        f" {', '.join(left[:3])}"
+        if left
+        else None
+    )
 
 
 def megabytes(folder: Path) -> float:
     """What a folder takes on disk, in MB of 2^20 bytes."""
     stats = (path.lstat() for path in folder.rglob("*"))
-    return sum(getattr(each, "st_blocks", -(-each.st_size // 512)) * 512 for each in stats) / 2**20
+    return (
+        sum(getattr(each, "st_blocks", -(-each.st_size // 512)) * 512 for each in stats)
+        / 2**20
+    )
 
 
 def environment(folder: Path, *, with_pip: bool) -> Path:
@@ -100,33 +124,70 @@ def run(*command: str | Path, cwd: Path = ROOT) -> None:
 
 
 def build() -> str | None:
-    """Build source and wheel as the project file says, in an environment of their own."""
+    """Build source and wheel as the project file says, in an environment of their
+    own.
+    """
     for old in DIST.glob("skyarm-*"):
         old.unlink()
     with tempfile.TemporaryDirectory() as folder:
         python = environment(Path(folder) / "build", with_pip=True)
-        run(python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "hatchling>=1.27")
+        run(
+            python,
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+            "hatchling>=1.27",
+        )
         run(python, "-m", "hatchling", "build", "-d", DIST)
     (wheel,), (archive,) = DIST.glob("*.whl"), DIST.glob("*.tar.gz")
     with zipfile.ZipFile(wheel) as file:
-        (metadata,) = (name for name in file.namelist() if name.endswith(".dist-info/METADATA"))
+        (metadata,) = (
+            name for name in file.namelist() if name.endswith(".dist-info/METADATA")
+        )
         wrong = wrong_with_contents(file.namelist(), sources())
-        wrong = wrong or wrong_with_page(file.read(metadata).decode(), os.environ.get("GITHUB_REPOSITORY", ""))
+        wrong = wrong or wrong_with_page(
+            file.read(metadata).decode(), os.environ.get("GITHUB_REPOSITORY", "")
+        )
     with tarfile.open(archive) as file:
         inside = {name.partition("/")[2] for name in file.getnames()}
-    built_by = {"pyproject.toml", "hatch_build.py", "README.md", "LICENSE", "CHANGELOG.md"}
+    built_by = {
+        "pyproject.toml",
+        "hatch_build.py",
+        "README.md",
+        "LICENSE",
+        "CHANGELOG.md",
+    }
     kept = {f"src/{name}" for name in sources()} | built_by
     lacking = sorted(kept - inside)
-    return wrong or (f"the source archive lacks {', '.join(lacking[:5])}" if lacking else None)
+    return wrong or (
+        f"the source archive lacks {', '.join(lacking[:5])}" if lacking else None
+    )
 
 
 def install() -> str | None:
-    """Install the wheel where there is nothing else, weigh it, run the commands and the code shown."""
+    """Install the wheel where there is nothing else, weigh it, run the commands and the
+    code shown.
+    """
     (wheel,) = DIST.glob("*.whl")
     with tempfile.TemporaryDirectory() as folder:
         here = Path(folder)
-        fresh, python = environment(here / "user", with_pip=False), environment(here / "pip", with_pip=True)
-        run(python, "-m", "pip", "--python", fresh, "install", "--quiet", "--disable-pip-version-check", wheel)
+        fresh, python = (
+            environment(here / "user", with_pip=False),
+            environment(here / "pip", with_pip=True),
+        )
+        run(
+            python,
+            "-m",
+            "pip",
+            "--python",
+            fresh,
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+            wheel,
+        )
         weight = megabytes(here / "user")
         print(f"the environment takes {weight:.0f} MB")
         if weight > HEAVIEST:
@@ -134,7 +195,14 @@ def install() -> str | None:
         (here / "work").mkdir()
         for line in SHOWN:
             words = words_to_run(line)
-            run(fresh, "-m", "skyarm", *words, *(["--help"] if needs_program(line) else []), cwd=here / "work")
+            run(
+                fresh,
+                "-m",
+                "skyarm",
+                *words,
+                *(["--help"] if needs_program(line) else []),
+                cwd=here / "work",
+            )
         run(fresh, "-c", code_shown(), cwd=here / "work")
     return None
 
@@ -144,7 +212,10 @@ def main() -> None:
     step, *rest = sys.argv[1:] or ["help"]
     wrong: str | None = __doc__
     if step == "tag" and len(rest) == 1:
-        texts = [(ROOT / name).read_text("utf-8") for name in ("CITATION.cff", "CHANGELOG.md")]
+        texts = [
+            (ROOT / name).read_text("utf-8")
+            for name in ("CITATION.cff", "CHANGELOG.md")
+        ]
         wrong = wrong_with_tag(rest[0], version(), *texts)
     elif step == "build" and not rest:
         wrong = build()

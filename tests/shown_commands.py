@@ -1,6 +1,8 @@
-"""The commands that README and docs show, each run to its end: as it stands, or in miniature where it takes minutes.
+"""The commands that README and docs show, each run to its end: as it stands, or in
+miniature where it takes minutes.
 
-The list of commands is the indented block of docs/command_line.md under *Commands*; the gallery of the README has more.
+The list of commands is the indented block of docs/command_line.md under *Commands*; the
+gallery of the README has more.
 """
 
 from __future__ import annotations
@@ -25,14 +27,21 @@ COMMAND_LINE = (ROOT / "docs" / "command_line.md").read_text(encoding="utf-8")
 
 def indented_lines(text: str) -> list[str]:
     """Indented lines of a text, comments taken off."""
-    return [line.split("#")[0].strip() for line in text.splitlines() if line.startswith("    ")]
+    return [
+        line.split("#")[0].strip()
+        for line in text.splitlines()
+        if line.startswith("    ")
+    ]
 
 
 LINES = indented_lines(README)
 GALLERY = re.findall(r"`(skyarm [^`]+ [^`]+)`", README)
-LISTED = indented_lines(COMMAND_LINE.partition("## Commands\n")[2].partition("\n## ")[0])
+LISTED = indented_lines(
+    COMMAND_LINE.partition("## Commands\n")[2].partition("\n## ")[0]
+)
 SHOWN = list(dict.fromkeys([*LISTED, *GALLERY]))
-"""Commands of the page on the command line, then those of the README that it does not list."""
+"""Commands of the page on the command line, then those of the README that it does not
+list."""
 
 FEW = ("--plants", "2", "--seeds", "1")
 
@@ -45,7 +54,8 @@ SMALLER: Mapping[str, tuple[str, ...]] = {
     "compare --laws": (*FEW, "--only", "perfect,plants"),
     "film": ("--window", "0", "0.2", "--size", "64x64", "--fps", "10"),
 }
-"""Beginning of a command -> options behind its own, of which the last counts; the longest beginning that fits."""
+"""Beginning of a command -> options behind its own, of which the last counts; the
+longest beginning that fits."""
 
 ELSEWHERE: Mapping[str, str] = {
     "reproduce": "tests/paper/test_reproduce_options.py::test_the_paper_is_reproduced",
@@ -53,40 +63,58 @@ ELSEWHERE: Mapping[str, str] = {
         "tests/identify/test_identify_design.py::test_the_design_of_the_page_prints_what_it_shows"
     ),
 }
-"""Beginning of a command that is minutes of compilers or searches -> the test of ``make thorough`` that runs it."""
+"""Beginning of a command that is minutes of compilers or searches -> the test of ``make
+thorough`` that runs it."""
 
 QUICK = ("check", "new", "show", "run", "doctor")
-"""Commands shown that take seconds in any environment, without extras and without each other's files."""
+"""Commands shown that take seconds in any environment, without extras and without each
+other's files."""
 
 
 def needs_program(line: str) -> bool:
-    """True for the command of an autopilot whose program, which is somebody's own, is not here."""
+    """True for the command of an autopilot whose program, which is somebody's own, is
+    not here.
+    """
     return "--autopilot px4" in line and not os.environ.get("SKYARM_PX4")
 
 
 def words_to_run(line: str) -> list[str]:
-    """Words after ``skyarm`` that try a line of `SHOWN` by itself: the line if it is `QUICK`, else its help."""
-    words = [word.replace("examples/", f"{ROOT}/examples/") for word in shlex.split(line)[1:]]
+    """Words after ``skyarm`` that try a line of `SHOWN` by itself: the line if it is
+    `QUICK`, else its help.
+    """
+    words = [
+        word.replace("examples/", f"{ROOT}/examples/") for word in shlex.split(line)[1:]
+    ]
     if words[0] not in QUICK:
         return [*words, "--help"]
     return [*words, "--duration", "1"] if words[0] == "run" else words
 
 
 def run_shown(line: str) -> tuple[int, str]:
-    """Exit code and output of a line ``skyarm WORDS`` in this folder; (0, "") of one that another test runs."""
+    """Exit code and output of a line ``skyarm WORDS`` in this folder; (0, "") of one
+    that another test runs.
+    """
     words = line.removeprefix("skyarm ").replace("examples/", f"{ROOT}/examples/")
     if words.startswith(tuple(ELSEWHERE)):
         return 0, ""
     if "studio" in words.split():
         return run_studio(shlex.split(words))
-    begins = max((each for each in SMALLER if words.startswith(each)), key=len, default="")
+    begins = max(
+        (each for each in SMALLER if words.startswith(each)), key=len, default=""
+    )
     options = SMALLER.get(begins, ())
-    if begins == "film" and words.split("-o ")[-1].split()[0].endswith((".html", ".viser")):
+    if begins == "film" and words.split("-o ")[-1].split()[0].endswith(
+        (".html", ".viser")
+    ):
         # a recording is drawn where it is watched: it has no size
         options = options[:3]
     if begins.startswith("compare") and "--laws" not in words:
         # of any vehicle in the envelope; a suite of all laws takes minutes
-        options = (*options, "--laws", "centroidal_tip" if "envelope" in begins else "paper_ct")
+        options = (
+            *options,
+            "--laws",
+            "centroidal_tip" if "envelope" in begins else "paper_ct",
+        )
     return run_command([*shlex.split(words), *options])
 
 
@@ -98,7 +126,11 @@ def run_command(words: list[str]) -> tuple[int, str]:
     told, before = io.StringIO(), sys.argv
     sys.argv = ["skyarm", *words]
     try:
-        with registry_kept(), contextlib.redirect_stdout(told), contextlib.redirect_stderr(told):
+        with (
+            registry_kept(),
+            contextlib.redirect_stdout(told),
+            contextlib.redirect_stderr(told),
+        ):
             code = perform()
     except SystemExit as ended:
         code = int(ended.code or 0)
@@ -110,10 +142,14 @@ def run_command(words: list[str]) -> tuple[int, str]:
 def run_studio(words: list[str]) -> tuple[int, str]:
     """The same of the studio, which is ended by Ctrl-C once it has opened its page."""
     command = [sys.executable, "-m", "skyarm", *words, "--no-browser", "--port", "0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as child:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as child:
         assert child.stdout is not None
         told = child.stdout.readline()
-        with urllib.request.urlopen(told.removeprefix("studio: ").strip(), timeout=30) as answer:
+        with urllib.request.urlopen(
+            told.removeprefix("studio: ").strip(), timeout=30
+        ) as answer:
             answer.read()
         time.sleep(0.5)  # a Ctrl-C before it waits for one ends it with 130
         child.send_signal(signal.SIGINT)

@@ -1,4 +1,6 @@
-"""The tip errors with servos that docs/results_laws.md shows are those that are flown."""
+"""The tip errors with servos that docs/results_laws.md shows are those that are
+flown.
+"""
 
 from __future__ import annotations
 
@@ -23,30 +25,50 @@ EXAMPLE = (DOCS.parent / "examples" / "servo_quad.toml").read_text("utf-8")
 def of_data_sheet() -> PositionServo:
     """The servo of the page, on a joint of 1e-4 kg m^2."""
     numbers = tomllib.loads(EXAMPLE)["drives"]["shoulder"]
-    return PositionServo(**{name: value for name, value in numbers.items() if name != "kind"} | {"inertia": 1e-4})
+    return PositionServo(
+        **{name: value for name, value in numbers.items() if name != "kind"}
+        | {"inertia": 1e-4}
+    )
 
 
 def ideal(ratio: float) -> PositionServo:
-    return PositionServo(stiffness=40.0, damping=2.0 * ratio * math.sqrt(40.0 * 4e-4), inertia=2e-4)
+    return PositionServo(
+        stiffness=40.0, damping=2.0 * ratio * math.sqrt(40.0 * 4e-4), inertia=2e-4
+    )
 
 
 def tip_error(servo: PositionServo | None) -> float:
     """Mean tip error of Case 3, mm."""
     scenario = under_law(skyarm.load_scenario("case3", duration=20.0), "centroidal_tip")
     if servo is not None:
-        drives = tuple(MountedDrive(name=name, drive=servo) for name in ("joint1", "joint2"))
+        drives = tuple(
+            MountedDrive(name=name, drive=servo) for name in ("joint1", "joint2")
+        )
 
         def on_servos(record: Any) -> Any:
-            return dataclasses.replace(record, vehicle=dataclasses.replace(record.vehicle, drives=drives))
+            return dataclasses.replace(
+                record, vehicle=dataclasses.replace(record.vehicle, drives=drives)
+            )
 
-        controller = with_actuators(scenario.controller, on_servos(scenario.controller.par.model), 0.005)
-        scenario = dataclasses.replace(scenario, plant=on_servos(scenario.plant), controller=controller)
-    return 1e3 * skyarm.score(skyarm.run(scenario), ["standard_continuous"])["ee_error_mean_continuous"]
+        controller = with_actuators(
+            scenario.controller, on_servos(scenario.controller.par.model), 0.005
+        )
+        scenario = dataclasses.replace(
+            scenario, plant=on_servos(scenario.plant), controller=controller
+        )
+    return (
+        1e3
+        * skyarm.score(skyarm.run(scenario), ["standard_continuous"])[
+            "ee_error_mean_continuous"
+        ]
+    )
 
 
 def shown_tables() -> list[str]:
     """TOML blocks of the page on drives."""
-    return re.findall(r"```toml\n(.*?)```", (DOCS / "actuators.md").read_text("utf-8"), re.DOTALL)
+    return re.findall(
+        r"```toml\n(.*?)```", (DOCS / "actuators.md").read_text("utf-8"), re.DOTALL
+    )
 
 
 def test_the_battery_of_the_page_has_numbers_of_the_example() -> None:
@@ -60,7 +82,9 @@ def test_the_smallest_servo_of_the_page_has_the_required_keys() -> None:
     (servo,) = tomllib.loads(shown_tables()[0])["drives"].values()
     numbers = {name: value for name, value in servo.items() if name != "kind"}
     usual = {field.name: field.default for field in dataclasses.fields(PositionServo)}
-    assert set(numbers) == {name for name, value in usual.items() if value is dataclasses.MISSING}
+    assert set(numbers) == {
+        name for name, value in usual.items() if value is dataclasses.MISSING
+    }
     assert servo["kind"] == "position_servo"
     assert PositionServo(**numbers).takes == "rad or m"
 

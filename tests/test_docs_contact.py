@@ -1,4 +1,6 @@
-"""The tables of docs/contact.md name every field of the world with its default, every shape and every kind."""
+"""The tables of docs/contact.md name every field of the world with its default, every
+shape and every kind.
+"""
 
 from __future__ import annotations
 
@@ -31,14 +33,19 @@ TABLES = {
 """Head of each table -> record that it lists."""
 
 
-@pytest.mark.parametrize(("head", "kind"), TABLES.items(), ids=[kind.__name__ for kind in TABLES.values()])
+@pytest.mark.parametrize(
+    ("head", "kind"), TABLES.items(), ids=[kind.__name__ for kind in TABLES.values()]
+)
 def test_a_table_lists_every_field_with_its_default(head: str, kind: type[Any]) -> None:
     rows = {row[0].strip("`"): row[2] for row in rows_of("contact.md", head)}
     fields = {field.name: field for field in dataclasses.fields(kind)}
     assert set(rows) == set(fields)
     for name, shown in rows.items():
         default = fields[name].default
-        required = default is dataclasses.MISSING and fields[name].default_factory is dataclasses.MISSING
+        required = (
+            default is dataclasses.MISSING
+            and fields[name].default_factory is dataclasses.MISSING
+        )
         assert (shown == "required") is required, name
         if type(default) in (int, float):
             assert float(shown) == default, name
@@ -53,22 +60,31 @@ def test_required_fields_come_first() -> None:
 def test_every_shape_and_every_kind_has_a_row() -> None:
     shapes = {row[0].strip('`"') for row in rows_of("contact.md", "| shape | `size` |")}
     kinds = {
-        name for row in rows_of("contact.md", "| kind | what it holds |") for name in re.findall(r"`(\w+)`", row[0])
+        name
+        for row in rows_of("contact.md", "| kind | what it holds |")
+        for name in re.findall(r"`(\w+)`", row[0])
     }
     spots = {row[0] for row in rows_of("contact.md", "| shape | contact points |")}
     assert shapes == set(SHAPES)
     assert kinds == set(KINDS)
     assert spots == set(SOLIDS)
-    assert f"`{{ {', '.join(field.name for field in dataclasses.fields(Ring))} }}`" in PAGE
+    assert (
+        f"`{{ {', '.join(field.name for field in dataclasses.fields(Ring))} }}`" in PAGE
+    )
 
 
 def test_the_smallest_world_shown_is_one() -> None:
     (shown,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
-    scenario = skyarm.scenario_from({
-        "name": "ground", "duration": 1.0,
-        "plant": {"vehicle": "hummingbird_arm2_rotors"}, "controller": {"preset": "paper_ct"},
-        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}}, **tomllib.loads(shown),
-    })
+    scenario = skyarm.scenario_from(
+        {
+            "name": "ground",
+            "duration": 1.0,
+            "plant": {"vehicle": "hummingbird_arm2_rotors"},
+            "controller": {"preset": "paper_ct"},
+            "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
+            **tomllib.loads(shown),
+        }
+    )
     (surface,) = scenario.world.surfaces
     (point,) = scenario.world.points
     assert (surface.name, surface.shape, point.frame) == ("ground", "plane", "tip")

@@ -1,6 +1,8 @@
-"""The pages on extending and on sessions are true: their code runs, and every kind that can be registered is named.
+"""The pages on extending and on sessions are true: their code runs, and every kind that
+can be registered is named.
 
-Every page docs/add_a_*.md runs whole in tests/website; here are the checks of what its parts do.
+Every page docs/add_a_*.md runs whole in tests/website; here are the checks of what its
+parts do.
 """
 
 from __future__ import annotations
@@ -48,7 +50,11 @@ def test_each_kind_that_can_be_registered_leads_to_a_page_or_says_how() -> None:
     assert linked == set(PAGES)
 
 
-@pytest.mark.parametrize("plugin", [DOCS / "add_a_wind.md", ROOT / "examples" / "own_wind.py"], ids=["page", "example"])
+@pytest.mark.parametrize(
+    "plugin",
+    [DOCS / "add_a_wind.md", ROOT / "examples" / "own_wind.py"],
+    ids=["page", "example"],
+)
 def test_the_air_shown_flies_by_its_name(plugin: Path, tmp_path: Path) -> None:
     text, kind = plugin.read_text("utf-8"), "gusty"
     if plugin.suffix == ".md":
@@ -58,7 +64,11 @@ def test_the_air_shown_flies_by_its_name(plugin: Path, tmp_path: Path) -> None:
     flight["environment"]["air"][0]["kind"] = kind
     with registry_kept():
         load_plugin(tmp_path / "wind.py")
-        log = skyarm.run(skyarm.scenario_from(flight | {"duration": 1.0, "plugins": {"need": ["wind.py"]}}))
+        log = skyarm.run(
+            skyarm.scenario_from(
+                flight | {"duration": 1.0, "plugins": {"need": ["wind.py"]}}
+            )
+        )
     assert log.status == "completed"
     assert log.air_velocity[:, :2].std(axis=0).min() > 0.05
 
@@ -66,20 +76,29 @@ def test_the_air_shown_flies_by_its_name(plugin: Path, tmp_path: Path) -> None:
 def test_the_fault_and_the_signal_shown_are_read_and_fly(tmp_path: Path) -> None:
     file = tmp_path / "fading.py"
     file.write_text(files("python", "add_a_world_part")["fading.py"], "utf-8")
-    stated = tomllib.loads(files("toml", "add_a_world_part")["tired.toml"]) | {"duration": 0.1}
+    stated = tomllib.loads(files("toml", "add_a_world_part")["tired.toml"]) | {
+        "duration": 0.1
+    }
     with registry_kept():
         load_plugin(file)
         scenario = skyarm.scenario_from(stated)
         fault = scenario.faults[0]
-        assert (float(fault.share(0.0)), round(float(fault.share(9.0)), 6)) == (1.0, 0.9)
+        assert (float(fault.share(0.0)), round(float(fault.share(9.0)), 6)) == (
+            1.0,
+            0.9,
+        )
         assert len(scenario.reference.yaw.signals) == 2
         assert skyarm.run(scenario).status == "completed"
         yaw = stated["reference"]["yaw"] | {"phase": 1.0}
         with pytest.raises(ValueError, match=r"yaw\.phase = 1\.0: unknown"):
-            skyarm.scenario_from(stated | {"reference": stated["reference"] | {"yaw": yaw}})
+            skyarm.scenario_from(
+                stated | {"reference": stated["reference"] | {"yaw": yaw}}
+            )
 
 
-@pytest.mark.parametrize("kind", [kind for kind, contract in CONTRACTS.items() if contract.base])
+@pytest.mark.parametrize(
+    "kind", [kind for kind, contract in CONTRACTS.items() if contract.base]
+)
 def test_the_base_class_that_a_kind_names_is_there_and_on_the_page(kind: str) -> None:
     base = CONTRACTS[kind].base
     module, _, name = base.rpartition(".")
@@ -91,7 +110,9 @@ def test_the_base_class_that_a_kind_names_is_there_and_on_the_page(kind: str) ->
 def files(language: str, page: str = "") -> dict[str, str]:
     """Files of a page, that on all parts if left out, by their titles."""
     text = PAGES[page] if page else PAGE
-    return dict(re.findall(rf'```{language} title="([^"]+)"\n(.*?)```', text, re.DOTALL))
+    return dict(
+        re.findall(rf'```{language} title="([^"]+)"\n(.*?)```', text, re.DOTALL)
+    )
 
 
 def rows_of(heading: str, text: str = PAGE) -> list[str]:
@@ -101,8 +122,20 @@ def rows_of(heading: str, text: str = PAGE) -> list[str]:
 
 
 def test_the_functions_for_any_scalar_are_all_that_a_part_may_use() -> None:
-    listed = [word for row in rows_of("Functions for any scalar") for word in re.findall(r"`(\w+)`", row)]
-    of_the_library = {"PYTHON_NUMBERS", "Scalar", "Scalars", "ScalarSequence", "register", "same", "structural"}
+    listed = [
+        word
+        for row in rows_of("Functions for any scalar")
+        for word in re.findall(r"`(\w+)`", row)
+    ]
+    of_the_library = {
+        "PYTHON_NUMBERS",
+        "Scalar",
+        "Scalars",
+        "ScalarSequence",
+        "register",
+        "same",
+        "structural",
+    }
     assert sorted(listed) == sorted(set(scalars.__all__) - of_the_library)
 
 
@@ -110,7 +143,9 @@ def test_the_table_of_points_is_the_class_and_its_arguments() -> None:
     motion = PointMotion(skyarm.load_vehicle("hummingbird_arm2"), None)
     known = {name for name in dir(motion) if not name.startswith("_")}
     shown = [
-        word for row in rows_of("What `motion` knows", PAGES["add_a_force"]) for word in re.findall(r"`([^`]+)`", row)
+        word
+        for row in rows_of("What `motion` knows", PAGES["add_a_force"])
+        for word in re.findall(r"`([^`]+)`", row)
     ]
     assert {word.partition("(")[0] for word in shown} == known
     for name, _, arguments in (word.rstrip(")").partition("(") for word in shown):
@@ -131,18 +166,27 @@ def test_the_ball_shown_is_dragged_along_by_the_air(tmp_path: Path) -> None:
         drag = 0.5 * 1.2 * 0.47 * 3.14159 * 0.05**2 * 2.0**2
         assert tuple(wrench.force_W) == pytest.approx((drag, 0.0, 0.0))
         assert (wrench.point, wrench.body) == motion.frame()
-        assert skyarm.run(dataclasses.replace(planned, forces=(ball,))).status == "completed"
+        assert (
+            skyarm.run(dataclasses.replace(planned, forces=(ball,))).status
+            == "completed"
+        )
 
 
 @pytest.fixture
 def corridor_files(tmp_path: Path) -> Path:
     """A folder with the plugin and the scenario of the page on endings."""
-    (tmp_path / "corridor.py").write_text(files("python", "add_an_ending")["corridor.py"], "utf-8")
-    (tmp_path / "narrow.toml").write_text(files("toml", "add_an_ending")["narrow.toml"], "utf-8")
+    (tmp_path / "corridor.py").write_text(
+        files("python", "add_an_ending")["corridor.py"], "utf-8"
+    )
+    (tmp_path / "narrow.toml").write_text(
+        files("toml", "add_an_ending")["narrow.toml"], "utf-8"
+    )
     return tmp_path
 
 
-def test_the_ending_shown_ends_a_flight_and_its_words_are_the_logs(corridor_files: Path) -> None:
+def test_the_ending_shown_ends_a_flight_and_its_words_are_the_logs(
+    corridor_files: Path,
+) -> None:
     with registry_kept():
         with pytest.raises(ValueError, match=r"skyarm\.load_plugin\('corridor\.py'\)"):
             skyarm.load_scenario(corridor_files / "narrow.toml")
@@ -150,13 +194,21 @@ def test_the_ending_shown_ends_a_flight_and_its_words_are_the_logs(corridor_file
         log = skyarm.run(skyarm.load_scenario(corridor_files / "narrow.toml"))
     assert log.status == "left_corridor"
     assert abs(log.position[-1, 1]) == pytest.approx(0.2, abs=0.01)
-    words = ["run", str(corridor_files / "narrow.toml"), "--plugin", str(corridor_files / "corridor.py"), "-q"]
+    words = [
+        "run",
+        str(corridor_files / "narrow.toml"),
+        "--plugin",
+        str(corridor_files / "corridor.py"),
+        "-q",
+    ]
     code, _ = run_command([*words, "--out", str(corridor_files / "out")])
     assert f"ends with exit code {code}" in " ".join(PAGES["add_an_ending"].split())
     assert re.fullmatch(r"y = -?0\.2\d\d m is outside of 0\.2 m", log.info["cause"])
 
 
-def test_the_package_shown_is_a_plugin(corridor_files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_package_shown_is_a_plugin(
+    corridor_files: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     table = tomllib.loads(files("toml")["pyproject.toml"])
     ((name, module),) = table["project"]["entry-points"][plugins.GROUP].items()
     folder = f"src/{module.partition('.')[0]}"
@@ -165,16 +217,24 @@ def test_the_package_shown_is_a_plugin(corridor_files: Path, monkeypatch: pytest
     tree = re.findall(rf"^{folder}/(\S+)", PAGE, re.MULTILINE)
     assert tree == ["__init__.py", "corridor.py"]
     (package / tree[0]).write_text("", "utf-8")
-    (package / tree[1]).write_text(files("python", "add_an_ending")["corridor.py"], "utf-8")
+    (package / tree[1]).write_text(
+        files("python", "add_an_ending")["corridor.py"], "utf-8"
+    )
     monkeypatch.syspath_prepend(package.parent)
     entry = metadata.EntryPoint(name, module, plugins.GROUP)
-    made = types.SimpleNamespace(name=table["project"]["name"], version=table["project"]["version"])
+    made = types.SimpleNamespace(
+        name=table["project"]["name"], version=table["project"]["version"]
+    )
     monkeypatch.setattr(plugins, "may_extend", lambda group: True)
     monkeypatch.setattr(metadata, "entry_points", lambda *, group: [entry._for(made)])  # type: ignore[attr-defined]
     with registry_kept():
         plugins.load_installed()
         assert plugins.identities()[made.name] == f"version {made.version}"
-        needs = (corridor_files / "narrow.toml").read_text("utf-8").replace('"corridor.py"', f'"{made.name}"')
+        needs = (
+            (corridor_files / "narrow.toml")
+            .read_text("utf-8")
+            .replace('"corridor.py"', f'"{made.name}"')
+        )
         (corridor_files / "narrow.toml").write_text(needs, "utf-8")
         flight = skyarm.load_scenario(corridor_files / "narrow.toml", duration=0.1)
         assert type(flight.endings[0]).__module__ == module
@@ -193,20 +253,30 @@ def test_the_law_shown_flies() -> None:
         make = skyarm.load_plugin(ROOT / "examples" / "own_law.py").make_lqr
     mine = make(planned.controller.par.model, weight=9.0)
     assert mine.par.base[0] == 3.0
-    assert skyarm.run(dataclasses.replace(planned, controller=mine)).status == "completed"
+    assert (
+        skyarm.run(dataclasses.replace(planned, controller=mine)).status == "completed"
+    )
 
 
-@pytest.mark.parametrize("words", [word for row in MISTAKES for word in re.findall("`([^`]+)`", row)])
+@pytest.mark.parametrize(
+    "words", [word for row in MISTAKES for word in re.findall("`([^`]+)`", row)]
+)
 def test_the_lines_that_a_wrong_law_gets_are_those_of_the_page(words: str) -> None:
     """Each stands in what the tests of wrong laws expect."""
-    known = [mistake.words for group in (EVERYTHING, MAKERS) for mistake in group.values()]
+    known = [
+        mistake.words for group in (EVERYTHING, MAKERS) for mistake in group.values()
+    ]
     assert any(words in each for each in known), words
 
 
 SYMPTOMS = {
     page: [
         word
-        for row in re.findall(r"^\| (.*?) \|", text.partition("## If it fails")[2].partition("\n## ")[0], re.MULTILINE)
+        for row in re.findall(
+            r"^\| (.*?) \|",
+            text.partition("## If it fails")[2].partition("\n## ")[0],
+            re.MULTILINE,
+        )
         for word in re.findall("`([^`]+)`", row)
     ]
     for page, text in PAGES.items()
@@ -214,14 +284,25 @@ SYMPTOMS = {
 
 
 def test_the_lines_that_a_page_names_as_symptoms_stand_in_the_source() -> None:
-    """At least three words of each in their order; names and numbers are those of the page."""
-    source = "\n".join(path.read_text("utf-8") for path in sorted(Path(skyarm.__file__).parent.rglob("*.py")))
+    """At least three words of each in their order; names and numbers are those of the
+    page.
+    """
+    source = "\n".join(
+        path.read_text("utf-8")
+        for path in sorted(Path(skyarm.__file__).parent.rglob("*.py"))
+    )
     source = re.sub(r'"\s*\n\s*f?"', "", source)
     for page, lines in SYMPTOMS.items():
         assert lines, page
-        for words in (line.split() for line in lines if line.count(" ") > 1 and not line.startswith("first in")):
+        for words in (
+            line.split()
+            for line in lines
+            if line.count(" ") > 1 and not line.startswith("first in")
+        ):
             runs = [" ".join(words[k : k + 3]) for k in range(len(words) - 2)]
-            assert any(run.rstrip(":;,") in source for run in runs), f"{page}: {' '.join(words)}"
+            assert any(run.rstrip(":;,") in source for run in runs), (
+                f"{page}: {' '.join(words)}"
+            )
 
 
 def test_all_kinds_of_mistakes_are_on_the_page() -> None:
@@ -229,7 +310,9 @@ def test_all_kinds_of_mistakes_are_on_the_page() -> None:
 
 
 def test_the_sessions_shown_run(capsys: pytest.CaptureFixture[str]) -> None:
-    *_, session, led, _quick = blocks((ROOT / "docs" / "python_api.md").read_text("utf-8"), "python")
+    *_, session, led, _quick = blocks(
+        (ROOT / "docs" / "python_api.md").read_text("utf-8"), "python"
+    )
     names = {"skyarm": skyarm}
     for code in (session, led):
         exec(compile(code, "python_api.md", "exec"), names)
@@ -238,7 +321,9 @@ def test_the_sessions_shown_run(capsys: pytest.CaptureFixture[str]) -> None:
     assert out.splitlines()[-2:] == ["True", "completed 2"]
 
 
-def test_the_law_shown_by_itself_is_compiled_and_a_thousand_times_faster(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_law_shown_by_itself_is_compiled_and_a_thousand_times_faster(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     """Measured: 26 ms in Python, 1 us in machine code."""
     *_, shown = blocks((ROOT / "docs" / "python_api.md").read_text("utf-8"), "python")
     names = {"skyarm": skyarm}

@@ -1,4 +1,6 @@
-"""The page on logs: its commands and its Python run, its topics are those that are written."""
+"""The page on logs: its commands and its Python run, its topics are those that are
+written.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,11 @@ from support.logs import flown
 from support.worlds import touching
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "logs.md").read_text("utf-8")
-COMMANDS = [line.split("#")[0].strip() for line in PAGE.splitlines() if line.startswith("skyarm ")]
+COMMANDS = [
+    line.split("#")[0].strip()
+    for line in PAGE.splitlines()
+    if line.startswith("skyarm ")
+]
 
 
 def test_every_command_shown_runs_one_after_the_other(tmp_path, monkeypatch, capsys):
@@ -47,11 +53,23 @@ def test_the_python_shown_runs(tmp_path, monkeypatch, capsys):
 
 
 def test_the_topics_shown_are_those_that_are_written():
-    (table,) = re.findall(r"<!-- topics; .*?-->\n(.*?)<!-- /topics -->", PAGE, re.DOTALL)
-    rows = [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:]]
+    (table,) = re.findall(
+        r"<!-- topics; .*?-->\n(.*?)<!-- /topics -->", PAGE, re.DOTALL
+    )
+    rows = [
+        [cell.strip().strip("`") for cell in line.strip("|").split("|")]
+        for line in table.strip().splitlines()[2:]
+    ]
     words = {0: "once", 1: "200", 4: "50"}
     written = {
-        each.name: (full_name(each.kind), "control" if each.name in ("/clock", "/skyarm/flight") else words[each.every])
+        each.name: (
+            full_name(each.kind),
+            (
+                "control"
+                if each.name in ("/clock", "/skyarm/flight")
+                else words[each.every]
+            ),
+        )
         for log in (flown(), touching(), on_a_filter())
         for each in FlightTopics(log).topics
         if not each.name.startswith("/sensors/")
@@ -62,13 +80,22 @@ def test_the_topics_shown_are_those_that_are_written():
 @cache
 def on_a_filter() -> skyarm.Log:
     wrist = {"kind": "force_torque"}
-    sensors = {"sensors__gps": GPS, "sensors__compass": COMPASS, "sensors__wrist": wrist}
+    sensors = {
+        "sensors__gps": GPS,
+        "sensors__compass": COMPASS,
+        "sensors__wrist": wrist,
+    }
     return skyarm.run(estimated(duration=0.1, **sensors))
 
 
 def test_the_messages_of_readings_shown_are_those_that_are_written():
-    (table,) = re.findall(r"<!-- readings; .*?-->\n(.*?)<!-- /readings -->", PAGE, re.DOTALL)
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:]]
+    (table,) = re.findall(
+        r"<!-- readings; .*?-->\n(.*?)<!-- /readings -->", PAGE, re.DOTALL
+    )
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in table.strip().splitlines()[2:]
+    ]
     log = on_a_filter()
     written = {each.name: full_name(each.kind) for each in FlightTopics(log).topics}
     seen = set()
@@ -87,7 +114,11 @@ def test_the_formats_shown_are_those_there_are():
     read = {kind for kind, back in shown if back == "yes"}
     from skyarm.log.formats import require_format
 
-    assert {kind for kind, _ in shown} == {kind for kind in names("log_format") if require_format(f"a.{kind}").read} | {
+    assert {kind for kind, _ in shown} == {
+        kind for kind in names("log_format") if require_format(f"a.{kind}").read
+    } | {
         "csv",
     }
-    assert read == {kind for kind, _ in shown if require_format(f"a.{kind}").read is not None}
+    assert read == {
+        kind for kind, _ in shown if require_format(f"a.{kind}").read is not None
+    }

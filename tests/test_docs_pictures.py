@@ -1,4 +1,6 @@
-"""What the page on pictures shows is true: its commands draw, its code draws, its study derives an arm's length."""
+"""What the page on pictures shows is true: its commands draw, its code draws, its study
+derives an arm's length.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,11 @@ from support.worlds import touching
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "pictures.md").read_text("utf-8").partition("\n## Films\n")[0]
-COMMANDS = re.findall(r"^(skyarm .*)$", "".join(re.findall(r"^```sh\n(.*?)^```$", PAGE, re.M | re.S)), re.M)
+COMMANDS = re.findall(
+    r"^(skyarm .*)$",
+    "".join(re.findall(r"^```sh\n(.*?)^```$", PAGE, re.M | re.S)),
+    re.M,
+)
 STUDY = (DOCS.parent / "examples" / "arm_length.toml").read_text("utf-8")
 
 
@@ -24,11 +30,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """With the page's study, shortened, and a flight that presses."""
     pytest.importorskip("pyarrow")
     made: Path = tmp_path_factory.mktemp("pictures")
-    short = re.sub(r"episodes = \d+", "episodes = 40", STUDY).replace("duration = 12", "duration = 0.3")
+    short = re.sub(r"episodes = \d+", "episodes = 40", STUDY).replace(
+        "duration = 12", "duration = 0.3"
+    )
     short = re.sub(
         r"controllers = .*", 'controllers = ["paper_ct", "paper_pd"]', short
     )  # a law of its own takes seconds
-    text = re.sub(r"windows = .*", "windows = { steady = [0.1, 0.3], transient = [0.0, 0.1] }", short)
+    text = re.sub(
+        r"windows = .*",
+        "windows = { steady = [0.1, 0.3], transient = [0.0, 0.1] }",
+        short,
+    )
     (made / "examples").mkdir()
     (made / "examples" / "arm_length.toml").write_text(text)
     touching().save_npz(made / "press.npz")
@@ -44,7 +56,11 @@ def test_the_commands_shown_draw_in_their_order(folder: Path) -> None:
             words += ["--duration", "6.5"] if words[0] == "run" else []
             done = skyarm(*words)
             assert done.code == 0, (words, done.err)
-            made += [words[words.index(option) + 1] for option in ("-o", "--drawing") if option in words]
+            made += [
+                words[words.index(option) + 1]
+                for option in ("-o", "--drawing")
+                if option in words
+            ]
     assert len(made) == len(set(made)) == 8
     for name in made:
         assert (folder / name).stat().st_size > 5_000, name
@@ -73,8 +89,20 @@ def test_the_derived_numbers_of_the_page_on_sweeps_are_a_study() -> None:
     from skyarm.studies.sweep import study_from
 
     text = (DOCS / "sweeps.md").read_text("utf-8")
-    tables = [block for block in re.findall(r"```toml\n(.*?)```", text, re.DOTALL) if "[derived]" in block]
+    tables = [
+        block
+        for block in re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+        if "[derived]" in block
+    ]
     for table in tables:
-        study = study_from({"schema": 1, "name": "a", "scenario": "case3", "episodes": 4, **tomllib.loads(table)})
+        study = study_from(
+            {
+                "schema": 1,
+                "name": "a",
+                "scenario": "case3",
+                "episodes": 4,
+                **tomllib.loads(table),
+            }
+        )
         assert "moment" in study.derived
     assert len(tables) == 1

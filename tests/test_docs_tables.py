@@ -1,4 +1,6 @@
-"""Reference tables of the pages list the declared fields of their records, with their defaults."""
+"""Reference tables of the pages list the declared fields of their records, with their
+defaults.
+"""
 
 from __future__ import annotations
 
@@ -35,18 +37,35 @@ def named(cells: str) -> list[str]:
     ("page", "head", "kinds", "left_out"),
     [
         ("sensors.md", "| error | meaning | unit |", (Channel,), set[str]()),
-        ("sensors.md", "| field | meaning | unit | default |", (FilterNumbers,), {"vehicle"}),
+        (
+            "sensors.md",
+            "| field | meaning | unit | default |",
+            (FilterNumbers,),
+            {"vehicle"},
+        ),
         (
             "actuators.md",
             f"<!-- generated: record {SERVO}:PositionServo",
             (Servo, PositionServo),
             set[str](),
         ),
-        ("actuators.md", f"<!-- generated: record {SERVO}:VelocityServo", (VelocityServo,), fields_of(Servo).keys()),
-        ("actuators.md", "<!-- generated: record skyarm.vehicle.battery:Battery -->", (Battery,), set[str]()),
+        (
+            "actuators.md",
+            f"<!-- generated: record {SERVO}:VelocityServo",
+            (VelocityServo,),
+            fields_of(Servo).keys(),
+        ),
+        (
+            "actuators.md",
+            "<!-- generated: record skyarm.vehicle.battery:Battery -->",
+            (Battery,),
+            set[str](),
+        ),
     ],
 )
-def test_a_table_lists_every_field(page: str, head: str, kinds: tuple[type, ...], left_out: Set[str]) -> None:
+def test_a_table_lists_every_field(
+    page: str, head: str, kinds: tuple[type, ...], left_out: Set[str]
+) -> None:
     listed = {name for row in rows_of(page, head) for name in named(row[0])}
     assert listed == {name for kind in kinds for name in fields_of(kind)} - left_out
 
@@ -55,14 +74,31 @@ def test_a_table_lists_every_field(page: str, head: str, kinds: tuple[type, ...]
     ("page", "head", "kind"),
     [
         ("sensors.md", "| field | meaning | unit | default |", FilterNumbers),
-        ("actuators.md", "<!-- generated: record skyarm.vehicle.battery:Battery -->", Battery),
-        ("actuators.md", f"<!-- generated: record {SERVO}:PositionServo", PositionServo),
+        (
+            "actuators.md",
+            "<!-- generated: record skyarm.vehicle.battery:Battery -->",
+            Battery,
+        ),
+        (
+            "actuators.md",
+            f"<!-- generated: record {SERVO}:PositionServo",
+            PositionServo,
+        ),
     ],
 )
-def test_defaults_of_a_table_are_those_of_the_fields(page: str, head: str, kind: type) -> None:
+def test_defaults_of_a_table_are_those_of_the_fields(
+    page: str, head: str, kind: type
+) -> None:
     own, seen = fields_of(kind), 0
     for names, *cells in rows_of(page, head):
-        shown = next((cell.strip("`") for cell in cells if re.fullmatch(r"`[-+]?\d[-+.\de]*`", cell)), cells[-1])
+        shown = next(
+            (
+                cell.strip("`")
+                for cell in cells
+                if re.fullmatch(r"`[-+]?\d[-+.\de]*`", cell)
+            ),
+            cells[-1],
+        )
         for name, text in zip(named(names), shown.split(", "), strict=False):
             if name in own and re.fullmatch(r"[-+]?\d[-+.\de]*", text):
                 assert own[name] == float(text), name
@@ -71,23 +107,40 @@ def test_defaults_of_a_table_are_those_of_the_fields(page: str, head: str, kind:
 
 
 def test_the_page_on_sensors_lists_kinds_and_dropouts() -> None:
-    rows = rows_of("sensors.md", "| kind | channels | names in the log | fields of its own | frequency |")
+    rows = rows_of(
+        "sensors.md",
+        "| kind | channels | names in the log | fields of its own | frequency |",
+    )
     assert {named(row[0])[0] for row in rows} == set(SHIPPED["sensor"]) - {"full_state"}
     text = " ".join(each for row in rows for each in row)
     shared = set(fields_of(sensor_kinds.ChannelSensor))
-    own = (sensor_kinds.Imu, sensor_kinds.Pose, sensor_kinds.Encoders, sensor_kinds.TactileSwitch)
-    for kind in (*own, navigation_sensors.Gnss, navigation_sensors.Magnetometer, navigation_sensors.Barometer):
+    own = (
+        sensor_kinds.Imu,
+        sensor_kinds.Pose,
+        sensor_kinds.Encoders,
+        sensor_kinds.TactileSwitch,
+    )
+    for kind in (
+        *own,
+        navigation_sensors.Gnss,
+        navigation_sensors.Magnetometer,
+        navigation_sensors.Barometer,
+    ):
         assert set(fields_of(kind)) - shared <= set(named(text)), kind
     page = (DOCS / "sensors.md").read_text("utf-8")
     assert all(f"`{name}`" in page for name in (*shared, *fields_of(Dropouts)))
 
 
 def test_the_columns_of_a_thrust_table_are_on_the_page() -> None:
-    rows = rows_of("actuators.md", "<!-- generated: record skyarm.vehicle.thrust_table:ThrustTable")
+    rows = rows_of(
+        "actuators.md", "<!-- generated: record skyarm.vehicle.thrust_table:ThrustTable"
+    )
     assert {name for row in rows for name in named(row[0])} == set(COLUMNS)
 
 
 def test_every_ending_and_status_is_on_the_page() -> None:
     rows = rows_of("scenario_files.md", "| ending | status | condition |\n|-|-|-|")
     assert {name for row in rows for name in named(row[0])} == set(SHIPPED["ending"])
-    assert {name for row in rows for name in named(row[1])} == set(STATUSES) - {"completed"}
+    assert {name for row in rows for name in named(row[1])} == set(STATUSES) - {
+        "completed"
+    }

@@ -25,7 +25,14 @@ from skyarm.vehicle.vehicle_records import BodyDrag, Rotor
 from support.pages import cells_of, law_rows, unit_of
 from website.generated_blocks import heads, made
 
-DESCRIBED = {"joint": Joint, "rotors": Rotor, "drag": BodyDrag, "body": Body, "tilt": Tilt, "joints": Joint}
+DESCRIBED = {
+    "joint": Joint,
+    "rotors": Rotor,
+    "drag": BodyDrag,
+    "body": Body,
+    "tilt": Tilt,
+    "joints": Joint,
+}
 """Block of the page on vehicle files -> record."""
 
 
@@ -38,8 +45,14 @@ def words_of(kind: type) -> list[str]:
 def test_every_unit_of_the_tables_of_vehicle_files_is_its_field_s(block: str) -> None:
     assert f"vehicle {block}" in heads()
     rows = {row[0].strip("`"): row[1] for row in cells_of(made(f"vehicle {block}"))}
-    named = {name: unit for name, unit in units(DESCRIBED[block]).items() if name in rows and name != "direction"}
-    assert {name: unit.unit or "-" for name, unit in named.items()} == {name: unit_of(rows[name]) for name in named}
+    named = {
+        name: unit
+        for name, unit in units(DESCRIBED[block]).items()
+        if name in rows and name != "direction"
+    }
+    assert {name: unit.unit or "-" for name, unit in named.items()} == {
+        name: unit_of(rows[name]) for name in named
+    }
     assert len(named) >= 2
 
 
@@ -57,7 +70,13 @@ def test_units_of_a_law_s_options_are_those_of_its_constants(law: str) -> None:
     seen = 0
     for option, row in law_rows(law).items():
         of, _, field = option.partition(".")
-        unit = records[of][field].unit if field else own[option].unit if option in own else None
+        unit = (
+            records[of][field].unit
+            if field
+            else own[option].unit
+            if option in own
+            else None
+        )
         if of == "observer":
             unit = ", ".join(dict.fromkeys(words_of(ObserverGains)))
         if unit is not None:
@@ -68,10 +87,22 @@ def test_units_of_a_law_s_options_are_those_of_its_constants(law: str) -> None:
 
 def test_units_of_the_centroidal_law_s_options_are_those_of_its_constants() -> None:
     records = (TipGains, CenterGains, SidewaysGains, CentroidalParameters)
-    own = {name: unit for record in records for name, unit in units(record).items() if name != "bandwidth"}
-    shown = {option: unit_of(row["type and unit"]) for option, row in law_rows("centroidal").items()}
+    own = {
+        name: unit
+        for record in records
+        for name, unit in units(record).items()
+        if name != "bandwidth"
+    }
+    shown = {
+        option: unit_of(row["type and unit"])
+        for option, row in law_rows("centroidal").items()
+    }
     rows = ("base", "arm", "tip", "observer")
-    seen = {option: unit for option, unit in shown.items() if option in own and option not in rows}
+    seen = {
+        option: unit
+        for option, unit in shown.items()
+        if option in own and option not in rows
+    }
     assert {option: own[option].unit or "-" for option in seen} == seen
     assert len(seen) > 5, seen
     assert shown["base"] == ", ".join(words_of(BaseGains)[:4])
@@ -82,6 +113,11 @@ def test_units_of_the_centroidal_law_s_options_are_those_of_its_constants() -> N
 
 def test_units_of_the_safety_layer_s_limits_are_those_of_its_record() -> None:
     assert sum(head.startswith("words controller.safety ") for head in heads()) == 3
-    shown = {row[0].strip("`"): unit_of(row[1]) for row in cells_of(made("words controller.safety"))}
-    assert {name: unit.unit for name, unit in units(Limits).items()} == {name: shown[name] for name in units(Limits)}
+    shown = {
+        row[0].strip("`"): unit_of(row[1])
+        for row in cells_of(made("words controller.safety"))
+    }
+    assert {name: unit.unit for name, unit in units(Limits).items()} == {
+        name: shown[name] for name in units(Limits)
+    }
     assert shown["stow"] == "rad or m"

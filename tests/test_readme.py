@@ -1,4 +1,6 @@
-"""The front door says what is true: commands and code run, the tables behind it are what flights give."""
+"""The front door says what is true: commands and code run, the tables behind it are
+what flights give.
+"""
 
 import dataclasses
 import re
@@ -29,7 +31,9 @@ from support.components import registry_kept
 LAWS = (ROOT / "docs" / "results_laws.md").read_text(encoding="utf-8")
 PAPER = (ROOT / "docs" / "the_paper.md").read_text(encoding="utf-8")
 
-DOCS = "\n".join(page.read_text(encoding="utf-8") for page in sorted((ROOT / "docs").glob("*.md")))
+DOCS = "\n".join(
+    page.read_text(encoding="utf-8") for page in sorted((ROOT / "docs").glob("*.md"))
+)
 """All pages: a table is found by its mark, wherever it stands."""
 
 LIMITS = {
@@ -55,19 +59,33 @@ def marked(text, begin, end):
 
 def test_the_readme_is_short():
     assert len(README.encode()) <= 8192
-    assert max(len(line) for line in README.splitlines() if not line.startswith("|")) <= 120
+    assert (
+        max(len(line) for line in README.splitlines() if not line.startswith("|"))
+        <= 120
+    )
 
 
 def test_the_gallery_has_a_picture_and_a_command_in_each_cell():
     gallery = README.partition("## Gallery")[2].partition("\n\n## ")[0]
-    cells = [cell for line in gallery.splitlines() if line.startswith("| !") for cell in line.strip("| ").split(" | ")]
+    cells = [
+        cell
+        for line in gallery.splitlines()
+        if line.startswith("| !")
+        for cell in line.strip("| ").split(" | ")
+    ]
     assert len(cells) == 8
     for cell in cells:
-        assert re.search(r"^!\[[^]]+\]\(docs/images/[^)]+\) .*<br>`(skyarm|python) [^`]+`$", cell), cell
+        assert re.search(
+            r"^!\[[^]]+\]\(docs/images/[^)]+\) .*<br>`(skyarm|python) [^`]+`$", cell
+        ), cell
 
 
 def test_every_make_target_shown_exists():
-    targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    targets = set(
+        re.findall(
+            r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE
+        )
+    )
     shown = {line.split()[1] for line in LINES if line.startswith("make ")}
     assert shown
     assert shown <= targets
@@ -166,47 +184,86 @@ def test_the_short_table_is_part_of_the_whole_one():
     assert len(short) == 4
     for name, unit, *cells in short:
         _, in_unit, ct, ct_ours, _, pd, pd_ours, _ = whole[name]
-        assert [unit, *cells] == [in_unit, ct, ct_ours.split(" / ")[0], pd, pd_ours.split(" / ")[0]], name
+        assert [unit, *cells] == [
+            in_unit,
+            ct,
+            ct_ours.split(" / ")[0],
+            pd,
+            pd_ours.split(" / ")[0],
+        ], name
 
 
 def test_the_sentences_say_what_the_tables_say():
     tip_mode = rows(marked(DOCS, "compare:", "compare"))[-1]
     words = " ".join(README.split())
-    assert f"`centroidal_tip` holds the tip to {tip_mode[-2]} mm, and to {tip_mode[-1]} mm with noise" in words
+    assert (
+        f"`centroidal_tip` holds the tip to {tip_mode[-2]} mm, and to {tip_mode[-1]} mm"
+        " with noise" in words
+    )
     assert f"{tip_mode[-2]} mm in the mean" in words
     envelope = {}
     for name, *_, found in rows(marked(DOCS, "the envelope:", "the envelope")):
-        axis, first, last, unit = re.fullmatch(r"(.+), ([\d.]+) to ([\d.]+) (.+)", name).groups()
+        axis, first, last, unit = re.fullmatch(
+            r"(.+), ([\d.]+) to ([\d.]+) (.+)", name
+        ).groups()
         envelope[axis] = (found.split(" / ")[0], first, last, unit)
     limits = rows(marked(README, "four limits;", "four limits"))
     assert [name for name, _ in limits] == list(LIMITS)
     for name, shown in limits:
         value, first, _, unit = envelope[LIMITS[name]]
-        assert shown == (f"below {first} {unit}, the smallest tested" if value == "-" else f"{value} {unit}"), name
+        assert shown == (
+            f"below {first} {unit}, the smallest tested"
+            if value == "-"
+            else f"{value} {unit}"
+        ), name
     whole = {axis for axis, (value, _, last, _) in envelope.items() if value == last}
-    delays = ("command delay", "delay in flight", "measurement delay", *(name.replace("_", " ") for name in VEHICLES))
+    delays = (
+        "command delay",
+        "delay in flight",
+        "measurement delay",
+        *(name.replace("_", " ") for name in VEHICLES),
+    )
     assert {"circle", *delays, "motor lag", "joint lag", "payload", "noise"} <= whole
-    counts = re.search(r"(\d+) of the paper's 103 numbers agree within 25 %.*? search, (\d+) agree", words)
-    stated = re.search(r"As stated, (\d+) of .*? inferred, (\d+) and", " ".join(PAPER.split()))
+    counts = re.search(
+        r"(\d+) of the paper's 103 numbers agree within 25 %.*? search, (\d+) agree",
+        words,
+    )
+    stated = re.search(
+        r"As stated, (\d+) of .*? inferred, (\d+) and", " ".join(PAPER.split())
+    )
     assert counts.groups() == stated.groups()
 
 
 @pytest.mark.site
-def test_as_many_vehicles_of_twice_the_mismatch_keep_the_tip_as_the_readme_says(tmp_path):
-    words = ["compare", "envelope-suite", "--only", "wrong_plants", "--laws", "centroidal_tip"]
+def test_as_many_vehicles_of_twice_the_mismatch_keep_the_tip_as_the_readme_says(
+    tmp_path,
+):
+    words = [
+        "compare",
+        "envelope-suite",
+        "--only",
+        "wrong_plants",
+        "--laws",
+        "centroidal_tip",
+    ]
     code, told = run_command([*words, "--out", str(tmp_path / "envelope")])
     assert code == 0, told[-800:]
     (row,) = re.findall(r"^\| centroidal_tip \|.* of .*\|$", told, re.MULTILINE)
     kept = {
         times: re.match(r"(\d+) of (\d+);", cell.strip()).groups()
-        for times, cell in zip((0.5, 1, 1.5, 2), row.strip("|").split("|")[1:], strict=True)
+        for times, cell in zip(
+            (0.5, 1, 1.5, 2), row.strip("|").split("|")[1:], strict=True
+        )
     }
     assert "| 0.5 times | 1 times | 1.5 times | 2 times |" in told
     words = " ".join(README.split())
     (all_kept, plants), twice = kept[1], int(kept[2][0])
     assert all_kept == plants
     assert f"With masses up to 20 % off, all {plants} vehicles keep within it." in words
-    assert f"With twice these differences, {int(plants) - twice} of {plants} miss it." in words
+    assert (
+        f"With twice these differences, {int(plants) - twice} of {plants} miss it."
+        in words
+    )
     assert Spread().mass == 0.2
 
 
@@ -217,9 +274,16 @@ def test_the_table_of_laws_is_what_flights_give():
     from skyarm.studies.compare.suite import CASES, conditions
     from skyarm.studies.flights.fly import fly
 
-    cases = [{row[0].strip("`"): row[1:4] for row in rows(marked(LAWS, f"laws in {case} ", "laws"))}
-             for case in ("case3", "case3_wind")]
-    short = {row[0].strip("`"): row[1] for row in rows(marked(LAWS, "compare:", "compare"))}
+    cases = [
+        {
+            row[0].strip("`"): row[1:4]
+            for row in rows(marked(LAWS, f"laws in {case} ", "laws"))
+        }
+        for case in ("case3", "case3_wind")
+    ]
+    short = {
+        row[0].strip("`"): row[1] for row in rows(marked(LAWS, "compare:", "compare"))
+    }
     names = ("paper_pd", "paper_ct", "centroidal_joint", "centroidal_tip")
     assert {name: cases[1][name][2] for name in names} == short
     perfect = conditions()["perfect"]
@@ -228,9 +292,18 @@ def test_the_table_of_laws_is_what_flights_give():
         flown = []
         for case in ("case3", "case3_wind"):
             entrant = dataclasses.replace(ENTRANTS[name], perfect=ENTRANTS[name].noisy)
-            found = fly(CellFlights(entrant=entrant, case=CASES[case], condition=perfect).work())
-            flown += [1e3 * found[f"{what}_error_mean_continuous"][0] for what in ("position", "joint", "ee")]
+            found = fly(
+                CellFlights(entrant=entrant, case=CASES[case], condition=perfect).work()
+            )
+            flown += [
+                1e3 * found[f"{what}_error_mean_continuous"][0]
+                for what in ("position", "joint", "ee")
+            ]
         for shown, value in zip(row, flown, strict=True):
             # as printed: half a unit of its last digit
             digits = len(shown.partition(".")[2])
-            assert abs(float(shown) - value) <= 0.51 * 10.0**-digits, (name, shown, value)
+            assert abs(float(shown) - value) <= 0.51 * 10.0**-digits, (
+                name,
+                shown,
+                value,
+            )

@@ -1,1 +1,3 @@
-"""Search for what a scenario leaves open, from numbers that were measured of its flights."""
+"""Search for what a scenario leaves open, from numbers that were measured of its
+flights.
+"""

@@ -40,18 +40,37 @@ class Evidence:
         study = self.study
         found: dict[str, Stage] = {
             "stated": lambda _: self._evaluate({}, study.cells),
-            "fit": lambda _: self._fit(study.plan.fit.free, study.plan.fit.choices, study.cells),
+            "fit": lambda _: self._fit(
+                study.plan.fit.free, study.plan.fit.choices, study.cells
+            ),
             "ladder": lambda done: self._ladder(_fitted_settings(done)),
         }
-        of_rivals = {name for rival in study.plan.rivals for name in rival.choices} - set(study.plan.fit.choices)
-        flipped = [choice.name for choice in study.plan.choices if choice.name not in of_rivals]
-        found |= {f"choice {name}": partial(self._try_options, name) for name in flipped}
-        found |= {f"profile {name}": partial(self._profile, name) for name in study.plan.fit.free}
-        found |= {f"rival {rival.name}": partial(self._rival, rival) for rival in study.plan.rivals}
-        return found | {f"prediction {each.name}": partial(self._prediction, each) for each in study.plan.predictions}
+        of_rivals = {
+            name for rival in study.plan.rivals for name in rival.choices
+        } - set(study.plan.fit.choices)
+        flipped = [
+            choice.name for choice in study.plan.choices if choice.name not in of_rivals
+        ]
+        found |= {
+            f"choice {name}": partial(self._try_options, name) for name in flipped
+        }
+        found |= {
+            f"profile {name}": partial(self._profile, name)
+            for name in study.plan.fit.free
+        }
+        found |= {
+            f"rival {rival.name}": partial(self._rival, rival)
+            for rival in study.plan.rivals
+        }
+        return found | {
+            f"prediction {each.name}": partial(self._prediction, each)
+            for each in study.plan.predictions
+        }
 
     def _evaluate(self, settings: Settings, cells: Sequence[PublishedNumber]) -> Record:
-        """Loss and counts of all these cells and of every group that lies among them."""
+        """Loss and counts of all these cells and of every group that lies among
+        them.
+        """
         study = self.study
         values = self._candidates.cells(cells, settings)[0]
         place = {cell: i for i, cell in enumerate(cells)}
@@ -68,7 +87,10 @@ class Evidence:
         return round(float(self._candidates.loss(cells, settings)[0]), 3)
 
     def _cost(
-        self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[PublishedNumber]
+        self,
+        parameters: Sequence[Parameter],
+        fixed: Settings,
+        cells: Sequence[PublishedNumber],
     ) -> Callable[[Array], Array]:
         def cost(points: Array) -> Array:
             return self._candidates.loss(cells, fixed, decode(parameters, points))
@@ -79,9 +101,14 @@ class Evidence:
         return [self.study.parameter(name) for name in names]
 
     def _search(
-        self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[PublishedNumber]
+        self,
+        parameters: Sequence[Parameter],
+        fixed: Settings,
+        cells: Sequence[PublishedNumber],
     ) -> dict[str, Any]:
-        """The best numbers next to fixed settings, by differential evolution and a compass search from its end."""
+        """The best numbers next to fixed settings, by differential evolution and a
+        compass search from its end.
+        """
         plan, cost = self.study.plan, self._cost(parameters, fixed, cells)
         begun = differential_evolution(
             cost,
@@ -93,10 +120,19 @@ class Evidence:
         point, _ = compass(cost, begun[None, :])
         return dict(fixed) | _plain(decode(parameters, point))
 
-    def _fit(self, free: Sequence[str], family: Mapping[str, str], cells: Sequence[PublishedNumber]) -> Record:
+    def _fit(
+        self,
+        free: Sequence[str],
+        family: Mapping[str, str],
+        cells: Sequence[PublishedNumber],
+    ) -> Record:
         """The best numbers of a family."""
         settings = self._search(self._parameters(free), family, cells)
-        return {"settings": settings, "free": len(free), "choices": len(family)} | self._evaluate(settings, cells)
+        return {
+            "settings": settings,
+            "free": len(free),
+            "choices": len(family),
+        } | self._evaluate(settings, cells)
 
     def _ladder(self, fitted: Settings) -> Record:
         """The identified settings set one after the other, not fitted again."""
@@ -106,28 +142,50 @@ class Evidence:
         for rung in self.study.plan.ladder:
             settings |= {name: fitted[name] for name in rung.adds}
             numbers = sum(not isinstance(value, str) for value in settings.values())
-            row: Record = {"name": rung.name, "numbers": numbers, "choices": len(settings) - numbers}
+            row: Record = {
+                "name": rung.name,
+                "numbers": numbers,
+                "choices": len(settings) - numbers,
+            }
             rungs.append(row | self._evaluate(settings, self.study.cells))
         return {"rungs": rungs}
 
     def _try_options(self, name: str, done: Mapping[str, Record]) -> Record:
         """Each option of a choice, the numbers fitted again from where they were."""
-        study, parameters, fitted = self.study, self._parameters(self.study.plan.fit.free), _fitted_settings(done)
+        study, parameters, fitted = (
+            self.study,
+            self._parameters(self.study.plan.fit.free),
+            _fitted_settings(done),
+        )
         rows: list[Record] = []
         start = encode(parameters, [fitted[each] for each in study.plan.fit.free])
         for option in study.choice(name).options:
-            fixed = {**{k: v for k, v in fitted.items() if k not in study.plan.fit.free}, name: option.name}
-            point, _ = compass(self._cost(parameters, fixed, study.cells), start[None, :])
+            fixed = {
+                **{k: v for k, v in fitted.items() if k not in study.plan.fit.free},
+                name: option.name,
+            }
+            point, _ = compass(
+                self._cost(parameters, fixed, study.cells), start[None, :]
+            )
             settings = fixed | _plain(decode(parameters, point))
             taken = fitted.get(name, study.choice(name).options[0].name) == option.name
             numbers = {each: settings[each] for each in study.plan.fit.free}
-            row: Record = {"option": option.name, "words": option.words, "taken": taken, "numbers": numbers}
+            row: Record = {
+                "option": option.name,
+                "words": option.words,
+                "taken": taken,
+                "numbers": numbers,
+            }
             rows.append(row | self._evaluate(settings, study.cells))
         return {"words": study.choice(name).words, "options": rows}
 
     def _profile(self, name: str, done: Mapping[str, Record]) -> Record:
         """Loss over one number, the others held, and fitted again."""
-        study, parameters, fitted = self.study, self._parameters(self.study.plan.fit.free), _fitted_settings(done)
+        study, parameters, fitted = (
+            self.study,
+            self._parameters(self.study.plan.fit.free),
+            _fitted_settings(done),
+        )
         place = study.plan.fit.free.index(name)
         best = encode(parameters, [fitted[each] for each in study.plan.fit.free])
         points = np.repeat(best[None, :], GRID, axis=0)
@@ -147,7 +205,9 @@ class Evidence:
         }
 
     def _rival(self, rival: Rival, done: Mapping[str, Record]) -> Record:
-        """An alternative explanation: alone, on each group of cells separately, and on top of the fit."""
+        """An alternative explanation: alone, on each group of cells separately, and on
+        top of the fit.
+        """
         study, fitted = self.study, _fitted_settings(done)
         parameters = self._parameters(rival.adds)
         alone = {}
@@ -157,8 +217,14 @@ class Evidence:
             numbers = {name: settings[name] for name in rival.adds}
             counted = tally(self._candidates.cells(cells, settings)[0], cells)
             before = self._loss(cells, {})
-            alone[group] = {"stated": before, "loss": self._loss(cells, settings), "numbers": numbers} | counted
-        kept = {name: value for name, value in fitted.items() if name not in rival.without} | dict(rival.choices)
+            alone[group] = {
+                "stated": before,
+                "loss": self._loss(cells, settings),
+                "numbers": numbers,
+            } | counted
+        kept = {
+            name: value for name, value in fitted.items() if name not in rival.without
+        } | dict(rival.choices)
         own = [each for each in parameters if each.name not in kept]
         on_top = self._line(own, kept, study.cells)
         found: Record = {"words": rival.words, "alone": alone}
@@ -168,9 +234,14 @@ class Evidence:
         return found
 
     def _line(
-        self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[PublishedNumber]
+        self,
+        parameters: Sequence[Parameter],
+        fixed: Settings,
+        cells: Sequence[PublishedNumber],
     ) -> dict[str, Any]:
-        """The best of a rival's numbers: of one on a grid and a finer one around its best, of several by a fit."""
+        """The best of a rival's numbers: of one on a grid and a finer one around its
+        best, of several by a fit.
+        """
         if not parameters:
             return dict(fixed)
         if len(parameters) > 1:
@@ -178,18 +249,32 @@ class Evidence:
         cost = self._cost(parameters, fixed, cells)
         grid = np.linspace(0.0, 1.0, 2 * GRID + 1)
         best = grid[int(cost(grid[:, None]).argmin())]
-        finer = np.clip(best + np.linspace(-1.0, 1.0, 2 * GRID + 1) / (2 * GRID), 0.0, 1.0)
+        finer = np.clip(
+            best + np.linspace(-1.0, 1.0, 2 * GRID + 1) / (2 * GRID), 0.0, 1.0
+        )
         point = finer[[int(cost(finer[:, None]).argmin())]]
         return dict(fixed) | _plain(decode(parameters, point[:, None]))
 
     def _prediction(self, asked: Prediction, done: Mapping[str, Record]) -> Record:
-        """Numbers fitted to some cells only, and their prediction of cells that the search has not used."""
+        """Numbers fitted to some cells only, and their prediction of cells that the
+        search has not used.
+        """
         del done
         study = self.study
         found = self._fit(asked.free, asked.choices, study.among(asked.seen))
-        judged = {group: self._evaluate(found["settings"], study.among(group)) for group in asked.unseen}
-        stated = {group: self._evaluate({}, study.among(group)) for group in (asked.seen, *asked.unseen)}
-        return found | {"seen": asked.seen, "predicted": _without_groups(judged), "stated": _without_groups(stated)}
+        judged = {
+            group: self._evaluate(found["settings"], study.among(group))
+            for group in asked.unseen
+        }
+        stated = {
+            group: self._evaluate({}, study.among(group))
+            for group in (asked.seen, *asked.unseen)
+        }
+        return found | {
+            "seen": asked.seen,
+            "predicted": _without_groups(judged),
+            "stated": _without_groups(stated),
+        }
 
 
 def _fitted_settings(done: Mapping[str, Record]) -> Settings:
@@ -198,7 +283,10 @@ def _fitted_settings(done: Mapping[str, Record]) -> Settings:
 
 
 def _without_groups(judged: Mapping[str, Record]) -> dict[str, Record]:
-    return {name: {k: v for k, v in each.items() if k != "groups"} for name, each in judged.items()}
+    return {
+        name: {k: v for k, v in each.items() if k != "groups"}
+        for name, each in judged.items()
+    }
 
 
 def _plain(values: Mapping[str, Array]) -> dict[str, float]:

@@ -1,4 +1,6 @@
-"""A study carried out stage by stage into one file, which the same command continues after a stop."""
+"""A study carried out stage by stage into one file, which the same command continues
+after a stop.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +24,16 @@ Progress = Callable[[int, int, str], None]
 
 
 def result_digest(study: IdentificationStudy) -> str:
-    """Digest of all that results depend on: request, records that fly, and their laws."""
-    scenarios = {flight.name: identity(scenario_from(flight.document, flight.folder)) for flight in study.flights}
-    return digest_of({"study": study.digest, "scenarios": scenarios, "version": versions()["skyarm"]})
+    """Digest of all that results depend on: request, records that fly, and their
+    laws.
+    """
+    scenarios = {
+        flight.name: identity(scenario_from(flight.document, flight.folder))
+        for flight in study.flights
+    }
+    return digest_of(
+        {"study": study.digest, "scenarios": scenarios, "version": versions()["skyarm"]}
+    )
 
 
 def identify(
@@ -36,8 +45,9 @@ def identify(
 ) -> dict[str, Any]:
     """Carry out a study.
 
-    Each stage is in the file as soon as it is found; stages that are there already are not done again if the file is of
-    the same study, scenarios and version. Results do not depend on the number of threads.
+    Each stage is in the file as soon as it is found; stages that are there already are
+    not done again if the file is of the same study, scenarios and version. Results do
+    not depend on the number of threads.
 
     Args:
         study: what is asked.
@@ -70,11 +80,19 @@ def identify(
 
 
 def _json(study: IdentificationStudy, digest: str, done: Mapping[str, Any]) -> bytes:
-    return (json.dumps(_content(study, digest, done), indent=1, allow_nan=False) + "\n").encode()
+    return (
+        json.dumps(_content(study, digest, done), indent=1, allow_nan=False) + "\n"
+    ).encode()
 
 
-def _content(study: IdentificationStudy, digest: str, done: Mapping[str, Any]) -> dict[str, Any]:
-    asked = {"study": study.plan.name, "study_digest": study.digest, "version": versions()["skyarm"]}
+def _content(
+    study: IdentificationStudy, digest: str, done: Mapping[str, Any]
+) -> dict[str, Any]:
+    asked = {
+        "study": study.plan.name,
+        "study_digest": study.digest,
+        "version": versions()["skyarm"],
+    }
     return {"schema": 1} | asked | {"digest": digest, "stages": dict(done)}
 
 
@@ -84,6 +102,10 @@ def _stages_there(path: Path, digest: str) -> dict[str, Any]:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    if not isinstance(found, dict) or found.get("digest") != digest or not isinstance(found.get("stages"), dict):
+    if (
+        not isinstance(found, dict)
+        or found.get("digest") != digest
+        or not isinstance(found.get("stages"), dict)
+    ):
         return {}
     return dict(found["stages"])

@@ -1,6 +1,8 @@
-"""Minimisers for batches: differential evolution, then a compass search; the same points whatever the machine.
+"""Minimisers for batches: differential evolution, then a compass search; the same
+points whatever the machine.
 
-Both take a function of many points at once, (points, dimensions) of the unit cube -> (points,).
+Both take a function of many points at once, (points, dimensions) of the unit cube ->
+(points,).
 """
 
 from __future__ import annotations
@@ -18,14 +20,17 @@ Array = npt.NDArray[np.float64]
 Cost = Callable[[Array], Array]
 
 SHARE, CROSSOVER = (0.5, 0.9), 0.9
-"""Of differential evolution: range of the weight of a difference, drawn anew each generation; probability to cross."""
+"""Of differential evolution: range of the weight of a difference, drawn anew each
+generation; probability to cross."""
 
 FIRST, LAST = 0.125, 1.0 / 512.0
 """Of the compass search: steps in the unit cube it begins and ends with."""
 
 
 def decode(parameters: Sequence[Parameter], points: Array) -> dict[str, Array]:
-    """Parameter -> (points,): values of points of the unit cube, in whole steps of each parameter from its low end."""
+    """Parameter -> (points,): values of points of the unit cube, in whole steps of each
+    parameter from its low end.
+    """
     found: dict[str, Array] = {}
     for parameter, column in zip(parameters, np.clip(points, 0.0, 1.0).T, strict=True):
         low, high = parameter.low, parameter.high
@@ -36,7 +41,9 @@ def decode(parameters: Sequence[Parameter], points: Array) -> dict[str, Array]:
         steps = np.round((value - low) / parameter.step)
         # as a decimal, so that 0.06 is 0.06
         places = max(_decimals(each) for each in (low, high, parameter.step))
-        found[parameter.name] = np.round(np.minimum(low + steps * parameter.step, high), places)
+        found[parameter.name] = np.round(
+            np.minimum(low + steps * parameter.step, high), places
+        )
     return found
 
 
@@ -58,37 +65,55 @@ def encode(parameters: Sequence[Parameter], values: Sequence[float]) -> Array:
     return point
 
 
-def differential_evolution(cost: Cost, dimensions: int, *, population: int, generations: int, seed: int) -> Array:
+def differential_evolution(
+    cost: Cost, dimensions: int, *, population: int, generations: int, seed: int
+) -> Array:
     """The best point found, (dimensions,).
 
-    From a Sobol sequence, rand-to-best/1/bin with a dithered weight (Storn, Price 1997; Das, Suganthan 2011). A point
-    beyond the cube is reflected.
+    From a Sobol sequence, rand-to-best/1/bin with a dithered weight (Storn, Price 1997;
+    Das, Suganthan 2011). A point beyond the cube is reflected.
     """
     draw = np.random.Generator(np.random.Philox(seed))
     numbers = np.arange(1, population + 1)
-    points: Array = np.stack([(sobol(numbers, k).astype(float) + 0.5) / 2.0**BITS for k in range(dimensions)], axis=1)
+    points: Array = np.stack(
+        [
+            (sobol(numbers, k).astype(float) + 0.5) / 2.0**BITS
+            for k in range(dimensions)
+        ],
+        axis=1,
+    )
     costs = cost(points)
     for _ in range(generations):
         share = draw.uniform(*SHARE)
         others = np.stack([draw.permutation(population) for _ in range(3)], axis=1)
         a, b, c = (points[others[:, i]] for i in range(3))
         best = points[int(costs.argmin())]
-        mutants = a + share * (best - a) * (draw.random((population, 1)) < 0.5) + share * (b - c)
+        mutants = (
+            a
+            + share * (best - a) * (draw.random((population, 1)) < 0.5)
+            + share * (b - c)
+        )
         mutants = 1.0 - np.abs(1.0 - np.abs(mutants) % 2.0)
         crossing = draw.random((population, dimensions)) < CROSSOVER
         crossing[np.arange(population), draw.integers(0, dimensions, population)] = True
         trial = np.where(crossing, mutants, points)
         found = cost(trial)
         better = found <= costs
-        points, costs = np.where(better[:, None], trial, points), np.where(better, found, costs)
+        points, costs = (
+            np.where(better[:, None], trial, points),
+            np.where(better, found, costs),
+        )
     return np.asarray(points[int(costs.argmin())])
 
 
-def compass(cost: Cost, starts: Array, held: npt.NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
-    """Points from which no step along an axis leads down, and their costs; all starts move at once.
+def compass(
+    cost: Cost, starts: Array, held: npt.NDArray[np.bool_] | None = None
+) -> tuple[Array, Array]:
+    """Points from which no step along an axis leads down, and their costs; all starts
+    move at once.
 
-    Each round tries both ways along every axis from each point and takes the best, or halves the point's step
-    (Kolda, Lewis, Torczon 2003).
+    Each round tries both ways along every axis from each point and takes the best, or
+    halves the point's step (Kolda, Lewis, Torczon 2003).
 
     Args:
         cost: to minimise.
@@ -102,8 +127,13 @@ def compass(cost: Cost, starts: Array, held: npt.NDArray[np.bool_] | None = None
     directions = np.concatenate([np.eye(dimensions), -np.eye(dimensions)])
     while np.any(sizes >= LAST):
         moving = np.flatnonzero(sizes >= LAST)
-        trial = points[moving, None, :] + sizes[moving, None, None] * directions * free[moving, None, :]
-        found = cost(np.clip(trial, 0.0, 1.0).reshape(-1, dimensions)).reshape(len(moving), -1)
+        trial = (
+            points[moving, None, :]
+            + sizes[moving, None, None] * directions * free[moving, None, :]
+        )
+        found = cost(np.clip(trial, 0.0, 1.0).reshape(-1, dimensions)).reshape(
+            len(moving), -1
+        )
         best = found.argmin(axis=1)
         lower = found[np.arange(len(moving)), best] < costs[moving] - 1e-9
         down = moving[lower]

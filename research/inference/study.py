@@ -1,25 +1,32 @@
-"""Identification studies: flights, the cells that were measured of them, parameters, choices; read from TOML files.
+"""Identification studies: flights, the cells that were measured of them, parameters,
+choices; read from TOML files.
 
 A file has ``schema = 1``, ``name``, ``title``, ``seed`` and these tables::
 
-    [loss]          width, knee: of the logarithms (:func:`skyarm.paper.unstated_study.losses`)
+    [loss]          width, knee: of the logarithms
+                    (:func:`skyarm.paper.unstated_study.losses`)
     [search]        population, generations: of the differential evolution
-    [tables.NAME]   tables of a scenario file, to be laid over flights; an empty table takes a field away
-    [[flights]]     name, scenario (of the library, or a path beside the file), over = [NAMES of tables],
-                    cells = { NAME = "0.019", or { measured = "0.55", metric = "gust_peak_x" } }: a number in text,
-                    whose digits give its precision; the metric is the name if left out
-    [groups]        NAME = ["FLIGHT/CELL", ...]: patterns of cells; "!" in front takes away again
+    [tables.NAME]   tables of a scenario file, to be laid over flights; an empty table
+                    takes a field away
+    [[flights]]     name, scenario (of the library, or a path beside the file), over =
+                    [NAMES of tables], cells = { NAME = "0.019", or { measured = "0.55",
+                    metric = "gust_peak_x" } }: a number in text, whose digits give its
+                    precision; the metric is the name if left out
+    [groups]        NAME = ["FLIGHT/CELL", ...]: patterns of cells; "!" in front takes
+                    away again
     [[parameters]]  name, words, unit, low, high, step, scale ("linear" or "log"),
                     targets = [{ flights = [patterns], path, factor (1), offset (0), when = { CHOICE = "OPTION" } }]
-    [[choices]]     name, words, options = [{ name, words, sets = [{ flights, path, value, when }],
+    [[choices]]     name, words, options = [{ name, words, sets = [{ flights, path,
+                    value, when }],
                     tables = [{ flights, table = NAME }] }]
     [fit]           free = [parameters], choices = { CHOICE = "OPTION" }
     [[ladder]]      name, adds = [parameters and choices of the fit]
-    [[rivals]]      name, words, adds = [parameters], choices, without = [names it replaces on top of the fit]
+    [[rivals]]      name, words, adds = [parameters], choices, without = [names it
+                    replaces on top of the fit]
     [[predictions]] name, words, free, choices, seen = GROUP, unseen = [GROUPS]
 
-A setting that is not named leaves the flight as its scenario has it. Every error is one line: file, field, value, what
-is allowed.
+A setting that is not named leaves the flight as its scenario has it. Every error is one
+line: file, field, value, what is allowed.
 """
 
 from __future__ import annotations
@@ -45,7 +52,8 @@ from skyarm.records.read_table import record_from
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
 
 Settings = Mapping[str, Any]
-"""Parameter -> number, choice -> option. What is not named stays as the flights' scenarios have it."""
+"""Parameter -> number, choice -> option. What is not named stays as the flights'
+scenarios have it."""
 
 
 class IdentificationError(ValueError):
@@ -97,7 +105,12 @@ class Overlays(dict[str, Mapping[str, Any]]):
     @classmethod
     def from_table(cls, value: Any, at: str) -> Overlays:
         """Check the value of a file."""
-        return cls({name: Fields(each, f"{at}.{name}").table for name, each in Fields(value, at).table.items()})
+        return cls(
+            {
+                name: Fields(each, f"{at}.{name}").table
+                for name, each in Fields(value, at).table.items()
+            }
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +118,8 @@ class Flight:
     """One flight: a scenario as plain tables, whose windows are those of its metrics.
 
     Attributes:
-        name: of the flight. document: the tables. folder: of the vehicles' files that they name.
+        name: of the flight. document: the tables. folder: of the vehicles' files that
+            they name.
     """
 
     name: str
@@ -115,7 +129,8 @@ class Flight:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Target:
-    """Action of a parameter: ``factor * value + offset`` at a path of the flights whose name fits a pattern.
+    """Action of a parameter: ``factor * value + offset`` at a path of the flights whose
+    name fits a pattern.
 
     Attributes:
         flights: patterns. path: of :mod:`skyarm.scenario.numbers`.
@@ -152,7 +167,8 @@ class Parameter:
     """A free number.
 
     Attributes:
-        name, words, unit: of the number. low, high: its range. step: its resolution; values are multiples from ``low``.
+        name, words, unit: of the number. low, high: its range. step: its resolution;
+            values are multiples from ``low``.
         scale: "linear", or "log": how the range is searched.
         targets: where it acts.
     """
@@ -200,10 +216,12 @@ class Rung:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rival:
-    """An alternative explanation: parameters to search and choices to make, alone or on top of the fit.
+    """An alternative explanation: parameters to search and choices to make, alone or on
+    top of the fit.
 
     Attributes:
-        name, words: of the explanation. adds: its parameters. choices: choice -> option.
+        name, words: of the explanation. adds: its parameters. choices: choice ->
+            option.
         without: names that it replaces when it is tried on top.
     """
 
@@ -216,7 +234,9 @@ class Rival:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Prediction:
-    """Out of sample: parameters fitted to some cells, judged on others that the search has not used."""
+    """Out of sample: parameters fitted to some cells, judged on others that the search
+    has not used.
+    """
 
     name: Name
     words: str = ""
@@ -252,7 +272,9 @@ class Fit:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Plan:
-    """The fields of a study's file that do not depend on its flights; see the module."""
+    """The fields of a study's file that do not depend on its flights; see the
+    module.
+    """
 
     schema: int = 1
     name: Name
@@ -288,8 +310,12 @@ class IdentificationStudy:
 
     @property
     def digest(self) -> str:
-        """Digest of the study's file and of the scenarios of its flights, as plain tables."""
-        return study_digest(self.document, {each.name: each.document for each in self.flights})
+        """Digest of the study's file and of the scenarios of its flights, as plain
+        tables.
+        """
+        return study_digest(
+            self.document, {each.name: each.document for each in self.flights}
+        )
 
     def parameter(self, name: str) -> Parameter:
         """A parameter by its name."""
@@ -308,15 +334,23 @@ class IdentificationStudy:
         return next(each for each in self.flights if each.name == name)
 
     def numbers(self, flight: str, settings: Settings) -> dict[str, Any]:
-        """Path -> number of a flight under settings; a later entry of the study overrides an earlier one."""
+        """Path -> number of a flight under settings; a later entry of the study
+        overrides an earlier one.
+        """
         return numbers(self.document, flight, settings)
 
     def scenario_tables(self, flight: str, settings: Settings) -> dict[str, Any]:
-        """The scenario of a flight as plain tables, with those of the options laid over it."""
-        return scenario_tables(self.document, self.flight(flight).document, flight, settings)
+        """The scenario of a flight as plain tables, with those of the options laid over
+        it.
+        """
+        return scenario_tables(
+            self.document, self.flight(flight).document, flight, settings
+        )
 
 
-def read_identification(content: bytes, folder: Path, source: str) -> IdentificationStudy:
+def read_identification(
+    content: bytes, folder: Path, source: str
+) -> IdentificationStudy:
     """The study of a file.
 
     Args:
@@ -334,7 +368,11 @@ def read_identification(content: bytes, folder: Path, source: str) -> Identifica
 
 
 def _study(top: Fields, folder: Path) -> IdentificationStudy:
-    document, groups, entries = dict(top.table), top.inner("groups"), top.tables("flights")
+    document, groups, entries = (
+        dict(top.table),
+        top.inner("groups"),
+        top.tables("flights"),
+    )
     plan = record_from(Plan, top)
     if plan.schema != 1:
         raise ValueError(f"schema = {plan.schema}: must be 1")
@@ -343,8 +381,17 @@ def _study(top: Fields, folder: Path) -> IdentificationStudy:
         flights.append(_flight(fields, plan.tables, folder))
         cells += _cells(fields, flights[-1].name)
         fields.done()
-    places = {name: _group(f"groups.{name}", each, cells) for name, each in groups.table.items()}
-    return IdentificationStudy(plan=plan, flights=tuple(flights), cells=tuple(cells), groups=places, document=document)
+    places = {
+        name: _group(f"groups.{name}", each, cells)
+        for name, each in groups.table.items()
+    }
+    return IdentificationStudy(
+        plan=plan,
+        flights=tuple(flights),
+        cells=tuple(cells),
+        groups=places,
+        document=document,
+    )
 
 
 def _flight(fields: Fields, overlays: Mapping[str, Any], folder: Path) -> Flight:
@@ -353,10 +400,14 @@ def _flight(fields: Fields, overlays: Mapping[str, Any], folder: Path) -> Flight
     over = Names.from_table(fields.take("over", []), fields.at("over"))
     for each in over:
         if each not in overlays:
-            raise ValueError(f"{fields.at('over')} = {shown(each)}: must be one of the tables: {', '.join(overlays)}")
+            raise ValueError(
+                f"{fields.at('over')} = {shown(each)}: must be one of the tables: {', '.join(overlays)}"
+            )
     file, beside = LIBRARY / f"{scenario}.toml", Path()
     if scenario not in list_scenarios():
-        reason = unreadable(folder / scenario) if isinstance(scenario, str) else "no text"
+        reason = (
+            unreadable(folder / scenario) if isinstance(scenario, str) else "no text"
+        )
         if reason:
             words = f"must be a file beside this one ({reason}), or one of {', '.join(list_scenarios())}"
             raise ValueError(f"{fields.at('scenario')} = {shown(scenario)}: {words}")
@@ -364,7 +415,9 @@ def _flight(fields: Fields, overlays: Mapping[str, Any], folder: Path) -> Flight
     try:
         document = dict(read_toml(file.read_bytes()))
     except ValueError as error:
-        raise ValueError(f"{fields.at('scenario')} = {shown(scenario)}: {error}") from None
+        raise ValueError(
+            f"{fields.at('scenario')} = {shown(scenario)}: {error}"
+        ) from None
     for each in over:
         document = laid_over(document, overlays[each])
     return Flight(name, document, beside)
@@ -373,7 +426,10 @@ def _flight(fields: Fields, overlays: Mapping[str, Any], folder: Path) -> Flight
 def _cells(flight: Fields, name: str) -> Iterator[PublishedNumber]:
     """The measured numbers of a flight."""
     for cell, value in flight.inner("cells").table.items():
-        fields = Fields(value if isinstance(value, dict) else {"measured": value}, f"{flight.where}.cells.{cell}")
+        fields = Fields(
+            value if isinstance(value, dict) else {"measured": value},
+            f"{flight.where}.cells.{cell}",
+        )
         text, metric = fields.take("measured"), fields.take("metric", cell)
         fields.done()
         try:
@@ -381,15 +437,23 @@ def _cells(flight: Fields, name: str) -> Iterator[PublishedNumber]:
         except ValueError:
             measured = math.nan
         if not math.isfinite(measured) or measured == 0.0:
-            raise ValueError(f"{fields.at('measured')} = {shown(text)}: must be a number other than 0, as text")
+            raise ValueError(
+                f"{fields.at('measured')} = {shown(text)}: must be a number other than 0, as text"
+            )
         # of the last digit that is written, whatever the notation: 0.0305, 3.05e-2
         last = Decimal(text).as_tuple().exponent
-        yield PublishedNumber(name, cell, str(metric), measured, 0.5 * 10.0 ** int(last))
+        yield PublishedNumber(
+            name, cell, str(metric), measured, 0.5 * 10.0 ** int(last)
+        )
 
 
-def _group(at: str, patterns: Sequence[str], cells: Sequence[PublishedNumber]) -> tuple[int, ...]:
+def _group(
+    at: str, patterns: Sequence[str], cells: Sequence[PublishedNumber]
+) -> tuple[int, ...]:
     """Places of the cells of a group, each of whose patterns must fit one."""
     for pattern in patterns:
         if not group_places([pattern.removeprefix("!")], cells):
-            raise ValueError(f"{at} = {shown(pattern)}: must fit a cell, as FLIGHT/CELL")
+            raise ValueError(
+                f"{at} = {shown(pattern)}: must fit a cell, as FLIGHT/CELL"
+            )
     return group_places(patterns, cells)

@@ -1,6 +1,8 @@
-"""skyarm: aerial manipulation. Multirotors that carry robot arms: dynamics, control, simulation.
+"""skyarm: aerial manipulation. Multirotors that carry robot arms: dynamics, control,
+simulation.
 
-The names of ``__init__.pyi`` are stable. Arrays in, arrays out; SI units and radians; quaternions wxyz, body to world.
+The names of ``__init__.pyi`` are stable. Arrays in, arrays out; SI units and radians;
+quaternions wxyz, body to world.
 """
 
 from __future__ import annotations
@@ -13,7 +15,9 @@ __version__ = "0.4.0"
 
 @cache
 def _modules() -> dict[str, str]:
-    """Map each public name of the package to its defining module, by the imports in ``__init__.pyi``."""
+    """Map each public name of the package to its defining module, by the imports in
+    ``__init__.pyi``.
+    """
     import ast
     from pathlib import Path
 
@@ -23,7 +27,9 @@ def _modules() -> dict[str, str]:
 
 
 def __getattr__(name: str) -> object:
-    """Import a public name or subpackage on first use, so that ``import skyarm`` stays fast."""
+    """Import a public name or subpackage on first use, so that ``import skyarm`` stays
+    fast.
+    """
     from importlib.util import find_spec
 
     if name == "__all__":

@@ -1,4 +1,6 @@
-"""Vectors, quaternions and matrices as arrays: numbers out, NumPy's scalars in, nothing of a traced one."""
+"""Vectors, quaternions and matrices as arrays: numbers out, NumPy's scalars in, nothing
+of a traced one.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,10 @@ def test_parts_are_named_by_number_and_slice() -> None:
     assert (V[0], V[-1], V[:2], V[::-1]) == (1.0, 3.0, (1.0, -2.0), (3.0, -2.0, 1.0))
     assert (Q[0], Q[1:]) == (0.5, (-0.5, 0.5, -0.5))
     assert np.array(M[1]).tolist() == [4.0, 5.0, 6.0]
-    assert [np.array(row).tolist() for row in M[:2]] == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
+    assert [np.array(row).tolist() for row in M[:2]] == [
+        [1.0, 2.0, 3.0],
+        [4.0, 5.0, 6.0],
+    ]
     with pytest.raises(IndexError):
         V[3]
 
@@ -64,12 +69,18 @@ def test_vectors_do_not_mix_with_arrays_silently() -> None:
         np.ones(3) + V
 
 
-@pytest.mark.parametrize("make", [lambda v: v, lambda v: Quaternion(1.0, *v), lambda v: Mat3(v, v, v)])
+@pytest.mark.parametrize(
+    "make", [lambda v: v, lambda v: Quaternion(1.0, *v), lambda v: Mat3(v, v, v)]
+)
 def test_an_array_of_a_traced_one_is_refused_in_one_line(make: Any) -> None:
     def function(v: Vec3) -> Vec3:
         return Vec3(*np.array(make(v)).flat[:3])
 
     with pytest.raises(
-        TypeError, match=r"^(Vec3|Quaternion|Mat3) of Node: has no values yet, so that no array can be made of it$"
+        TypeError,
+        match=(
+            r"^(Vec3|Quaternion|Mat3) of Node: has no values yet, so that no array can"
+            r" be made of it$"
+        ),
     ):
         trace(function, V)

@@ -27,12 +27,16 @@ def test_a_positive_definite_system_has_numpys_solution(engine, n):
     lanes = np.array([[*A.ravel(), *b] for A, b in systems])
 
     def function(*x):
-        return ldl_solve([list(x[i * n : (i + 1) * n]) for i in range(n)], list(x[n * n :]))
+        return ldl_solve(
+            [list(x[i * n : (i + 1) * n]) for i in range(n)], list(x[n * n :])
+        )
 
     found = evaluate(engine, function, lanes)
     for x, (A, b) in zip(found, systems, strict=True):
         # as many digits go as the condition of A has
-        assert np.abs(x - np.linalg.solve(A, b)).max() <= 1e-14 * np.linalg.cond(A) * max(1.0, np.abs(x).max())
+        assert np.abs(x - np.linalg.solve(A, b)).max() <= 1e-14 * np.linalg.cond(
+            A
+        ) * max(1.0, np.abs(x).max())
 
 
 def test_only_the_lower_triangle_is_read():
@@ -49,7 +53,9 @@ def test_an_indefinite_matrix_gives_the_algebraic_solution():
 
 
 def test_a_singular_matrix_gives_no_finite_number_and_does_not_raise(engine):
-    found = evaluate(engine, lambda a, b: ldl_solve([[a, a], [a, a]], [b, 2.0 * b]), [[1.0, 1.0]])
+    found = evaluate(
+        engine, lambda a, b: ldl_solve([[a, a], [a, a]], [b, 2.0 * b]), [[1.0, 1.0]]
+    )
     assert not np.any(np.isfinite(found))
 
 

@@ -1,4 +1,6 @@
-"""Reproductions of the paper that are killed at random times, then repeated: every file has the same bytes."""
+"""Reproductions of the paper that are killed at random times, then repeated: every file
+has the same bytes.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,8 @@ room.run_campaign = partial(room.run_campaign, sensitivity=False, inferred=False
 room.DPI = 30
 room.reproduce(sys.argv[1], plants=("rigid_body",), workers=int(sys.argv[2]))
 """
-"""Ten of the paper's flights in place of all, in small pictures: seconds in place of half a minute."""
+"""Ten of the paper's flights in place of all, in small pictures: seconds in place of
+half a minute."""
 
 KILLS = 20
 
@@ -35,13 +38,17 @@ def _command(folder: Path, workers: int) -> list[str]:
 
 def _whole(folder: Path, workers: int) -> dict[str, bytes]:
     """Files of a reproduction that nobody kills."""
-    done = subprocess.run(_command(folder, workers), capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        _command(folder, workers), capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     return files_of(folder)
 
 
 @pytest.mark.attack
-def test_twenty_kills_at_random_leave_the_bytes_of_an_uninterrupted_reproduction(tmp_path: Path) -> None:
+def test_twenty_kills_at_random_leave_the_bytes_of_an_uninterrupted_reproduction(
+    tmp_path: Path,
+) -> None:
     begin = time.monotonic()
     right = _whole(tmp_path / "whole", 1)
     longest = time.monotonic() - begin
@@ -50,7 +57,9 @@ def test_twenty_kills_at_random_leave_the_bytes_of_an_uninterrupted_reproduction
     while kills < KILLS:
         folder = tmp_path / str(round_)
         for k in range(8):
-            process = subprocess.Popen(_command(folder, 1 + k % 2), stderr=subprocess.DEVNULL)
+            process = subprocess.Popen(
+                _command(folder, 1 + k % 2), stderr=subprocess.DEVNULL
+            )
             try:
                 process.wait(dice.uniform(0.1, 1.0) * longest)
                 break

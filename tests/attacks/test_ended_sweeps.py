@@ -1,4 +1,6 @@
-"""Sweeps that are killed at random times, lose files while they run, or meet a full disk: the folder ends the same."""
+"""Sweeps that are killed at random times, lose files while they run, or meet a full
+disk: the folder ends the same.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from support.cases import sampled
 from support.studies import document, files_of, small_study
 
 pytest.importorskip("pyarrow")
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals and limits")
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="POSIX signals and limits"
+)
 
 STUDY = {"episodes": 240, "chunk": 8, "duration": 1.0}
 
@@ -50,8 +54,16 @@ except OSError as error:
 
 
 def started(folder: Path) -> subprocess.Popen[str]:
-    command = [sys.executable, "-c", PROGRAM, json.dumps(document(**STUDY)), str(folder)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    command = [
+        sys.executable,
+        "-c",
+        PROGRAM,
+        json.dumps(document(**STUDY)),
+        str(folder),
+    ]
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
 
 
 def killed(folder: Path, dice: random.Random) -> int:
@@ -67,7 +79,9 @@ def killed(folder: Path, dice: random.Random) -> int:
 
 
 @pytest.mark.attack
-def test_sixty_kills_at_random_times_leave_the_bytes_of_an_uninterrupted_sweep(tmp_path: Path) -> None:
+def test_sixty_kills_at_random_times_leave_the_bytes_of_an_uninterrupted_sweep(
+    tmp_path: Path,
+) -> None:
     run_sweep(small_study(**STUDY), tmp_path / "whole")
     dice, kills, round_ = random.Random(60), 0, 0
     while kills < 60:
@@ -83,13 +97,23 @@ def test_sixty_kills_at_random_times_leave_the_bytes_of_an_uninterrupted_sweep(t
 
 
 @pytest.mark.attack
-def test_files_that_vanish_at_random_times_are_flown_again_or_said(tmp_path: Path) -> None:
+def test_files_that_vanish_at_random_times_are_flown_again_or_said(
+    tmp_path: Path,
+) -> None:
     run_sweep(small_study(**STUDY), tmp_path / "whole")
     right = files_of(tmp_path / "whole")
     for seed in range(10):
-        folder, dice, stop = tmp_path / str(seed), random.Random(seed), threading.Event()
+        folder, dice, stop = (
+            tmp_path / str(seed),
+            random.Random(seed),
+            threading.Event(),
+        )
 
-        def thief(folder: Path = folder, dice: random.Random = dice, stop: threading.Event = stop) -> None:
+        def thief(
+            folder: Path = folder,
+            dice: random.Random = dice,
+            stop: threading.Event = stop,
+        ) -> None:
             while not stop.wait(dice.uniform(0.0, 0.05)):
                 there = list((folder / "rows").glob("chunk_*.parquet"))
                 if there:
@@ -107,16 +131,32 @@ def test_files_that_vanish_at_random_times_are_flown_again_or_said(tmp_path: Pat
 
 
 @pytest.mark.parametrize("size", sampled([100, 4096], 2))
-def test_a_disk_without_room_is_one_line_and_leaves_nothing_half_written(tmp_path: Path, size: int) -> None:
-    small = {"episodes": 32, "chunk": 8, "duration": 0.4, "windows": {"steady": [0.1, 0.4]}}
+def test_a_disk_without_room_is_one_line_and_leaves_nothing_half_written(
+    tmp_path: Path, size: int
+) -> None:
+    small = {
+        "episodes": 32,
+        "chunk": 8,
+        "duration": 0.4,
+        "windows": {"steady": [0.1, 0.4]},
+    }
     run_sweep(small_study(**small), tmp_path / "whole")
-    command = [sys.executable, "-c", LIMITED, json.dumps(document(**small)), str(tmp_path / "full"), str(size)]
+    command = [
+        sys.executable,
+        "-c",
+        LIMITED,
+        json.dumps(document(**small)),
+        str(tmp_path / "full"),
+        str(size),
+    ]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stdout.count("\n")) == (2, 1), ended
     assert "must be writable (File too large)" in ended.stdout
     right, left = files_of(tmp_path / "whole"), files_of(tmp_path / "full")
     assert set(left) <= set(right), "no rest of a file"
-    assert all(content == right[name] for name, content in left.items() if name != MANIFEST)
+    assert all(
+        content == right[name] for name, content in left.items() if name != MANIFEST
+    )
     assert json.loads(left[MANIFEST])["complete"] is False
     assert run_sweep(small_study(**small), tmp_path / "full").found == 16
     assert files_of(tmp_path / "full") == right

@@ -1,4 +1,6 @@
-"""Whatever stands in the cache of machine code, what is executed is what this user built, or it is built again."""
+"""Whatever stands in the cache of machine code, what is executed is what this user
+built, or it is built again.
+"""
 
 from __future__ import annotations
 
@@ -34,12 +36,19 @@ def _damage(entry: Path, key: Path, other: bytes, rng: random.Random) -> None:
     elif what == 2:
         entry.write_bytes(bytes(held) + rng.randbytes(rng.choice((1, 32, 5000))))
     elif what in (3, 4, 5):
-        # as versions before the key wrote entries; another content behind a true code; another program's entry
+        # as versions before the key wrote entries; another content behind a true code;
+        # another program's entry
         old = hashlib.sha256(FORGED).digest() + FORGED
-        entry.write_bytes((old, bytes(held[: object_cache.CODE_BYTES]) + FORGED, other)[what - 3])
+        entry.write_bytes(
+            (old, bytes(held[: object_cache.CODE_BYTES]) + FORGED, other)[what - 3]
+        )
     elif what == 6:
         entry.unlink(missing_ok=True)
-        entry.symlink_to(rng.choice(("/dev/zero", "/etc/passwd", "no such file", entry.name, str(key))))
+        entry.symlink_to(
+            rng.choice(
+                ("/dev/zero", "/etc/passwd", "no such file", entry.name, str(key))
+            )
+        )
     elif what == 7:
         entry.unlink(missing_ok=True)
         entry.mkdir()
@@ -52,13 +61,17 @@ def _damage(entry: Path, key: Path, other: bytes, rng: random.Random) -> None:
     elif what == 10:
         key.unlink()
     elif what == 11:
-        rng.choice((entry, key)).chmod(rng.choice((0o000, 0o200, 0o444, 0o644, 0o666, 0o777)))
+        rng.choice((entry, key)).chmod(
+            rng.choice((0o000, 0o200, 0o444, 0o644, 0o666, 0o777))
+        )
     else:
         rng.choice((entry, key)).parent.chmod(rng.choice((0o755, 0o775, 0o777, 0o700)))
 
 
 def attack(count: int, folder: Path, seed: int) -> int:
-    """Damage caches in one way or two; returns how many still gave an entry. It must be the true one."""
+    """Damage caches in one way or two; returns how many still gave an entry. It must be
+    the true one.
+    """
     believed = 0
     cache, key = folder / "cache", folder / "state" / "skyarm" / KEY
     for number in range(count):
@@ -72,7 +85,11 @@ def attack(count: int, folder: Path, seed: int) -> int:
         paths = {entries[path.stem]: path for path in cache.glob("*.o")}
         other = paths["b"].read_bytes()
         for _ in range(rng.choice((1, 1, 2))):
-            if key.is_file() and not paths["a"].is_dir() and not paths["a"].is_symlink():
+            if (
+                key.is_file()
+                and not paths["a"].is_dir()
+                and not paths["a"].is_symlink()
+            ):
                 _damage(paths["a"], key, other, rng)
         where = f"{number} of seed {seed}"
         found = object_cache.load("a")
@@ -100,16 +117,22 @@ def test_two_hundred_damaged_caches_give_the_true_code_or_none(places: Path) -> 
 @pytest.mark.attack
 @pytest.mark.parametrize("part", range(10))
 @pytest.mark.skipif(not private.WITH_OWNERS, reason="no owners and modes of files here")
-def test_twenty_thousand_damaged_caches_give_the_true_code_or_none(part: int, places: Path) -> None:
+def test_twenty_thousand_damaged_caches_give_the_true_code_or_none(
+    part: int, places: Path
+) -> None:
     assert attack(2000, places, seed=100 + part)
 
 
 def test_a_forged_entry_with_a_plain_digest_is_not_executed(places: Path) -> None:
-    """The attack that the key ends: another program's code, behind the digest that anybody can make."""
+    """The attack that the key ends: another program's code, behind the digest that
+    anybody can make.
+    """
     rows = np.ones((3, 0))
 
     def kernel(factor: float) -> Kernel:
-        return Kernel(trace_loop(lambda c, p, r, u: ((c[0] * factor,), ()), (1.0,), (), ()))
+        return Kernel(
+            trace_loop(lambda c, p, r, u: ((c[0] * factor,), ()), (1.0,), (), ())
+        )
 
     cache = Path(os.environ["SKYARM_CACHE"])
     kernel(2.0)

@@ -1,4 +1,6 @@
-"""Damaged files of real flights: a flight with notes or one line, in little time and memory."""
+"""Damaged files of real flights: a flight with notes or one line, in little time and
+memory.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,13 @@ from support.logs import flown
 
 FLIGHTS = Path(__file__).parents[1] / "data" / "flights"
 HEAD = 3000
-WORDS = (b"\xff\xff\xff\xff", b"\0\0\0\0", b"\xff\xff\xff\x7f", b"\xff" * 8, b"\0\0\0\0\1\0\0\0")
+WORDS = (
+    b"\xff\xff\xff\xff",
+    b"\0\0\0\0",
+    b"\xff\xff\xff\x7f",
+    b"\xff" * 8,
+    b"\0\0\0\0\1\0\0\0",
+)
 
 
 def damaged(data: bytes, rng: random.Random) -> bytes:
@@ -27,7 +35,9 @@ def damaged(data: bytes, rng: random.Random) -> bytes:
     for _ in range(rng.choice((1, 1, 2, 5, 20))):
         if not found:
             break
-        at = min(rng.randrange(HEAD if rng.random() < 0.5 else len(found)), len(found) - 1)
+        at = min(
+            rng.randrange(HEAD if rng.random() < 0.5 else len(found)), len(found) - 1
+        )
         kind = rng.randrange(7)
         if kind == 0:
             found[at] = rng.randrange(256)
@@ -57,20 +67,39 @@ def rows(path: Path, count: int) -> bytes:
 
 
 FILES: dict[str, tuple[str, Callable[[Path], bytes]]] = {
-    "crazyflie": ("a", lambda _: (FLIGHTS / "crazyflie" / "log15_from_20_to_23_s").read_bytes()),
-    "ulog": ("a.ulg", lambda _: (FLIGHTS / "px4" / "sample_px4_events_cut.ulg").read_bytes()),
-    "csv": ("a.csv", lambda _: rows(FLIGHTS / "nanobench" / "B9_trefoil_medium_rep4_from_20_to_23_s.csv", 40)),
-    "columns": ("a.toml", lambda _: (FLIGHTS / "gazebo_iris" / "columns.toml").read_bytes()),
+    "crazyflie": (
+        "a",
+        lambda _: (FLIGHTS / "crazyflie" / "log15_from_20_to_23_s").read_bytes(),
+    ),
+    "ulog": (
+        "a.ulg",
+        lambda _: (FLIGHTS / "px4" / "sample_px4_events_cut.ulg").read_bytes(),
+    ),
+    "csv": (
+        "a.csv",
+        lambda _: rows(
+            FLIGHTS / "nanobench" / "B9_trefoil_medium_rep4_from_20_to_23_s.csv", 40
+        ),
+    ),
+    "columns": (
+        "a.toml",
+        lambda _: (FLIGHTS / "gazebo_iris" / "columns.toml").read_bytes(),
+    ),
     "npz": ("a.npz", own("npz")),
     "mcap": ("a.mcap", own("mcap")),
-    "bag": ("a.mcap", lambda folder: own("mcap")(folder).replace(b"flight.npz", b"flight.xyz")),
+    "bag": (
+        "a.mcap",
+        lambda folder: own("mcap")(folder).replace(b"flight.npz", b"flight.xyz"),
+    ),
 }
 
 
 @pytest.mark.attack
 @pytest.mark.parametrize("kind", FILES)
 def test_two_thousand_damaged_files(kind: str, tmp_path: Path) -> None:
-    attack(kind, tmp_path, 2000 if kind in ("crazyflie", "ulog", "csv", "columns") else 300)
+    attack(
+        kind, tmp_path, 2000 if kind in ("crazyflie", "ulog", "csv", "columns") else 300
+    )
 
 
 @pytest.mark.parametrize("kind", sampled(list(FILES), 4))
@@ -84,7 +113,9 @@ def attack(kind: str, folder: Path, count: int) -> None:
         pytest.importorskip("rosbags", reason="needs the extra 'flights'")
     name, make = FILES[kind]
     data, rng, read = make(folder), random.Random(kind), 0
-    (folder / "columns.toml").write_bytes((FLIGHTS / "nanobench" / "columns.toml").read_bytes())
+    (folder / "columns.toml").write_bytes(
+        (FLIGHTS / "nanobench" / "columns.toml").read_bytes()
+    )
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     for _ in range(count):
         path = folder / name

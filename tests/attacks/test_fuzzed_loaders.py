@@ -1,4 +1,6 @@
-"""Whatever bytes stand in a file, a loader returns what it describes or one line that names the file, and soon."""
+"""Whatever bytes stand in a file, a loader returns what it describes or one line that
+names the file, and soon.
+"""
 
 from __future__ import annotations
 
@@ -134,14 +136,20 @@ name = "left_tip"
 link = "g_left"
 """
 
-STL = b"solid a\n" + b"".join(
-    b"facet normal 0 0 1\nouter loop\n%s\nendloop\nendfacet\n"
-    % b"\n".join(b"vertex %d %d %d" % corner for corner in face)
-    for face in (
-        ((0, 0, 0), (1, 0, 0), (0, 1, 0)), ((0, 0, 0), (0, 0, 1), (1, 0, 0)),
-        ((0, 0, 0), (0, 1, 0), (0, 0, 1)), ((1, 0, 0), (0, 0, 1), (0, 1, 0)),
+STL = (
+    b"solid a\n"
+    + b"".join(
+        b"facet normal 0 0 1\nouter loop\n%s\nendloop\nendfacet\n"
+        % b"\n".join(b"vertex %d %d %d" % corner for corner in face)
+        for face in (
+            ((0, 0, 0), (1, 0, 0), (0, 1, 0)),
+            ((0, 0, 0), (0, 0, 1), (1, 0, 0)),
+            ((0, 0, 0), (0, 1, 0), (0, 0, 1)),
+            ((1, 0, 0), (0, 0, 1), (0, 1, 0)),
+        )
     )
-) + b"endsolid a\n"
+    + b"endsolid a\n"
+)
 
 STUDY = b"""schema = 1
 name = "small"
@@ -224,7 +232,9 @@ joints = [0.1, 0.0]
 
 @dataclass(frozen=True)
 class Loader:
-    """A kind of file: how it is read, what it may raise, its healthy files, and how they are made wrong."""
+    """A kind of file: how it is read, what it may raise, its healthy files, and how
+    they are made wrong.
+    """
 
     load: Callable[[Path], Any]
     error: type[Exception]
@@ -236,19 +246,30 @@ class Loader:
 
 
 def _shipped(folder: Any) -> tuple[bytes, ...]:
-    return tuple(entry.read_bytes() for entry in sorted(folder.iterdir(), key=lambda each: each.name))
+    return tuple(
+        entry.read_bytes()
+        for entry in sorted(folder.iterdir(), key=lambda each: each.name)
+    )
 
 
 def _example(document: str) -> bytes:
-    """The example of a page of the documentation: the first TOML that begins with its schema."""
+    """The example of a page of the documentation: the first TOML that begins with its
+    schema.
+    """
     blocks = re.split(r"```toml[^\n]*\n", (DOCS / document).read_text("utf-8"))
-    return next(block for block in blocks if block.startswith("schema")).split("```")[0].encode()
+    return (
+        next(block for block in blocks if block.startswith("schema"))
+        .split("```")[0]
+        .encode()
+    )
 
 
 def _log(kind: str) -> bytes:
     """The log of a short flight."""
     with tempfile.TemporaryDirectory() as folder:
-        return save_log(run(load_scenario("case1", duration=0.02)), Path(folder) / f"log.{kind}").read_bytes()
+        return save_log(
+            run(load_scenario("case1", duration=0.02)), Path(folder) / f"log.{kind}"
+        ).read_bytes()
 
 
 def _used(path: Path) -> Log:
@@ -280,29 +301,68 @@ def _mesh(path: Path) -> Any:
 
 
 LOADERS = {
-    "vehicle": Loader(load_vehicle, VehicleError, ".toml", (*_shipped(VEHICLES), _example("vehicle_files.md"))),
+    "vehicle": Loader(
+        load_vehicle,
+        VehicleError,
+        ".toml",
+        (*_shipped(VEHICLES), _example("vehicle_files.md")),
+    ),
     "urdf": Loader(
-        load_vehicle, VehicleError, ".urdf", (URDF, GRIPPER_SOUND), (at_bytes, at_words, in_elements, in_elements)
+        load_vehicle,
+        VehicleError,
+        ".urdf",
+        (URDF, GRIPPER_SOUND),
+        (at_bytes, at_words, in_elements, in_elements),
     ),
     "mjcf": Loader(
         load_vehicle,
         VehicleError,
         ".xml",
         (MJCF,),
-        (at_bytes, at_words, in_elements, in_numbers, behind_doctype, with_unbound_prefix),
+        (
+            at_bytes,
+            at_words,
+            in_elements,
+            in_numbers,
+            behind_doctype,
+            with_unbound_prefix,
+        ),
     ),
-    "attached": Loader(load_vehicle, VehicleError, ".toml", (ATTACHED,), beside=GRIPPER),
-    "log": Loader(_used, ValueError, ".npz", (_log("npz"),), (at_bytes, in_archive, in_archive, in_description)),
-    "messages": Loader(_used, ValueError, ".mcap", (_log("mcap"),), (at_bytes, in_description, in_description)),
+    "attached": Loader(
+        load_vehicle, VehicleError, ".toml", (ATTACHED,), beside=GRIPPER
+    ),
+    "log": Loader(
+        _used,
+        ValueError,
+        ".npz",
+        (_log("npz"),),
+        (at_bytes, in_archive, in_archive, in_description),
+    ),
+    "messages": Loader(
+        _used,
+        ValueError,
+        ".mcap",
+        (_log("mcap"),),
+        (at_bytes, in_description, in_description),
+    ),
     "mesh": Loader(_mesh, ValueError, ".stl", (STL,), (at_bytes, at_words)),
-    "scenario": Loader(load_scenario, ScenarioError, ".toml", (*_shipped(SCENARIOS), SCENARIO, SCENARIO, SCENARIO)),
-    "study": Loader(_study, StudyError, ".toml", (*_shipped(STUDIES), STUDY, STUDY, STUDY)),
+    "scenario": Loader(
+        load_scenario,
+        ScenarioError,
+        ".toml",
+        (*_shipped(SCENARIOS), SCENARIO, SCENARIO, SCENARIO),
+    ),
+    "study": Loader(
+        _study, StudyError, ".toml", (*_shipped(STUDIES), STUDY, STUDY, STUDY)
+    ),
 }
 
 
 @contextmanager
 def patience() -> Iterator[None]:
-    """Cut off what takes longer than it may, so that a hang is a failure of one file."""
+    """Cut off what takes longer than it may, so that a hang is a failure of one
+    file.
+    """
 
     def stop(_number: int, _frame: Any) -> None:
         raise TimeoutError(f"took more than {PATIENCE} s of processor time")
@@ -320,7 +380,9 @@ def patience() -> Iterator[None]:
 
 
 def answer(loader: Loader, file: Path) -> str | None:
-    """What is wrong with a loader's answer to a file, in words; empty for a good line, None for a result."""
+    """What is wrong with a loader's answer to a file, in words; empty for a good line,
+    None for a result.
+    """
     begin, text = time.process_time(), None
     try:
         with patience():
@@ -329,7 +391,10 @@ def answer(loader: Loader, file: Path) -> str | None:
         text = str(error)
     except BaseException as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
-        return f"{type(error).__name__} at {where.filename}:{where.lineno}: {str(error)[:200]!r}"
+        return (
+            f"{type(error).__name__} at {where.filename}:{where.lineno}:"
+            f" {str(error)[:200]!r}"
+        )
     taken = time.process_time() - begin
     if taken > PATIENCE:
         return f"took {taken:.1f} s"
@@ -339,12 +404,18 @@ def answer(loader: Loader, file: Path) -> str | None:
         return f"not one line: {text[:300]!r}"
     if str(file) not in text:
         return f"does not name the file: {text[:300]!r}"
-    return f"{len(text)} characters: {text[:300]!r}" if len(text) > LONGEST + len(str(file)) else ""
+    return (
+        f"{len(text)} characters: {text[:300]!r}"
+        if len(text) > LONGEST + len(str(file))
+        else ""
+    )
 
 
 @dataclass
 class Attack:
-    """How many mutated files loaded, how many were refused, and what went wrong: one line each that repeats it."""
+    """How many mutated files loaded, how many were refused, and what went wrong: one
+    line each that repeats it.
+    """
 
     loaded: int = 0
     refused: int = 0
@@ -371,11 +442,17 @@ def attack(name: str, count: int, folder: Path, seed: int) -> Attack:
 
 
 @pytest.mark.parametrize("name", LOADERS)
-def test_healthy_files_load_with_and_without_a_byte_order_mark(name: str, tmp_path: Path) -> None:
+def test_healthy_files_load_with_and_without_a_byte_order_mark(
+    name: str, tmp_path: Path
+) -> None:
     loader = LOADERS[name]
     (tmp_path / "gripper.urdf").write_bytes(loader.beside)
     for healthy in loader.seeds:
-        for mark in (b"", b"\xef\xbb\xbf") if loader.suffix not in (".npz", ".mcap", ".stl") else (b"",):
+        for mark in (
+            (b"", b"\xef\xbb\xbf")
+            if loader.suffix not in (".npz", ".mcap", ".stl")
+            else (b"",)
+        ):
             file = tmp_path / f"healthy{loader.suffix}"
             file.write_bytes(mark + healthy)
             loader.load(file)
@@ -394,12 +471,17 @@ DEEP = {
 
 @pytest.mark.parametrize("content", DEEP.values(), ids=DEEP)
 @pytest.mark.parametrize("name", ["vehicle", "scenario", "study"])
-def test_depth_and_digits_beyond_measure_are_refused(name: str, content: bytes, tmp_path: Path) -> None:
+def test_depth_and_digits_beyond_measure_are_refused(
+    name: str, content: bytes, tmp_path: Path
+) -> None:
     file = tmp_path / "deep.toml"
     file.write_bytes(content)
     assert answer(LOADERS[name], file) == ""
     with pytest.raises(
-        LOADERS[name].error, match=r"deep\.toml: .*must be (nested at most 64 deep|at most 1\.8e308 in size)$"
+        LOADERS[name].error,
+        match=(
+            r"deep\.toml: .*must be (nested at most 64 deep|at most 1\.8e308 in size)$"
+        ),
     ):
         LOADERS[name].load(file)
 
@@ -421,7 +503,8 @@ def test_a_value_that_python_refuses_to_write_out_is_shown_by_its_type() -> None
 
 
 LEAST = {"log": 0.005}
-"""Share of the wrong files that must load; arrays of a log must fit each other, so that most changes are refused."""
+"""Share of the wrong files that must load; arrays of a log must fit each other, so that
+most changes are refused."""
 
 QUICK = {
     "vehicle": 150,
@@ -447,7 +530,9 @@ def test_some_hundred_wrong_files(name: str, tmp_path: Path) -> None:
 
 
 # of odd numbers
-@pytest.mark.filterwarnings("ignore::skyarm.scenario.without_effect.WithoutEffectWarning")
+@pytest.mark.filterwarnings(
+    "ignore::skyarm.scenario.without_effect.WithoutEffectWarning"
+)
 @pytest.mark.attack
 @pytest.mark.parametrize("part", range(10))
 @pytest.mark.parametrize("name", LOADERS)

@@ -1,4 +1,6 @@
-"""Runs that end at the same time in one folder, as processes: every finished flight stays."""
+"""Runs that end at the same time in one folder, as processes: every finished flight
+stays.
+"""
 
 from __future__ import annotations
 
@@ -37,14 +39,24 @@ WORDS = ("run", "case1", "--duration", "0.1", "--out", "logs", "--json")
 
 
 def started(folder: Path, seed: int, *program: str) -> subprocess.Popen[str]:
-    command = [sys.executable, *(program or ("-m", "skyarm")), *WORDS, "--seed", str(seed)]
-    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    command = [
+        sys.executable,
+        *(program or ("-m", "skyarm")),
+        *WORDS,
+        "--seed",
+        str(seed),
+    ]
+    return subprocess.Popen(
+        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
 
 
 def seeds(folder: Path) -> list[int]:
     """Seeds of the flights whose logs are in a folder; each has its table."""
     logs = sorted(folder.glob("*.npz"))
-    assert {file.with_suffix(".csv").name for file in logs} == {file.name for file in folder.glob("*.csv")}
+    assert {file.with_suffix(".csv").name for file in logs} == {
+        file.name for file in folder.glob("*.csv")
+    }
     return sorted(load_log(file).info["seed"] for file in logs)
 
 

@@ -1,6 +1,8 @@
-"""Flights are interrupted at random times: no thread flies on, no array changes, the next flight is right.
+"""Flights are interrupted at random times: no thread flies on, no array changes, the
+next flight is right.
 
-Shown by this attack on the thread pool of one call that it replaced: 1 in 5 interrupts left threads in machine code.
+Shown by this attack on the thread pool of one call that it replaced: 1 in 5 interrupts
+left threads in machine code.
 """
 
 from __future__ import annotations
@@ -27,8 +29,21 @@ LEAKED = 0.003
 class Flights:
     """A process that flies, and what it says."""
 
-    def __init__(self, cache, seed, count, *, lanes=2048, steps=2000, listen=True, threads=0, endless=False):
-        source = os.environ.get("SKYARM_ATTACKED", str(Path(native.__file__).parents[2]))
+    def __init__(
+        self,
+        cache,
+        seed,
+        count,
+        *,
+        lanes=2048,
+        steps=2000,
+        listen=True,
+        threads=0,
+        endless=False,
+    ):
+        source = os.environ.get(
+            "SKYARM_ATTACKED", str(Path(native.__file__).parents[2])
+        )
         environment = {**os.environ, "PYTHONPATH": source, "SKYARM_CACHE": str(cache)}
         numbers = [seed, count, lanes, steps, int(listen), threads, int(endless)]
         self.process = subprocess.Popen(
@@ -53,14 +68,17 @@ class Flights:
         return json.loads(line)
 
     def interrupted(self, delay, number):
-        """Send a signal after ``delay`` s; returns what was found, with the s until it was answered."""
+        """Send a signal after ``delay`` s; returns what was found, with the s until it
+        was answered.
+        """
         assert "ready" in self.heard()
         time.sleep(delay)
         sent = time.monotonic()
         self.process.send_signal(number)
         found = self.heard(10.0)
         if found is None:
-            # Python drops what is raised in a callback of its garbage collector: once more
+            # Python drops what is raised in a callback of its garbage collector: once
+            # more
             self.process.send_signal(number)
             found = self.heard()
         if found is None:
@@ -82,8 +100,14 @@ def attack(cache, rng, processes, count, **options):
         try:
             for _ in range(count):
                 # half of them while threads are set to work
-                delay = rng.uniform(0.0, flights.seconds if rng.random() < 0.5 else 0.004)
-                found.append(flights.interrupted(delay, rng.choice([signal.SIGINT, signal.SIGTERM])))
+                delay = rng.uniform(
+                    0.0, flights.seconds if rng.random() < 0.5 else 0.004
+                )
+                found.append(
+                    flights.interrupted(
+                        delay, rng.choice([signal.SIGINT, signal.SIGTERM])
+                    )
+                )
             assert flights.heard() == {"done": True}
         except EOFError:
             pass
@@ -106,14 +130,23 @@ def told(found, broken):
         "wrong": sum(each["wrong"] for each in found),
         "broken": len(broken),
     }
-    return counts, f"{counts}, latency p99 {np.percentile(latency, 99):.3f} s, max {latency.max():.3f} s {broken}"
+    return (
+        counts,
+        (
+            f"{counts}, latency p99 {np.percentile(latency, 99):.3f} s, max"
+            f" {latency.max():.3f} s {broken}"
+        ),
+    )
 
 
 def require_nothing(found, broken):
     counts, line = told(found, broken)
     print(line)
     assert counts["inside"] > 0.3 * counts["interrupts"], line
-    assert {name for name, count in counts.items() if count} == {"interrupts", "inside"}, line
+    assert {name for name, count in counts.items() if count} == {
+        "interrupts",
+        "inside",
+    }, line
 
 
 @pytest.mark.thorough
@@ -133,7 +166,9 @@ def test_a_thousand_interrupts_leave_nothing_behind(tmp_path):
 def answered(cache, rng, count, **options):
     """s from a signal to its exception, in flights that are far from their end."""
     flights = Flights(cache, 3, count, listen=False, **options)
-    found = [flights.interrupted(rng.uniform(0.0, 0.5), signal.SIGINT) for _ in range(count)]
+    found = [
+        flights.interrupted(rng.uniform(0.0, 0.5), signal.SIGINT) for _ in range(count)
+    ]
     flights.process.kill()
     flights.ended()
     return np.array([each["latency"] for each in found if each["inside"]])
@@ -141,10 +176,26 @@ def answered(cache, rng, count, **options):
 
 @pytest.mark.attack
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize(("lanes", "steps", "threads"), [(20_000, 20_000, 1), (2**18, 2000, 2), (1, 10_000_000, 1)])
+@pytest.mark.parametrize(
+    ("lanes", "steps", "threads"),
+    [(20_000, 20_000, 1), (2**18, 2000, 2), (1, 10_000_000, 1)],
+)
 def test_an_interrupt_is_answered_within_a_second(tmp_path, lanes, steps, threads):
-    """Twenty thousand lanes on one thread, very many lanes, one lane for a day; on a machine with little else to do."""
-    latency = answered(tmp_path, np.random.default_rng(3), 100, lanes=lanes, steps=steps, threads=threads, endless=True)
-    print(f"{lanes} lanes, {threads} threads: p99 {np.percentile(latency, 99):.3f} s, max {latency.max():.3f} s")
+    """Twenty thousand lanes on one thread, very many lanes, one lane for a day; on a
+    machine with little else to do.
+    """
+    latency = answered(
+        tmp_path,
+        np.random.default_rng(3),
+        100,
+        lanes=lanes,
+        steps=steps,
+        threads=threads,
+        endless=True,
+    )
+    print(
+        f"{lanes} lanes, {threads} threads: p99 {np.percentile(latency, 99):.3f} s, max"
+        f" {latency.max():.3f} s"
+    )
     assert len(latency) == 100
     assert latency.max() < 1.0

@@ -36,4 +36,7 @@ preset = "paper_pd"
 [reference]
 base = { kind = "hover", position = [0.0, 0.0, 1.0] }
 """
-FALLS = SHORT.replace("duration = 0.5", "duration = 5.0") + "[initial]\nposition = [0, 0, 1]\nvelocity = [0, 0, -20]\n"
+FALLS = (
+    SHORT.replace("duration = 0.5", "duration = 5.0")
+    + "[initial]\nposition = [0, 0, 1]\nvelocity = [0, 0, -20]\n"
+)

@@ -1,6 +1,7 @@
 """Words with which every command runs in some seconds.
 
-A new command is entered here and in docs/command_line.md: ``test_machine_output.py`` is red for one that is not.
+A new command is entered here and in docs/command_line.md: ``test_machine_output.py`` is
+red for one that is not.
 """
 
 from __future__ import annotations
@@ -20,7 +21,17 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "export": ("flight.npz", "--to", "csv"),
     "identify": ("flight.npz", "--end", "8"),
     "margins": ("short.toml", "--instants", "0"),
-    "tune": ("hummingbird", "--laws", "decoupled_pd", "--candidates", "64", "--plants", "4", "--out", "tuned"),
+    "tune": (
+        "hummingbird",
+        "--laws",
+        "decoupled_pd",
+        "--candidates",
+        "64",
+        "--plants",
+        "4",
+        "--out",
+        "tuned",
+    ),
     "sweep": ("study.toml", "--out", "rows"),
     "compare": ("short.toml", "--laws", "paper_pd"),
     "reproduce": (),
@@ -28,7 +39,8 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
 """Command -> words after its name."""
 
 KEPT: Mapping[str, tuple[str, ...]] = {"new": ("fresh.py", "test_fresh.py")}
-"""Command that never overwrites -> its files, which are removed before it runs again."""
+"""Command that never overwrites -> its files, which are removed before it runs
+again."""
 
 NEEDS = {"sweep": "pyarrow", "film": "viser", "tune": "cmaes", "identify": "scipy"}
 """Command -> the library without which it is not tried."""
@@ -58,7 +70,11 @@ OVERWRITES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
         (("short.toml", "--log", "short.csv", "--force"), "short.toml", "short.csv"),
         (("flight.npz", "--log", "flight.npz", "--force"), "flight.npz", "flight.npz"),
         (("short.toml", "--log", "a.csv", "--plot", "a.png"), "short.toml", "a.png"),
-        (("short.toml", "--laws", "law.py:make", "--log", "a.csv", "--force"), "law.py", "a.csv"),
+        (
+            ("short.toml", "--laws", "law.py:make", "--log", "a.csv", "--force"),
+            "law.py",
+            "a.csv",
+        ),
     ),
     "plan": (
         (("task.toml", "--scenario", "task.toml"), "task.toml", "task.toml"),
@@ -77,18 +93,30 @@ OVERWRITES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
     "identify": (
         (("--design", "ours.toml", "--out", "ours.toml"), "ours.toml", "ours.toml"),
         (("flight.npz", "--lags", "--out", "a.toml"), "flight.npz", "a.toml"),
-        (("flight.npz", "--vehicle", "ours.toml", "--out", "."), "ours.toml", "vehicle.toml"),
+        (
+            ("flight.npz", "--vehicle", "ours.toml", "--out", "."),
+            "ours.toml",
+            "vehicle.toml",
+        ),
     ),
     "margins": (
         (("short.toml", "--instants", "0", "--out", "a.json"), "short.toml", "a.json"),
         (("short.toml", "--instants", "0", "--html", "a.html"), "short.toml", "a.html"),
-        (("short.toml", "--laws", "law.py:make", "--out", "law.json"), "law.py", "law.json"),
+        (
+            ("short.toml", "--laws", "law.py:make", "--out", "law.json"),
+            "law.py",
+            "law.json",
+        ),
     ),
     "tune": ((("short.toml", "--out", "."), "short.toml", "tuned.toml"),),
-    "compare": "its folder's files have names of their own; a link there is refused as it is written",
+    "compare": (
+        "its folder's files have names of their own; a link there is refused as it is"
+        " written"
+    ),
     "sweep": "its folder's files have names of their own, and must not be links",
 }
-"""Command -> why it cannot write over a file that it reads, or words, the file, and the file that is written."""
+"""Command -> why it cannot write over a file that it reads, or words, the file, and the
+file that is written."""
 
 REPLACES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
     "show": ((("hummingbird_arm2_rotors", "--out", "a.svg"), "a.svg", "replaced"),),
@@ -97,9 +125,18 @@ REPLACES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
     "diff": "it writes nothing",
     "studio": "it saves flights under new names",
     "fly": "an earlier log gets a number, as of run",
-    "compare": ((("short.toml", "--seeds", "1", "--laws", "paper_pd", "--out", "a"), "a/report.html", "replaced"),),
+    "compare": (
+        (
+            ("short.toml", "--seeds", "1", "--laws", "paper_pd", "--out", "a"),
+            "a/report.html",
+            "replaced",
+        ),
+    ),
     "reproduce": "the same command goes on in its folder",
-    "new": ((("study", "mine"), "mine.toml", "kept"), (("study", "mine", "--out", "a"), "a/test_mine.py", "kept")),
+    "new": (
+        (("study", "mine"), "mine.toml", "kept"),
+        (("study", "mine", "--out", "a"), "a/test_mine.py", "kept"),
+    ),
     "run": (
         (("short.toml", "--out", "."), "short.csv", "numbered"),
         (("short.toml", "--log", "a.csv"), "a.csv", "numbered"),
@@ -112,14 +149,27 @@ REPLACES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
         (("up.toml", "--scenario", "a.toml"), "a.toml", "kept"),
     ),
     "plot": ((("flight.npz", "--out", "a.svg"), "a.svg", "replaced"),),
-    "film": ((("flight.npz", "--fps", "5", "--out", "a.viser"), "a.viser", "replaced"),),
+    "film": (
+        (("flight.npz", "--fps", "5", "--out", "a.viser"), "a.viser", "replaced"),
+    ),
     "export": (
         (("short.toml", "--to", "c", "--out", "a.c"), "a.c", "replaced"),
         (("flight.npz", "--to", "csv"), "flight.csv", "replaced"),
         (("short.toml", "--to", "mjcf", "--out", "a.xml"), "a.xml", "replaced"),
     ),
     "identify": (
-        (("--design", "hummingbird_arm2_rotors", "--seconds", "10", "--out", "a.toml"), "a.toml", "refused"),
+        (
+            (
+                "--design",
+                "hummingbird_arm2_rotors",
+                "--seconds",
+                "10",
+                "--out",
+                "a.toml",
+            ),
+            "a.toml",
+            "refused",
+        ),
         (("flight.npz", "--lags", "--out", "a.toml"), "a.toml", "refused"),
     ),
     "margins": (
@@ -127,9 +177,24 @@ REPLACES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
         (("short.toml", "--instants", "0", "--html", "a.html"), "a.html", "replaced"),
     ),
     "tune": (
-        (("short.toml", "--candidates", "64", "--plants", "4", "--out", "there"), "there/best.toml", "numbered"),
-        (("short.toml", "--candidates", "64", "--plants", "4", "--out", "there"), "there/tuned.toml", "replaced"),
+        (
+            ("short.toml", "--candidates", "64", "--plants", "4", "--out", "there"),
+            "there/best.toml",
+            "numbered",
+        ),
+        (
+            ("short.toml", "--candidates", "64", "--plants", "4", "--out", "there"),
+            "there/tuned.toml",
+            "replaced",
+        ),
     ),
-    "sweep": ((("study.toml", "--save", "1", "--out", "."), "episode_1_decoupled_pd.toml", "numbered"),),
+    "sweep": (
+        (
+            ("study.toml", "--save", "1", "--out", "."),
+            "episode_1_decoupled_pd.toml",
+            "numbered",
+        ),
+    ),
 }
-"""Command -> why there is nothing to replace, or words, a file that is there, and what becomes of it."""
+"""Command -> why there is nothing to replace, or words, a file that is there, and what
+becomes of it."""

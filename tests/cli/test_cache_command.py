@@ -29,7 +29,11 @@ def test_folder_entries_size_and_limit_are_told(cache: Path) -> None:
     (line,) = [line for line in told.out.splitlines() if "cache of code" in line]
     assert f"{cache}: 2 entries, 2.2 MB of at most 12 MB (SKYARM_CACHE_SIZE)" in line
     found = json.loads(skyarm("doctor", "--json").out)["cache"]
-    assert (found["folder"], found["entries"], found["most_bytes"]) == (str(cache), 2, 12_000_000)
+    assert (found["folder"], found["entries"], found["most_bytes"]) == (
+        str(cache),
+        2,
+        12_000_000,
+    )
 
 
 def test_all_entries_are_removed() -> None:
@@ -38,7 +42,9 @@ def test_all_entries_are_removed() -> None:
     assert object_cache.load("a") is None
 
 
-def test_why_nothing_is_kept_is_told(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_why_nothing_is_kept_is_told(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("SKYARM_CACHE_SIZE", "0")
     assert "SKYARM_CACHE_SIZE is 0" in skyarm("doctor").out
     monkeypatch.setenv("SKYARM_CACHE_SIZE", "12")
@@ -48,10 +54,15 @@ def test_why_nothing_is_kept_is_told(cache: Path, monkeypatch: pytest.MonkeyPatc
     assert "broken: cache of code, " in told.out
 
 
-def test_a_limit_that_is_no_number_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_limit_that_is_no_number_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     """Also by a flight, which does not take it for a compiler that is missing."""
     monkeypatch.setenv("SKYARM_CACHE_SIZE", "much")
     wrong = "SKYARM_CACHE_SIZE = 'much': must be a number of MB, at least 0"
     refused(skyarm("doctor"), wrong)
-    refused(skyarm("run", "case1", "--duration", "0.1", "--out", "/dev/null/x"), "/dev/null/x")
+    refused(
+        skyarm("run", "case1", "--duration", "0.1", "--out", "/dev/null/x"),
+        "/dev/null/x",
+    )
     refused(skyarm("run", "case1", "--duration", "0.1", "--out", str(tmp_path)), wrong)

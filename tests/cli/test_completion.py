@@ -9,7 +9,9 @@ from support.commands import skyarm
 
 
 def answered(words: str, place: int, monkeypatch: pytest.MonkeyPatch) -> set[str]:
-    """Completions that bash gets for a line of words, the cursor in the one at a place."""
+    """Completions that bash gets for a line of words, the cursor in the one at a
+    place.
+    """
     monkeypatch.setenv("_SKYARM_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", words)
     monkeypatch.setenv("COMP_CWORD", str(place))
@@ -24,7 +26,11 @@ def answered(words: str, place: int, monkeypatch: pytest.MonkeyPatch) -> set[str
         ("skyarm chec", 1, {"check"}),
         ("skyarm show quad", 2, {"quadrotor_roll_arm2"}),
         ("skyarm check case3", 2, {"case3", "case3_wind"}),
-        ("skyarm run case3 --laws paper", 4, {"paper_ct", "paper_ct_euler", "paper_pd"}),
+        (
+            "skyarm run case3 --laws paper",
+            4,
+            {"paper_ct", "paper_ct_euler", "paper_pd"},
+        ),
         ("skyarm run case3 --laws paper_p", 4, {"paper_pd"}),
         ("skyarm sweep robustness --laws indi,paper_p", 4, {"indi,paper_pd"}),
         ("skyarm studio --la", 2, {"--laws"}),
@@ -46,7 +52,9 @@ def answered(words: str, place: int, monkeypatch: pytest.MonkeyPatch) -> set[str
         ("skyarm identify design --dr", 3, set()),
     ],
 )
-def test_names_commands_and_options_are_completed(words, place, expected, monkeypatch, tmp_path):
+def test_names_commands_and_options_are_completed(
+    words, place, expected, monkeypatch, tmp_path
+):
     monkeypatch.chdir(tmp_path)
     assert answered(words, place, monkeypatch) == expected
 
@@ -58,7 +66,9 @@ def test_a_path_is_completed_in_its_folder(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     assert answered("skyarm run ./mi", 2, monkeypatch) == {"./mine.toml"}
     assert answered("skyarm run mine/", 2, monkeypatch) == {"mine/inner.toml"}
-    assert answered(f"skyarm run {tmp_path}/mine.", 2, monkeypatch) == {f"{tmp_path}/mine.toml"}
+    assert answered(f"skyarm run {tmp_path}/mine.", 2, monkeypatch) == {
+        f"{tmp_path}/mine.toml"
+    }
     assert answered("skyarm run ./gone/mi", 2, monkeypatch) == set()
 
 

@@ -36,9 +36,13 @@ def test_all_that_flights_need_works_here(monkeypatch):
     assert set(FLOORS) <= set(found)
 
 
-def test_a_folder_that_is_gone_or_holds_a_namesake_is_not_the_installation_s_fault(quick, tmp_path):
+def test_a_folder_that_is_gone_or_holds_a_namesake_is_not_the_installation_s_fault(
+    quick, tmp_path
+):
     quick.setattr(doctor, "TRIALS", {"MuJoCo": (doctor.MUJOCO, "", True)})
-    (tmp_path / "mujoco.py").write_text("raise ValueError('not the library')\n", "utf-8")
+    (tmp_path / "mujoco.py").write_text(
+        "raise ValueError('not the library')\n", "utf-8"
+    )
     quick.chdir(tmp_path)
     assert states(doctor.examine())["MuJoCo"] == "works"
     gone = tmp_path / "gone"
@@ -56,7 +60,11 @@ def test_extras_are_those_of_the_package():
 
 
 def test_a_missing_extra_names_the_command_that_adds_it(quick):
-    quick.setattr(doctor, "installed_versions", lambda names, path=None: {n: "99" for n in names if n != "pyarrow"})
+    quick.setattr(
+        doctor,
+        "installed_versions",
+        lambda names, path=None: {n: "99" for n in names if n != "pyarrow"},
+    )
     done = skyarm("doctor", columns=80)
     assert done.code == 0
     lines = done.out.splitlines()
@@ -70,8 +78,14 @@ def test_a_missing_extra_names_the_command_that_adds_it(quick):
 
 
 def test_an_old_library_and_a_missing_one_are_faults(quick):
-    there = {name: floor for name, floor in FLOORS.items() if name != "matplotlib"} | {"numpy": "1.0"}
-    quick.setattr(doctor, "installed_versions", lambda names, path=None: {n: there[n] for n in names if n in there})
+    there = {name: floor for name, floor in FLOORS.items() if name != "matplotlib"} | {
+        "numpy": "1.0"
+    }
+    quick.setattr(
+        doctor,
+        "installed_versions",
+        lambda names, path=None: {n: there[n] for n in names if n in there},
+    )
     parts = doctor.examine()
     assert states(parts)["numpy"] == "broken"
     assert states(parts)["matplotlib"] == "missing"

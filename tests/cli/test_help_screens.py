@@ -1,4 +1,6 @@
-"""Help screens: few commands, each with one sentence, and one screen for each of them."""
+"""Help screens: few commands, each with one sentence, and one screen for each of
+them.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +23,15 @@ def test_there_are_few_commands_in_four_groups_with_one_sentence_each() -> None:
     text = skyarm("--help", columns=80).out
     for name, sentence in COMMANDS.items():
         assert re.fullmatch(r"[A-Z][^.]*\.", sentence), name
-        assert re.search(rf"^  {name} +{re.escape(sentence)}$", text, re.MULTILINE), name
+        assert re.search(rf"^  {name} +{re.escape(sentence)}$", text, re.MULTILINE), (
+            name
+        )
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_the_help_of_a_command_is_one_screen_that_begins_with_its_sentence(command: str) -> None:
+def test_the_help_of_a_command_is_one_screen_that_begins_with_its_sentence(
+    command: str,
+) -> None:
     lines = skyarm(command, "--help", columns=COLUMNS).out.splitlines()
     assert len(lines) <= LINES
     assert lines[2].strip() == COMMANDS[command]
@@ -33,18 +39,28 @@ def test_the_help_of_a_command_is_one_screen_that_begins_with_its_sentence(comma
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "command_line.md"
 TEXT = PAGE.read_text("utf-8")
-BLOCKS = dict(re.findall(r"<!-- generated: command ([\w ]+) -->\n(.*?)<!-- /", TEXT, re.S))
+BLOCKS = dict(
+    re.findall(r"<!-- generated: command ([\w ]+) -->\n(.*?)<!-- /", TEXT, re.S)
+)
 COMMON = re.findall(r"<!-- generated: common -->\n(.*?)<!-- /", TEXT, re.S)[0]
 """Rows of the page for the options of every command."""
 
 
 def rows_of(block: str) -> list[dict[str, str]]:
-    head, _, *rows = ([cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip("|"))] for line in block.splitlines())
+    head, _, *rows = (
+        [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip("|"))]
+        for line in block.splitlines()
+    )
     return [dict(zip(head, row, strict=True)) for row in rows]
 
 
 def test_the_page_has_every_option_of_all_commands() -> None:
-    assert [row["option"].split("`")[1] for row in rows_of(COMMON)] == ["--json", "--quiet", "--plugin", "--debug"]
+    assert [row["option"].split("`")[1] for row in rows_of(COMMON)] == [
+        "--json",
+        "--quiet",
+        "--plugin",
+        "--debug",
+    ]
 
 
 @pytest.mark.parametrize("command", BLOCKS)
@@ -56,20 +72,33 @@ def test_the_help_speaks_the_words_of_the_page(command: str) -> None:
     for cells in (*rows_of(BLOCKS[command]), *rows_of(COMMON)):
         name = cells.get("argument or option", cells.get("option", "")).split("`")[1]
         value = cells.get("value", "-").strip("`-")
-        line = " ".join([name, *([value] if value else []), *cells["meaning"].split()]).replace("\\|", "|")
+        line = " ".join(
+            [name, *([value] if value else []), *cells["meaning"].split()]
+        ).replace("\\|", "|")
         assert line.partition(" [default")[0] in words, shown
 
 
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("run", "case3", "--seed", "x"), "--seed = 'x': must be a valid integer; see 'skyarm run --help'"),
-        (("run", "case3", "--duration=a"), "--duration = 'a': must be a valid number; see 'skyarm run --help'"),
-        (("run", "case3", "--seed"), "Option '--seed' requires an argument; see 'skyarm run --help'"),
+        (
+            ("run", "case3", "--seed", "x"),
+            "--seed = 'x': must be a valid integer; see 'skyarm run --help'",
+        ),
+        (
+            ("run", "case3", "--duration=a"),
+            "--duration = 'a': must be a valid number; see 'skyarm run --help'",
+        ),
+        (
+            ("run", "case3", "--seed"),
+            "Option '--seed' requires an argument; see 'skyarm run --help'",
+        ),
         (("identify", "a.csv"), "flight = 'a.csv': no such file"),
     ],
 )
-def test_wrong_words_are_shown_with_what_is_allowed(words: tuple[str, ...], line: str) -> None:
+def test_wrong_words_are_shown_with_what_is_allowed(
+    words: tuple[str, ...], line: str
+) -> None:
     ended = skyarm(*words)
     assert (ended.code, ended.err) == (2, f"skyarm: {line}\n")
 
@@ -79,22 +108,39 @@ def test_heads_of_a_wide_table_keep_their_words(columns: int) -> None:
     """At 80 columns the table of a joint's twelve numbers has a row for each."""
     text = skyarm("show", "crazyflie_arm1", columns=columns).out
     joints = text[text.index("\njoints\n") : text.index("\nbodies")]
-    assert all(head in joints for head in ("position, m ", "coulomb, N m or N ", "stop stiffness, N m/rad or N/m "))
+    assert all(
+        head in joints
+        for head in (
+            "position, m ",
+            "coulomb, N m or N ",
+            "stop stiffness, N m/rad or N/m ",
+        )
+    )
     assert (len(joints.splitlines()) > 10) == (columns == 80)
     assert max(map(len, joints.splitlines())) <= columns
 
 
 @pytest.mark.parametrize("vehicle", list_vehicles())
 def test_no_word_of_a_table_is_broken_at_80_columns(vehicle: str) -> None:
-    """Joints that do not fit beside each other stand below; paths of sources alone are longer than a column."""
-    narrow, wide = (skyarm("show", vehicle, columns=columns).out.partition("\nsources\n")[0] for columns in (80, 300))
+    """Joints that do not fit beside each other stand below; paths of sources alone are
+    longer than a column.
+    """
+    narrow, wide = (
+        skyarm("show", vehicle, columns=columns).out.partition("\nsources\n")[0]
+        for columns in (80, 300)
+    )
     assert max(map(len, narrow.splitlines())) <= 80
     assert {*narrow.split()} <= {*wide.split()}
-    assert all(link.joint.name in narrow.split() for link in load_vehicle(vehicle).links)
+    assert all(
+        link.joint.name in narrow.split() for link in load_vehicle(vehicle).links
+    )
 
 
 def test_a_name_is_not_broken_beside_a_long_text() -> None:
-    assert "rotor_defaults.rolling_moment_coefficient  " in skyarm("show", "crazyflie_arm1", columns=80).out
+    assert (
+        "rotor_defaults.rolling_moment_coefficient  "
+        in skyarm("show", "crazyflie_arm1", columns=80).out
+    )
 
 
 @pytest.mark.parametrize("columns", [30, 40])

@@ -1,4 +1,6 @@
-"""``--json`` and ``--quiet``: every command has them, and gives the keys that the documentation names."""
+"""``--json`` and ``--quiet``: every command has them, and gives the keys that the
+documentation names.
+"""
 
 from __future__ import annotations
 
@@ -46,10 +48,19 @@ THERE = set(SHIPPED)
 
 
 def documented() -> dict[str, set[str]]:
-    """Command -> keys that the page's table of it names; one with a question mark is not always there."""
-    blocks = re.findall(r"<!-- generated: keys ([\w-]+) -->\n(.*?)<!-- /generated -->", DOCS.read_text("utf-8"), re.S)
+    """Command -> keys that the page's table of it names; one with a question mark is
+    not always there.
+    """
+    blocks = re.findall(
+        r"<!-- generated: keys ([\w-]+) -->\n(.*?)<!-- /generated -->",
+        DOCS.read_text("utf-8"),
+        re.S,
+    )
     return {
-        command: {f"{name}?" if present == "sometimes" else name for name, present in ROW.findall(block)}
+        command: {
+            f"{name}?" if present == "sometimes" else name
+            for name, present in ROW.findall(block)
+        }
         for command, block in blocks
     }
 
@@ -63,7 +74,10 @@ def reproduced(out: str, **_options: Any) -> dict[str, Any]:
     beside = {"held_position_error": None}
     experiments = {
         case: {
-            law: {name: {"paper": value, **plants} for name, value in (cells | beside).items()}
+            law: {
+                name: {"paper": value, **plants}
+                for name, value in (cells | beside).items()
+            }
             for law, cells in laws.items()
         }
         for case, laws in PAPER.items()
@@ -76,7 +90,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("commands")
     (path / "short.toml").write_text(SHORT)
     (path / "study.toml").write_text(STUDY)
-    package.save_log(package.run(package.load_scenario("case3", duration=8.0)), path / "flight.npz")
+    package.save_log(
+        package.run(package.load_scenario("case3", duration=8.0)), path / "flight.npz"
+    )
     return path
 
 
@@ -89,8 +105,12 @@ def _in_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_every_command_is_tried_here_and_documented() -> None:
-    assert set(COMMANDS) | set(SERVES) == THERE, "enter it in tests/cli/every_command.py"
-    assert set(documented()) | set(SERVES) == THERE, "enter its keys in docs/command_line.md"
+    assert set(COMMANDS) | set(SERVES) == THERE, (
+        "enter it in tests/cli/every_command.py"
+    )
+    assert set(documented()) | set(SERVES) == THERE, (
+        "enter its keys in docs/command_line.md"
+    )
 
 
 @pytest.mark.parametrize("command", sorted(THERE))
@@ -98,8 +118,14 @@ def test_every_command_takes_the_common_options_and_says_so(command: str) -> Non
     text = skyarm(command, "--help").out
     assert re.search(r"^  --json  +the result as one JSON document", text, re.MULTILINE)
     assert re.search(r"^  -q, --quiet  +no output and no progress", text, re.MULTILINE)
-    assert re.search(r"^  --plugin FILE.py  +a .py file that registers names; repeat", text, re.MULTILINE)
-    assert ("-o, --out " in text) == (command not in READS), "enter it in tests/cli/every_command.py"
+    assert re.search(
+        r"^  --plugin FILE.py  +a .py file that registers names; repeat",
+        text,
+        re.MULTILINE,
+    )
+    assert ("-o, --out " in text) == (command not in READS), (
+        "enter it in tests/cli/every_command.py"
+    )
     assert ("--laws LAW" in text) == (command in CHOOSES)
 
 
@@ -113,7 +139,9 @@ def test_a_short_option_of_a_plugin_s_command_stays_its_own() -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_command_gives_one_document_with_the_keys_that_are_documented(command: str) -> None:
+def test_a_command_gives_one_document_with_the_keys_that_are_documented(
+    command: str,
+) -> None:
     if command in NEEDS and importlib.util.find_spec(NEEDS[command]) is None:
         pytest.skip(f"{NEEDS[command]} is not installed")
     ended = skyarm(command, *COMMANDS[command], "--json")
@@ -146,7 +174,9 @@ def test_wrong_input_is_a_line_and_no_document() -> None:
         assert ended.out == ""
 
 
-def test_a_flight_that_ended_early_is_a_document_and_keeps_its_exit_code(folder: Path) -> None:
+def test_a_flight_that_ended_early_is_a_document_and_keeps_its_exit_code(
+    folder: Path,
+) -> None:
     (folder / "falls.toml").write_text(FALLS)
     ended = skyarm("run", "falls.toml", "--json")
     assert ended.code == 3, ended
@@ -160,43 +190,78 @@ def test_the_numbers_of_a_document_are_those_of_the_flight() -> None:
     found = json.loads(skyarm("run", "case3", "--duration", "1", "--json").out)
     log = package.load_log(found["logs"][0])
     error = np.linalg.norm(log.tool - log.tool_reference, axis=1)
-    inside = (log.time >= found["steady_window_s"][0]) & (log.time < found["steady_window_s"][1])
-    wanted = {"mean": error[inside].mean(), "max": error[inside].max(), "max_whole_flight": error.max()}
+    inside = (log.time >= found["steady_window_s"][0]) & (
+        log.time < found["steady_window_s"][1]
+    )
+    wanted = {
+        "mean": error[inside].mean(),
+        "max": error[inside].max(),
+        "max_whole_flight": error.max(),
+    }
     assert found["errors_continuous"]["tip"] == pytest.approx(wanted, rel=1e-12)
 
 
 def test_an_error_of_one_name_has_one_value_in_every_command() -> None:
-    """run, score and diff: against the continuous reference where the name says so, else the held one."""
+    """run, score and diff: against the continuous reference where the name says so,
+    else the held one.
+    """
     found = json.loads(skyarm("run", "case3", "--duration", "12", "--json").out)
     (file, *_), again = found["logs"], package.load_log(found["logs"][0])
     scored = package.score(again, ["standard", "standard_continuous"])
     for what, name in (("position", "position"), ("joints", "joint"), ("tip", "ee")):
         for how in ("mean", "max"):
             value = found["errors_continuous"][what][how]
-            assert value == pytest.approx(scored[f"{name}_error_{how}_continuous"], rel=1e-9)
+            assert value == pytest.approx(
+                scored[f"{name}_error_{how}_continuous"], rel=1e-9
+            )
             # the largest may be at rest, where the held reference is the continuous one
-            assert how == "max" or value != pytest.approx(scored[f"{name}_error_{how}"], rel=1e-9)
+            assert how == "max" or value != pytest.approx(
+                scored[f"{name}_error_{how}"], rel=1e-9
+            )
     told = skyarm("diff", file, file).out
-    assert re.findall(r"^(position_error_mean\w*)", told, re.M) == ["position_error_mean_continuous"]
+    assert re.findall(r"^(position_error_mean\w*)", told, re.M) == [
+        "position_error_mean_continuous"
+    ]
     assert f"{scored['position_error_mean_continuous']:.4g}" in told
     for metrics in json.loads(skyarm("diff", file, file, "--json").out)["metrics"]:
         assert {name: metrics[name] for name in scored} == pytest.approx(scored)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the shell's pipe and quotes")
-def test_the_pipe_that_the_documentation_shows_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pipe = r"^```bash\n(skyarm run case3 --json \|.*)\n```\n<!-- [^>]* -->\n```text\n((?:.*\n)*?)```$"
+def test_the_pipe_that_the_documentation_shows_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pipe = (
+        r"^```bash\n(skyarm run case3 --json \|.*)\n```\n<!-- [^>]*"
+        r" -->\n```text\n((?:.*\n)*?)```$"
+    )
     ((line, printed),) = re.findall(pipe, DOCS.read_text("utf-8"), re.MULTILINE)
-    words = line.replace("skyarm run case3", f"{sys.executable} -m skyarm run case3 --duration 1")
+    words = line.replace(
+        "skyarm run case3", f"{sys.executable} -m skyarm run case3 --duration 1"
+    )
     words = words.replace("| python ", f"| {sys.executable} ")
-    done = subprocess.run(words, shell=True, capture_output=True, text=True, cwd=tmp_path, check=True)
+    done = subprocess.run(
+        words, shell=True, capture_output=True, text=True, cwd=tmp_path, check=True
+    )
     assert done.stdout == printed == "completed\n"
     assert not done.stderr
 
 
 def test_what_json_lacks_becomes_null_list_and_text() -> None:
-    given = {"a": np.array([1.0, np.inf]), "b": (1, float("nan")), "c": Path("x"), "d": np.int64(3), 5: {"e": True}}
-    assert output.plain(given) == {"a": [1.0, None], "b": [1, None], "c": "x", "d": 3, "5": {"e": True}}
+    given = {
+        "a": np.array([1.0, np.inf]),
+        "b": (1, float("nan")),
+        "c": Path("x"),
+        "d": np.int64(3),
+        5: {"e": True},
+    }
+    assert output.plain(given) == {
+        "a": [1.0, None],
+        "b": [1, None],
+        "c": "x",
+        "d": 3,
+        "5": {"e": True},
+    }
 
 
 def run_own(function: Any, *words: str) -> Any:
@@ -206,7 +271,9 @@ def run_own(function: Any, *words: str) -> Any:
         return skyarm("own-words", *words)
 
 
-def test_a_command_of_one_s_own_has_the_options_and_its_lines_are_the_document() -> None:
+def test_a_command_of_one_s_own_has_the_options_and_its_lines_are_the_document() -> (
+    None
+):
     def own(number: int = 3) -> None:
         """Say a number."""
         print(f"number {number}")
@@ -218,7 +285,9 @@ def test_a_command_of_one_s_own_has_the_options_and_its_lines_are_the_document()
 
 
 def test_no_colour_goes_where_nobody_wants_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A terminal in colours; none with NO_COLOR, and none where it is dumb or no terminal."""
+    """A terminal in colours; none with NO_COLOR, and none where it is dumb or no
+    terminal.
+    """
     import io
 
     class Screen(io.StringIO):

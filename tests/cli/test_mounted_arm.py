@@ -1,4 +1,6 @@
-"""Vehicle files of the page on your vehicle: the starter, an arm by ``[[attach]]``, and ``export --to mjcf``."""
+"""Vehicle files of the page on your vehicle: the starter, an arm by ``[[attach]]``, and
+``export --to mjcf``.
+"""
 
 from __future__ import annotations
 
@@ -16,14 +18,27 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 from support.cases import joint, limits, link, robot, saved
 from support.commands import refused, skyarm
 
-TOOL = '<link name="{0}"/><joint name="f{0}" type="fixed"><parent link="{1}"/><child link="{0}"/></joint>'
-ARM = (link("mount"), link("a"), link("b"), joint("ja", "mount", "a", limits()), joint("jb", "a", "b", limits()))
+TOOL = (
+    '<link name="{0}"/><joint name="f{0}" type="fixed"><parent link="{1}"/><child'
+    ' link="{0}"/></joint>'
+)
+ARM = (
+    link("mount"),
+    link("a"),
+    link("b"),
+    joint("ja", "mount", "a", limits()),
+    joint("jb", "a", "b", limits()),
+)
 
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    saved(tmp_path, robot(*ARM, TOOL.format("tool0", "b"), TOOL.format("camera", "b")), "arm.urdf")
+    saved(
+        tmp_path,
+        robot(*ARM, TOOL.format("tool0", "b"), TOOL.format("camera", "b")),
+        "arm.urdf",
+    )
     return tmp_path
 
 
@@ -32,7 +47,19 @@ def test_a_scenario_is_exported_with_its_gravity_and_first_state(here):
     model = mujoco.MjModel.from_xml_path("x.xml")
     assert model.key(0).qpos[2] > 0.0
     assert (
-        skyarm("export", "--to", "mjcf", "case3", "-o", "x.xml", "--gravity", "1.62", "--timestep", "0.002").code == 0
+        skyarm(
+            "export",
+            "--to",
+            "mjcf",
+            "case3",
+            "-o",
+            "x.xml",
+            "--gravity",
+            "1.62",
+            "--timestep",
+            "0.002",
+        ).code
+        == 0
     )
     model = mujoco.MjModel.from_xml_path("x.xml")
     assert (model.opt.gravity[2], model.opt.timestep) == (-1.62, 0.002)
@@ -44,8 +71,14 @@ def test_a_scenario_is_exported_with_its_gravity_and_first_state(here):
         (("eagle", "-o", "x.xml"), "vehicle = 'eagle': "),
         (("case3", "-o", "x.urdf"), "--out = 'x.urdf': must end in .xml or .mjcf"),
         (("case3", "-o", "x.xml", "--gravity", "-1"), "--gravity = -1"),
-        (("case3", "-o", "x.xml", "--timestep", "1"), "--timestep = 1.0: must be at most 0.1 s"),
-        (("hummingbird_arm2", "-o", "x.xml"), "planar = True: must be false in a plant"),
+        (
+            ("case3", "-o", "x.xml", "--timestep", "1"),
+            "--timestep = 1.0: must be at most 0.1 s",
+        ),
+        (
+            ("hummingbird_arm2", "-o", "x.xml"),
+            "planar = True: must be false in a plant",
+        ),
         (("arm.toml", "-o", "x.xml"), "vehicle = 'arm.toml': no such file"),
     ],
 )
@@ -55,11 +88,23 @@ def test_what_cannot_be_exported_is_one_line(here, words, message):
 
 
 def test_show_prints_the_notes_of_a_file(here):
-    saved(here, robot(link("b"), link("a"), joint("j", "b", "a", "", "continuous"), "<gazebo/>"), "v.urdf")
+    saved(
+        here,
+        robot(
+            link("b"), link("a"), joint("j", "b", "a", "", "continuous"), "<gazebo/>"
+        ),
+        "v.urdf",
+    )
     shown = skyarm("show", "v.urdf", columns=200)
     assert shown.code == 0, shown.err
-    assert "joint j: without an effort, so passive; [[joints]] effort_limit gives it a drive" in shown.out
-    assert "<gazebo> (1): not read" in json.loads(skyarm("show", "v.urdf", "--json").out)["notes"]
+    assert (
+        "joint j: without an effort, so passive; [[joints]] effort_limit gives it a"
+        " drive" in shown.out
+    )
+    assert (
+        "<gazebo> (1): not read"
+        in json.loads(skyarm("show", "v.urdf", "--json").out)["notes"]
+    )
 
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -91,7 +136,9 @@ joints = [
 
 
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
-def test_the_arm_of_the_page_flies_on_both_plants_with_its_second_finger(here, shown, plant):
+def test_the_arm_of_the_page_flies_on_both_plants_with_its_second_finger(
+    here, shown, plant
+):
     """In Python floats, 0.1 s: the fingers open by a centimetre against each other."""
     (here / "examples").mkdir()
     saved(here, PICKER, "examples/picker.urdf")
@@ -105,7 +152,10 @@ def test_the_arm_of_the_page_flies_on_both_plants_with_its_second_finger(here, s
     log = run(replace(scenario, controller=controller))
     assert (log.status, par.model.vehicle.n) == ("completed", 3)
     # it starts beside the reference of 2 cm, which the finger goes to
-    assert abs(log.joints[-1, 2] - 0.02) < 0.5 * abs(log.joints[0, 2] - 0.02) or abs(log.joints[-1, 2] - 0.02) < 1e-4
+    assert (
+        abs(log.joints[-1, 2] - 0.02) < 0.5 * abs(log.joints[0, 2] - 0.02)
+        or abs(log.joints[-1, 2] - 0.02) < 1e-4
+    )
 
 
 def words(text: str) -> str:
@@ -129,7 +179,11 @@ def test_the_whole_file_and_the_parts_shown_are_those_of_a_new_vehicle(here, sho
 def test_a_joint_that_is_too_weak_reads_as_the_page_shows(here):
     assert skyarm("new", "vehicle", "my_copter").code == 0
     written = (here / "my_copter.toml").read_text("utf-8")
-    saved(here, written.replace("effort_limit = 1.5", "effort_limit = 0.25", 1), "my_copter.toml")
+    saved(
+        here,
+        written.replace("effort_limit = 1.5", "effort_limit = 0.25", 1),
+        "my_copter.toml",
+    )
     found = skyarm("check", "my_copter.toml", columns=100)
     (lines,) = re.findall(r"```text\n(fault .*?)```", PAGE, re.DOTALL)
     assert found.code == 1

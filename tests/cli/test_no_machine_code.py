@@ -1,4 +1,6 @@
-"""Where LLVM cannot build: every command says so in one line and what to do, or flies slowly and says that."""
+"""Where LLVM cannot build: every command says so in one line and what to do, or flies
+slowly and says that.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,10 @@ from skyarm.control.laws.predictive import law
 from support.commands import Outcome, skyarm
 
 ADVICE = "python -m pip install --upgrade llvmlite"
-PARSING = "LLVM IR parsing error\n<string>:7:21: error: expected type\n  %0 = load ptr\n       ^"
+PARSING = (
+    "LLVM IR parsing error\n<string>:7:21: error: expected type\n  %0 = load ptr\n   "
+    "    ^"
+)
 LIBRARY = ("llvmlite", "llvmlite.binding")
 
 
@@ -71,20 +76,31 @@ BREAKAGES = {
     "import raises": import_raises,
     "too old": too_old,
     "assembly not parsed": raising("parse_assembly", PARSING),
-    "code not loaded": raising("create_mcjit_compiler", "Target does not support MC emission!"),
-    "processor unknown": raising("get_host_cpu_features", "failed to retrieve host CPU features."),
+    "code not loaded": raising(
+        "create_mcjit_compiler", "Target does not support MC emission!"
+    ),
+    "processor unknown": raising(
+        "get_host_cpu_features", "failed to retrieve host CPU features."
+    ),
 }
 
 
 def tried(commands: Iterable[str]) -> list[Any]:
-    """(cause, command): no library and a library that fails for each; the others in 'make thorough'."""
+    """(cause, command): no library and a library that fails for each; the others in
+    'make thorough'.
+    """
     usual = ("absent", "assembly not parsed")
     every = itertools.product(BREAKAGES, commands)
-    return [pytest.param(*each, marks=() if each[0] in usual else pytest.mark.thorough) for each in every]
+    return [
+        pytest.param(*each, marks=() if each[0] in usual else pytest.mark.thorough)
+        for each in every
+    ]
 
 
 @pytest.fixture(params=list(BREAKAGES))
-def cause(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+def cause(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[str]:
     """An LLVM that cannot build, with nothing in the cache; the words of its cause."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("SKYARM_CACHE", str(tmp_path / "cache"))
@@ -98,7 +114,11 @@ def cause(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mo
 
 def lines_of(outcome: Outcome) -> list[str]:
     """Lines on standard error, but for progress, which a slow machine prints."""
-    return [line for line in outcome.err.splitlines() if not re.fullmatch(r"skyarm: \w+: \d+ of \d+.*", line)]
+    return [
+        line
+        for line in outcome.err.splitlines()
+        if not re.fullmatch(r"skyarm: \w+: \d+ of \d+.*", line)
+    ]
 
 
 def told(outcome: Outcome, code: int, *words: str) -> None:
@@ -116,9 +136,26 @@ NEED_IT = {
     "margins": ("margins", "case1", "--laws", "centroidal_tip", "--instants", "0"),
     "margins along": ("margins", "case1", "--instants", "2"),
     "compare": ("compare", "--laws", "paper_ct", "--only", "perfect", "--workers", "1"),
-    "compare in mujoco": ("compare", "--laws", "paper_ct", "--only", "perfect", "--plant", "mujoco"),
+    "compare in mujoco": (
+        "compare",
+        "--laws",
+        "paper_ct",
+        "--only",
+        "perfect",
+        "--plant",
+        "mujoco",
+    ),
     "nmpc": ("run", "case1", "--laws", "nmpc", "--duration", "0.1"),
-    "nmpc in mujoco": ("run", "case1", "--laws", "nmpc", "--duration", "0.1", "--plant", "mujoco"),
+    "nmpc in mujoco": (
+        "run",
+        "case1",
+        "--laws",
+        "nmpc",
+        "--duration",
+        "0.1",
+        "--plant",
+        "mujoco",
+    ),
     "reproduce": ("reproduce", "--workers", "1"),
     "reproduce in mujoco": ("reproduce", "--workers", "1", "--plant", "mujoco"),
 }
@@ -131,7 +168,13 @@ def test_a_command_that_needs_it_says_why_and_what_to_do(cause: str, what: str) 
 
 def test_a_flight_goes_on_in_python_and_says_how_slow(cause: str) -> None:
     outcome = skyarm("run", "case1", "--duration", "0.1", "--out", "here")
-    told(outcome, 0, cause, ADVICE, "flying as Python floats: about 150 times slower per step")
+    told(
+        outcome,
+        0,
+        cause,
+        ADVICE,
+        "flying as Python floats: about 150 times slower per step",
+    )
     assert Path("here/case1.npz").exists()
 
 
@@ -139,7 +182,16 @@ WITHOUT_IT = {
     "run in mujoco": ("run", "case1", "--duration", "0.1", "--plant", "mujoco"),
     "list": ("show",),
     "show": ("show", "hummingbird_arm2"),
-    "export-c": ("export", "--to", "c", "centroidal", "--vehicle", "hummingbird_arm2", "--out", "law.c"),
+    "export-c": (
+        "export",
+        "--to",
+        "c",
+        "centroidal",
+        "--vehicle",
+        "hummingbird_arm2",
+        "--out",
+        "law.c",
+    ),
 }
 
 
@@ -162,7 +214,10 @@ def test_an_installed_version_is_named() -> None:
     from importlib.metadata import version
 
     with (
-        pytest.raises(NoMachineCodeError, match=rf"\(ValueError\).*, {version('llvmlite')} is installed;"),
+        pytest.raises(
+            NoMachineCodeError,
+            match=rf"\(ValueError\).*, {version('llvmlite')} is installed;",
+        ),
         llvm_needed(),
     ):
         raise ValueError
@@ -173,14 +228,20 @@ def test_too_little_memory_is_not_taken_for_a_missing_library() -> None:
         raise MemoryError
 
 
-@pytest.mark.parametrize("what", ["a file", "below a file", "without permission", "a name too long"])
+@pytest.mark.parametrize(
+    "what", ["a file", "below a file", "without permission", "a name too long"]
+)
 def test_a_cache_that_cannot_be_written_is_done_without(
     what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").write_text("")
     (tmp_path / "closed").mkdir(mode=0o500)
-    folders = {"a file": "taken", "below a file": "taken/cache", "without permission": "closed/cache"}
+    folders = {
+        "a file": "taken",
+        "below a file": "taken/cache",
+        "without permission": "closed/cache",
+    }
     monkeypatch.setenv("SKYARM_CACHE", folders.get(what, "x" * 5000))
     outcome = skyarm("run", "case1", "--duration", "0.1")
     assert (outcome.code, lines_of(outcome)) == (0, [])

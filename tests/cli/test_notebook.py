@@ -1,4 +1,6 @@
-"""Records in a notebook: the lines of the command that prints them, a picture, and the text alone where both fail."""
+"""Records in a notebook: the lines of the command that prints them, a picture, and the
+text alone where both fail.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ PICTURE = re.compile(r'<figure><img alt="\w+" src="data:image/png;base64,[\w+/=]
 
 @pytest.fixture(scope="module")
 def log() -> skyarm.Log:
-    return skyarm.run(skyarm.load_scenario("case1", controller="paper_pd", duration=0.05))
+    return skyarm.run(
+        skyarm.load_scenario("case1", controller="paper_pd", duration=0.05)
+    )
 
 
 class Drawn:
@@ -49,7 +53,9 @@ def test_a_log_shows_the_table_that_run_prints_and_a_figure(
     log: skyarm.Log, capsys: pytest.CaptureFixture[str], quickly_drawn: None
 ) -> None:
     tell(*summary(log, facts(log)))
-    assert words_of(log) == [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    assert words_of(log) == [
+        line.rstrip() for line in capsys.readouterr().out.splitlines()
+    ]
     assert words_of(log)[0] == "case1: completed, 0.05 s"
     assert any(re.match(r"base, m( +[\d.e-]+){3}$", line) for line in words_of(log))
     assert PICTURE.search(log._repr_html_())
@@ -57,20 +63,33 @@ def test_a_log_shows_the_table_that_run_prints_and_a_figure(
 
 @pytest.mark.thorough
 def test_the_command_prints_what_a_log_shows(
-    log: skyarm.Log, tmp_path: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    log: skyarm.Log,
+    tmp_path: Any,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     log.save_npz(tmp_path / "flown.npz")
-    monkeypatch.setattr("sys.argv", ["skyarm", "run", f"{tmp_path}/flown.npz", "--log", f"{tmp_path}/again.npz"])
+    monkeypatch.setattr(
+        "sys.argv",
+        ["skyarm", "run", f"{tmp_path}/flown.npz", "--log", f"{tmp_path}/again.npz"],
+    )
     with pytest.raises(SystemExit):
         main()
     printed = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
-    assert words_of(log) == [line for line in printed if not line.startswith(("log: ", "picture: "))]
+    assert words_of(log) == [
+        line for line in printed if not line.startswith(("log: ", "picture: "))
+    ]
 
 
-def test_a_scenario_a_vehicle_and_a_check_show_their_lines(log: skyarm.Log, quickly_drawn: None) -> None:
+def test_a_scenario_a_vehicle_and_a_check_show_their_lines(
+    log: skyarm.Log, quickly_drawn: None
+) -> None:
     scenario = log.scenario
     lines = dict(line.split(maxsplit=1) for line in words_of(scenario)[1:])
-    assert (lines["vehicle"], lines["law"]) == (scenario.plant.vehicle.name, "decoupled_pd")
+    assert (lines["vehicle"], lines["law"]) == (
+        scenario.plant.vehicle.name,
+        "decoupled_pd",
+    )
     assert lines["duration"] == "0.05 s, control at 200 Hz, seed 0"
     fault = skyarm.Fault(rotor="front", effectiveness=0.9, start=0.0)
     assert "faults    Fault" in words_of(dataclasses.replace(scenario, faults=(fault,)))
@@ -78,7 +97,9 @@ def test_a_scenario_a_vehicle_and_a_check_show_their_lines(log: skyarm.Log, quic
     assert any(line.startswith("thrust margin ") for line in words_of(vehicle))
     assert PICTURE.search(scenario._repr_html_())
     assert PICTURE.search(vehicle._repr_html_())
-    found = Assessment("mine", vehicle, 9.81, 0.0, 16, (Finding("units", OK, "all likely"),))
+    found = Assessment(
+        "mine", vehicle, 9.81, 0.0, 16, (Finding("units", OK, "all likely"),)
+    )
     assert words_of(found)[-1] == "can fly: no fault, 0 warnings"
     assert "<img" not in found._repr_html_()
 
@@ -89,9 +110,13 @@ def test_logs_vehicles_and_scenarios_are_drawn(log: skyarm.Log) -> None:
         assert len(notebook.words_and_picture(record)[1]) > 10_000
 
 
-def test_names_from_files_are_text_and_nothing_else(log: skyarm.Log, quickly_drawn: None) -> None:
+def test_names_from_files_are_text_and_nothing_else(
+    log: skyarm.Log, quickly_drawn: None
+) -> None:
     hostile = "<script>alert(1)</script>\x1b[31m"
-    renamed = dataclasses.replace(log, info={**log.info, "scenario": hostile, "controller": hostile})
+    renamed = dataclasses.replace(
+        log, info={**log.info, "scenario": hostile, "controller": hostile}
+    )
     for record in (renamed, dataclasses.replace(log.scenario, title=hostile)):
         shown = record._repr_html_()
         assert "<script" not in shown

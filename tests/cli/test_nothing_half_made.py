@@ -1,4 +1,6 @@
-"""A command that refuses its input leaves no folder behind, and none that refuses the corrected input."""
+"""A command that refuses its input leaves no folder behind, and none that refuses the
+corrected input.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,15 @@ def called(*words):
 COMMANDS = {
     "sweep": ("sweep", "small.toml", "--laws", "mine.py:make", "--out", "new/out"),
     "compare": ("compare", "case3", "--laws", "mine.py:make", "--out", "new/out"),
-    "suite": ("compare", "--laws", "mine.py:make", "--only", "perfect", "--out", "new/out"),
+    "suite": (
+        "compare",
+        "--laws",
+        "mine.py:make",
+        "--only",
+        "perfect",
+        "--out",
+        "new/out",
+    ),
     "run": ("run", "case3", "--laws", "mine.py:make", "--out", "new/out"),
 }
 
@@ -89,12 +99,16 @@ def test_the_corrected_law_flies_into_the_folder_of_before(folder: Path) -> None
     (folder / "small.toml").write_text(STUDY.replace("episodes = 4", "episodes = 2"))
     done = called(*words)
     assert done.code == 0, done.err
-    assert json.loads((folder / "new" / "out" / "manifest.json").read_text())["rows"] == 2
+    assert (
+        json.loads((folder / "new" / "out" / "manifest.json").read_text())["rows"] == 2
+    )
 
 
 def test_only_what_was_made_goes_and_only_without_a_result(tmp_path: Path) -> None:
     def work(name: str, result: bool) -> None:
-        with taken_back(tmp_path / name, tmp_path / name / "said", tmp_path / name / "held"):
+        with taken_back(
+            tmp_path / name, tmp_path / name / "said", tmp_path / name / "held"
+        ):
             (tmp_path / name / "held").mkdir(parents=True, exist_ok=True)
             (tmp_path / name / "said").write_text("x")
             if result:
@@ -104,7 +118,12 @@ def test_only_what_was_made_goes_and_only_without_a_result(tmp_path: Path) -> No
     for name, result in (("a/b", False), ("kept", True)):
         with pytest.raises(ValueError, match="refused"):
             work(name, result)
-    assert sorted(path.name for path in tmp_path.rglob("*")) == ["held", "kept", "row", "said"]
+    assert sorted(path.name for path in tmp_path.rglob("*")) == [
+        "held",
+        "kept",
+        "row",
+        "said",
+    ]
 
     def full() -> None:
         with taken_back(tmp_path / "kept" / "other"):

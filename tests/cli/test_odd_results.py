@@ -1,4 +1,6 @@
-"""A part whose rarely called method returns an odd thing is one line with file, method, value and what is allowed."""
+"""A part whose rarely called method returns an odd thing is one line with file, method,
+value and what is allowed.
+"""
 
 from __future__ import annotations
 
@@ -85,25 +87,42 @@ def test_a_flight_whose_ending_names_no_cause_is_kept(gives, value) -> None:
     assert log.info["cause"] == f"{place(Fence.cause)} gives {value}: must be a text"
 
 
-@pytest.mark.parametrize(("error", "words"), [(KeyError("gate"), "'gate'"), (RuntimeError("one\ntwo"), "one two")])
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [(KeyError("gate"), "'gate'"), (RuntimeError("one\ntwo"), "one two")],
+)
 def test_a_cause_that_fails_is_the_cause_of_the_end(gives, error, words) -> None:
     gives(error)
     start = first_state(BASE)
-    ended = find_ending(dataclasses.replace(BASE, endings=(Fence(),)), 0.0, leaves(start), [*start.position])
+    ended = find_ending(
+        dataclasses.replace(BASE, endings=(Fence(),)),
+        0.0,
+        leaves(start),
+        [*start.position],
+    )
     assert ended is not None
-    assert re.fullmatch(rf"{re.escape(__file__)}:\d+: {type(error).__name__}: {words}", ended.cause)
+    assert re.fullmatch(
+        rf"{re.escape(__file__)}:\d+: {type(error).__name__}: {words}", ended.cause
+    )
 
 
-def test_a_cause_of_the_library_that_fails_is_a_fault_of_the_library(monkeypatch) -> None:
+def test_a_cause_of_the_library_that_fails_is_a_fault_of_the_library(
+    monkeypatch,
+) -> None:
     monkeypatch.setattr(Divergence, "cause", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        find_ending(BASE, 0.0, [math.nan] * len(leaves(first_state(BASE))), [0.0, 0.0, 1.0])
+        find_ending(
+            BASE, 0.0, [math.nan] * len(leaves(first_state(BASE))), [0.0, 0.0, 1.0]
+        )
 
 
 @pytest.mark.parametrize("value", [3, None])
 def test_a_status_that_is_no_text(monkeypatch, value) -> None:
     monkeypatch.setattr(Fence, "status", value)
-    with pytest.raises(ValueError, match=rf"endings\[0\] \(Fence\) has status = {value}: must be a text"):
+    with pytest.raises(
+        ValueError,
+        match=rf"endings\[0\] \(Fence\) has status = {value}: must be a text",
+    ):
         require_shapes(dataclasses.replace(BASE, endings=(Fence(),)))
 
 
@@ -112,22 +131,36 @@ def test_warnings_that_are_no_list(gives, value) -> None:
     gives(value)
     with pytest.raises(ValueError) as error:  # noqa: PT011
         part_warnings(dataclasses.replace(BASE, forces=(Push(),)))
-    assert str(error.value) == f"{place(Push.warnings)} gives {value!r}: must be a list of texts"
+    assert (
+        str(error.value)
+        == f"{place(Push.warnings)} gives {value!r}: must be a list of texts"
+    )
 
 
 @pytest.mark.parametrize("value", [["low"], ("low",), iter(["low"])])
 def test_warnings_in_any_list(gives, value) -> None:
     gives(value)
-    assert "environment.forces[0]: low" in part_warnings(dataclasses.replace(BASE, forces=(Push(),)))
+    assert "environment.forces[0]: low" in part_warnings(
+        dataclasses.replace(BASE, forces=(Push(),))
+    )
 
 
 SHAPES = {
     "none": (None, "gives None: must be a skyarm.world.scene.Scene"),
     "text": ("x", "gives 'x': must be a skyarm.world.scene.Scene"),
     "kind": (Scene(attached=(Shape("b", "object", "cone", 0, (0.1,)),)), "kind='cone'"),
-    "line": (Scene(lines=(Line("r", np.zeros(3)),)), "must be with places of shape (N, K, 3) at N = 2 instants"),
-    "flat": (Scene(lines=(Line("r", np.zeros((2, 3))),)), "must be with places of shape (N, K, 3)"),
-    "deep": (Scene(lines=(Line("r", np.zeros((2, 5, 3, 7))),)), "must be with places of shape (N, K, 3)"),
+    "line": (
+        Scene(lines=(Line("r", np.zeros(3)),)),
+        "must be with places of shape (N, K, 3) at N = 2 instants",
+    ),
+    "flat": (
+        Scene(lines=(Line("r", np.zeros((2, 3))),)),
+        "must be with places of shape (N, K, 3)",
+    ),
+    "deep": (
+        Scene(lines=(Line("r", np.zeros((2, 5, 3, 7))),)),
+        "must be with places of shape (N, K, 3)",
+    ),
 }
 
 
@@ -136,7 +169,10 @@ def test_shapes_that_cannot_be_drawn(gives, kind) -> None:
     value, words = SHAPES[kind]
     gives(value)
     seen: Any = Instants(
-        vehicle=BASE.plant.vehicle, times=np.zeros(2), position=np.zeros((2, 3)), quaternion=np.zeros((2, 4)),
+        vehicle=BASE.plant.vehicle,
+        times=np.zeros(2),
+        position=np.zeros((2, 3)),
+        quaternion=np.zeros((2, 4)),
         joints=np.zeros((2, 2)),
     )
     with pytest.raises(ValueError) as error:  # noqa: PT011
@@ -147,10 +183,14 @@ def test_shapes_that_cannot_be_drawn(gives, kind) -> None:
 
 def test_a_text_is_no_memory_and_nothing_is_one(gives) -> None:
     gives("x")
-    words = r"\(Still\) has memory = 'x': must be a tuple or a frozen dataclass of numbers"
+    words = (
+        r"\(Still\) has memory = 'x': must be a tuple or a frozen dataclass of numbers"
+    )
     with pytest.raises(ValueError, match=words):
         require_shapes(dataclasses.replace(BASE, air=(Still(),)))
-    assert memory_mistake(None, "memory") is memory_mistake(("x", 0.0), "memory") is None
+    assert (
+        memory_mistake(None, "memory") is memory_mistake(("x", 0.0), "memory") is None
+    )
 
 
 @pytest.fixture
@@ -167,7 +207,10 @@ def form(monkeypatch, tmp_path):
 
     with registry_kept():
         skyarm.register.log_format("odd", title="odd")(skyarm.LogFormat(write, read))
-        own.at = {each: f"{__file__}:{each.__code__.co_firstlineno}: {each.__qualname__}" for each in (write, read)}
+        own.at = {
+            each: f"{__file__}:{each.__code__.co_firstlineno}: {each.__qualname__}"
+            for each in (write, read)
+        }
         own.places = [*own.at.values()]
         yield own
 
@@ -180,7 +223,10 @@ def test_a_format_that_writes_nothing(form, value) -> None:
     form.write = lambda path: value
     with pytest.raises(ValueError) as error:  # noqa: PT011
         save_log(LOG, "a.odd")
-    assert str(error.value) == f"{form.places[0]} gives {value!r}: must be the path of the written file"
+    assert (
+        str(error.value)
+        == f"{form.places[0]} gives {value!r}: must be the path of the written file"
+    )
 
 
 @pytest.mark.parametrize("value", [None, 4, "a.odd", ""])
@@ -189,12 +235,16 @@ def test_a_format_that_names_no_path_but_writes_its_file(form, value) -> None:
     assert save_log(LOG, "a.odd") == Path("a.odd")
 
 
-def test_a_path_in_words_is_a_path_and_an_old_file_is_none_that_was_written(form) -> None:
+def test_a_path_in_words_is_a_path_and_an_old_file_is_none_that_was_written(
+    form,
+) -> None:
     Path("a.odd").write_text("old")
     form.write = lambda path: Path("b.odd").write_text("text") and "b.odd"
     assert save_log(LOG, "a.odd") == Path("b.odd")
     form.write = lambda path: 3
-    with pytest.raises(ValueError, match="gives 3: must be the path of the written file"):
+    with pytest.raises(
+        ValueError, match="gives 3: must be the path of the written file"
+    ):
         save_log(LOG, "a.odd")
 
 
@@ -231,7 +281,14 @@ def test_a_format_that_reads_no_log(form) -> None:
 @pytest.mark.parametrize(
     ("value", "code"),
     [
-        (None, 0), (3, 3), (3.0, 3), (np.int64(3), 3), ({"a": 1.0}, None), ("3", None), (np.nan, None), (np.inf, None),
+        (None, 0),
+        (3, 3),
+        (3.0, 3),
+        (np.int64(3), 3),
+        ({"a": 1.0}, None),
+        ("3", None),
+        (np.nan, None),
+        (np.inf, None),
         (0.5, None),
     ],
 )

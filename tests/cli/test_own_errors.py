@@ -1,4 +1,6 @@
-"""What code of one's own raises is one line at the command line, with its file, line and class, whatever it raises."""
+"""What code of one's own raises is one line at the command line, with its file, line
+and class, whatever it raises.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,11 @@ from skyarm.scenario.scenario_file import LIBRARY
 from support.commands import refused, skyarm
 from support.components import registry_kept
 
-CASE = (LIBRARY / "case1.toml").read_text("utf-8").replace('name = "case1"', 'name = "mine"')
+CASE = (
+    (LIBRARY / "case1.toml")
+    .read_text("utf-8")
+    .replace('name = "case1"', 'name = "mine"')
+)
 
 HEAD = """from dataclasses import dataclass
 import sys
@@ -44,9 +50,14 @@ class Mine(skyarm.Air):
         RAISE
 """
 )
-CHECKED = AIR.replace("def velocity(self, memory, t, position_W)", "def __post_init__(self)")
+CHECKED = AIR.replace(
+    "def velocity(self, memory, t, position_W)", "def __post_init__(self)"
+)
 MOTION = HEAD + '@skyarm.register.motion("mine")\ndef mine():\n    RAISE\n'
-FORMAT = HEAD + 'def write(log, path):\n    RAISE\n\nskyarm.register.log_format("mine")(skyarm.LogFormat(write))\n'
+FORMAT = (
+    HEAD + "def write(log, path):\n   "
+    ' RAISE\n\nskyarm.register.log_format("mine")(skyarm.LogFormat(write))\n'
+)
 ESTIMATOR = (
     HEAD
     + """@skyarm.register.estimator("mine")
@@ -58,10 +69,19 @@ class Mine(skyarm.Estimator):
 )
 
 ERRORS = {
-    "value": ('raise ValueError("gain must be positive")', "ValueError: gain must be positive"),
+    "value": (
+        'raise ValueError("gain must be positive")',
+        "ValueError: gain must be positive",
+    ),
     "below": ('float("12,5")', "ValueError: could not convert string to float: '12,5'"),
-    "unicode": (r'b"\xff".decode()', "UnicodeDecodeError: 'utf-8' codec can't decode byte 0xff"),
-    "os": ('open("gone.json")', "FileNotFoundError: [Errno 2] No such file or directory: 'gone.json'"),
+    "unicode": (
+        r'b"\xff".decode()',
+        "UnicodeDecodeError: 'utf-8' codec can't decode byte 0xff",
+    ),
+    "os": (
+        'open("gone.json")',
+        "FileNotFoundError: [Errno 2] No such file or directory: 'gone.json'",
+    ),
     "key": ('raise KeyError("gain")', "KeyError: 'gain'"),
     "exit": ("sys.exit(7)", "SystemExit: 7"),
 }
@@ -80,7 +100,9 @@ def flown(folder, code, raises, case=CASE, options=()):
     text = code.replace("RAISE", raises)
     (folder / "mine.py").write_text(text)
     line = text[: text.index(raises)].count("\n") + 1
-    return line, skyarm("run", "mine.toml", "--duration", "0.1", "--plugin", "mine.py", *options)
+    return line, skyarm(
+        "run", "mine.toml", "--duration", "0.1", "--plugin", "mine.py", *options
+    )
 
 
 @pytest.mark.parametrize("kind", ERRORS)
@@ -112,21 +134,31 @@ def test_an_error_of_anything_else(tmp_path, other, kind):
 
 def test_what_a_records_own_check_says_stays_the_files_word(tmp_path):
     case = CASE + '[[environment.air]]\nkind = "mine"\n'
-    _, done = flown(tmp_path, CHECKED, 'raise ValueError("number = 1: must be above 2")', case)
+    _, done = flown(
+        tmp_path, CHECKED, 'raise ValueError("number = 1: must be above 2")', case
+    )
     refused(done, "mine.toml: environment.air[0].number = 1: must be above 2")
 
 
 def test_what_the_library_refuses_stays_its_word(tmp_path):
     maker = MAKER.replace("RAISE", "return RAISE")
-    code = maker.replace("import sys", "from skyarm.control.catalogue import make_controller")
-    _, done = flown(tmp_path, code, 'make_controller("nope", model)', options=("--laws", "mine.py:make"))
+    code = maker.replace(
+        "import sys", "from skyarm.control.catalogue import make_controller"
+    )
+    _, done = flown(
+        tmp_path,
+        code,
+        'make_controller("nope", model)',
+        options=("--laws", "mine.py:make"),
+    )
     refused(done, "'nope'", "must be one of")
     assert "Error" not in done.err
 
 
 def test_a_command_of_ones_own_exits_as_it_likes(tmp_path):
     (tmp_path / "mine.py").write_text(
-        HEAD + '@skyarm.register.command("leave")\ndef leave():\n    """Leave."""\n    sys.exit(7)\n'
+        HEAD + '@skyarm.register.command("leave")\ndef leave():\n    """Leave."""\n   '
+        " sys.exit(7)\n"
     )
     done = skyarm("leave", "--plugin", "mine.py")
     assert (done.code, done.err) == (7, "")

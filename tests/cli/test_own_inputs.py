@@ -1,4 +1,6 @@
-"""A command never writes over what it reads, under whatever name, and none writes under another format's suffix."""
+"""A command never writes over what it reads, under whatever name, and none writes under
+another format's suffix.
+"""
 
 from __future__ import annotations
 
@@ -73,10 +75,16 @@ def test_a_log_is_flown_again_beside_itself(folder: Path) -> None:
     ended = skyarm("run", "out/run/short.npz")
     assert ended.code == 0, ended.err
     assert Path("out/run/short.npz").read_bytes() == flight()
-    assert sorted(file.name for file in Path("out/run").iterdir()) == ["short.npz", "short_1.csv", "short_1.npz"]
+    assert sorted(file.name for file in Path("out/run").iterdir()) == [
+        "short.npz",
+        "short_1.csv",
+        "short_1.npz",
+    ]
 
 
-def test_a_file_that_takes_the_number_of_one_that_is_gone_is_written(folder: Path) -> None:
+def test_a_file_that_takes_the_number_of_one_that_is_gone_is_written(
+    folder: Path,
+) -> None:
     note = Path("read.toml")
     note.write_text("a = 1")
     with inputs_kept():
@@ -90,7 +98,9 @@ def test_a_file_that_takes_the_number_of_one_that_is_gone_is_written(folder: Pat
             require_no_input(note)
 
 
-def test_a_file_that_was_read_is_known_though_a_name_of_it_is_gone(folder: Path) -> None:
+def test_a_file_that_was_read_is_known_though_a_name_of_it_is_gone(
+    folder: Path,
+) -> None:
     for name in ("a.toml", "b.toml"):
         Path(name).write_text(name)
         os.link(name, f"other_{name}")
@@ -109,7 +119,11 @@ SLOW = {"tune", "film", "plot", "margins"}
 """Commands that import more than all others."""
 
 CASES = [
-    pytest.param(command, *case, marks=[pytest.mark.thorough] if command in SLOW or case is not cases[0] else [])
+    pytest.param(
+        command,
+        *case,
+        marks=[pytest.mark.thorough] if command in SLOW or case is not cases[0] else [],
+    )
     for command, cases in OVERWRITES.items()
     if not isinstance(cases, str)
     for case in cases
@@ -117,7 +131,9 @@ CASES = [
 
 
 @pytest.mark.parametrize(("command", "words", "read", "written"), CASES)
-def test_a_command_refuses_to_write_over_its_input(folder: Path, command, words, read, written) -> None:
+def test_a_command_refuses_to_write_over_its_input(
+    folder: Path, command, words, read, written
+) -> None:
     if command in NEEDS:
         pytest.importorskip(NEEDS[command])
     if "flight.npz" in words:
@@ -138,26 +154,43 @@ def test_a_command_refuses_to_write_over_its_input(folder: Path, command, words,
 def test_a_file_is_known_under_its_other_names(folder: Path, same: str) -> None:
     SAME[same](folder / "other.csv", folder / "short.toml")
     for name in ("other.csv", "./other.csv", str(folder / "other.csv")):
-        refused(skyarm("run", "short.toml", "--log", name), "--log = ", "must be another file than those that are read")
+        refused(
+            skyarm("run", "short.toml", "--log", name),
+            "--log = ",
+            "must be another file than those that are read",
+        )
     assert (folder / "short.toml").read_text() == SCENARIO
 
 
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("margins", "short.toml", "--out", "short.toml"), "--out = 'short.toml': must end in .json"),
-        (("export", "short.toml", "--to", "c", "--out", "law.py"), "--out = 'law.py': must end in .c"),
-        (("identify", "--design", "hummingbird", "--out", "law.py"), "--out = 'law.py': must end in .toml"),
+        (
+            ("margins", "short.toml", "--out", "short.toml"),
+            "--out = 'short.toml': must end in .json",
+        ),
+        (
+            ("export", "short.toml", "--to", "c", "--out", "law.py"),
+            "--out = 'law.py': must end in .c",
+        ),
+        (
+            ("identify", "--design", "hummingbird", "--out", "law.py"),
+            "--out = 'law.py': must end in .toml",
+        ),
     ],
 )
-def test_a_suffix_that_is_not_written_is_refused(folder: Path, words, line: str) -> None:
+def test_a_suffix_that_is_not_written_is_refused(
+    folder: Path, words, line: str
+) -> None:
     refused(skyarm(*words), line)
     assert (folder / "short.toml").read_text() == SCENARIO
     assert (folder / "law.py").read_text() == LAW
 
 
 def test_the_last_word_is_where_files_are_written(folder: Path) -> None:
-    """A file that is read after the first look, or an output that no command announces."""
+    """A file that is read after the first look, or an output that no command
+    announces.
+    """
     with inputs_kept():
         write_atomically("new.json", b"{}")
         skyarm("show", "short.toml")
@@ -168,7 +201,10 @@ def test_the_last_word_is_where_files_are_written(folder: Path) -> None:
         load_scenario("short.toml")
         (folder / "link").symlink_to("short.toml")
         for name in ("short.toml", "link"):
-            with pytest.raises(ValueError, match=f"file = '{name}': must be another file than those that are read"):
+            with pytest.raises(
+                ValueError,
+                match=f"file = '{name}': must be another file than those that are read",
+            ):
                 write_atomically(name, b"")
     write_atomically("link", b"")
     assert (folder / "short.toml").read_bytes() == b""

@@ -21,7 +21,11 @@ def _kept():
         yield
 
 
-CASE = (LIBRARY / "case1.toml").read_text("utf-8").replace('name = "case1"', 'name = "mine"')
+CASE = (
+    (LIBRARY / "case1.toml")
+    .read_text("utf-8")
+    .replace('name = "case1"', 'name = "mine"')
+)
 ADDED = """
 [[environment.forces]]
 kind = "own_tether"
@@ -67,10 +71,17 @@ def test_without_it_the_file_is_refused_in_one_line(folder):
         "environment.forces[0].kind = 'own_tether'",
         "must be one of force_wind",
     )
-    refused(skyarm("run", "mine.toml", "--plugin"), "--plugin: must be followed by a .py file")
+    refused(
+        skyarm("run", "mine.toml", "--plugin"),
+        "--plugin: must be followed by a .py file",
+    )
     refused(skyarm("run", "mine.toml", "--plugin", "gone.py"), "plugin = 'gone.py'")
     (folder / "bad.py").write_text("x = 1\n1 / 0\n")
-    refused(skyarm("run", "mine.toml", "--plugin", "bad.py"), "bad.py", "line 2: ZeroDivisionError")
+    refused(
+        skyarm("run", "mine.toml", "--plugin", "bad.py"),
+        "bad.py",
+        "line 2: ZeroDivisionError",
+    )
 
 
 def test_a_law_of_a_file_flies_from_the_command_line(folder):
@@ -83,4 +94,6 @@ def test_a_law_of_a_file_flies_from_the_command_line(folder):
     shipped = skyarm(*words, "--laws", "decoupled_pd")
     assert shipped.code == 0
     assert same_logs(flown, logged(folder))
-    refused(skyarm(*words, "--laws", "own_plugin.py:none"), "must have a function 'none'")
+    refused(
+        skyarm(*words, "--laws", "own_plugin.py:none"), "must have a function 'none'"
+    )

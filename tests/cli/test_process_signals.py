@@ -1,4 +1,6 @@
-"""Signals end a command with one line, whenever they come; a parent that is killed takes its workers along."""
+"""Signals end a command with one line, whenever they come; a parent that is killed
+takes its workers along.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,24 @@ if sys.platform == "win32":
 COMMAND = [sys.executable, "-W", "error", "-m", "skyarm"]
 LONG_RUN = ["run", "case3", "--duration", "2000"]
 REPRODUCE = ["reproduce", "--workers", "2"]
-COMPARE = ["compare", "--laws", "nmpc", "--only", "noisy", "--workers", "2", "--out", "out"]
+COMPARE = [
+    "compare",
+    "--laws",
+    "nmpc",
+    "--only",
+    "noisy",
+    "--workers",
+    "2",
+    "--out",
+    "out",
+]
 INTERRUPTED = "skyarm: interrupted; finished files are whole\n"
 PATIENCE = 60.0
 """s, on a busy machine."""
 
 
-# what a shell in the foreground gives: `nohup make test &` leaves Ctrl-C and HUP ignored, which is inherited
+# what a shell in the foreground gives: `nohup make test &` leaves Ctrl-C and HUP
+# ignored, which is inherited
 USUAL = """
 import os, signal, sys
 for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -41,15 +54,27 @@ UNDISTURBED = [sys.executable, "-c", USUAL]
 def started(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     command = [*UNDISTURBED, *COMMAND, *arguments]
     pipe = subprocess.PIPE
-    # a group of its own: a terminal sends the interrupt to every process of it, the workers too
-    return subprocess.Popen(command, cwd=folder, stderr=pipe, stdout=pipe, text=True, start_new_session=True)
+    # a group of its own: a terminal sends the interrupt to every process of it, the
+    # workers too
+    return subprocess.Popen(
+        command, cwd=folder, stderr=pipe, stdout=pipe, text=True, start_new_session=True
+    )
 
 
 def members(group: int) -> list[int]:
     """Processes of a group that still run."""
-    listed = subprocess.run(["ps", "-A", "-o", "pid=,pgid=,stat="], capture_output=True, text=True, check=True).stdout
+    listed = subprocess.run(
+        ["ps", "-A", "-o", "pid=,pgid=,stat="],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
     rows = [line.split() for line in listed.splitlines()]
-    return [int(pid) for pid, own, state in rows if int(own) == group and not state.startswith("Z")]
+    return [
+        int(pid)
+        for pid, own, state in rows
+        if int(own) == group and not state.startswith("Z")
+    ]
 
 
 def wait_until(true: Callable[[], bool]) -> None:
@@ -60,21 +85,33 @@ def wait_until(true: Callable[[], bool]) -> None:
 
 
 def flying(folder: Path, process: subprocess.Popen[str], processes: int) -> None:
-    """Wait until all processes of a command are there, and some time, most of it that of flights."""
-    wait_until(lambda: (folder / "out").exists() and len(members(process.pid)) >= processes)
+    """Wait until all processes of a command are there, and some time, most of it that
+    of flights.
+    """
+    wait_until(
+        lambda: (folder / "out").exists() and len(members(process.pid)) >= processes
+    )
     time.sleep(1.0)
 
 
 def said(errors: str) -> str:
     """Standard error without its lines of progress."""
-    return "".join(line for line in errors.splitlines(keepends=True) if not re.search(r": \d+ of \d+", line))
+    return "".join(
+        line
+        for line in errors.splitlines(keepends=True)
+        if not re.search(r": \d+ of \d+", line)
+    )
 
 
 @pytest.mark.parametrize(
     ("arguments", "processes"),
-    sampled([(["run", "case3", "--duration", "2000"], 1), (REPRODUCE, 3), (COMPARE, 3)], 3),
+    sampled(
+        [(["run", "case3", "--duration", "2000"], 1), (REPRODUCE, 3), (COMPARE, 3)], 3
+    ),
 )
-def test_ctrl_c_is_one_line_and_leaves_no_part_of_a_file(tmp_path: Path, arguments: list[str], processes: int) -> None:
+def test_ctrl_c_is_one_line_and_leaves_no_part_of_a_file(
+    tmp_path: Path, arguments: list[str], processes: int
+) -> None:
     with started(tmp_path, *arguments) as process:
         flying(tmp_path, process, processes)
         os.killpg(process.pid, signal.SIGINT)
@@ -94,7 +131,9 @@ def test_ctrl_c_is_one_line_and_leaves_no_part_of_a_file(tmp_path: Path, argumen
 
 
 @pytest.mark.parametrize("number", sampled([signal.SIGTERM, signal.SIGHUP], 2))
-def test_term_and_hup_of_the_parent_are_one_line_and_end_its_workers(tmp_path: Path, number: signal.Signals) -> None:
+def test_term_and_hup_of_the_parent_are_one_line_and_end_its_workers(
+    tmp_path: Path, number: signal.Signals
+) -> None:
     with started(tmp_path, *REPRODUCE) as process:
         flying(tmp_path, process, 3)
         os.kill(process.pid, number)
@@ -137,9 +176,19 @@ runpy.run_module("skyarm", run_name="__main__")
 """
 
 
-@pytest.mark.parametrize("library", ["typer", "rich.console", "skyarm.cli.commands", "numpy", "numpy.linalg", "mujoco"])
+@pytest.mark.parametrize(
+    "library",
+    ["typer", "rich.console", "skyarm.cli.commands", "numpy", "numpy.linalg", "mujoco"],
+)
 def test_ctrl_c_while_libraries_load_is_one_line(tmp_path: Path, library: str) -> None:
     flight = ["run", "case1", "--plant", "mujoco", "--duration", "0.1"]
     command = [*UNDISTURBED, sys.executable, "-c", LOADING, library, *flight]
-    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    result = subprocess.run(
+        command,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
     assert (result.returncode, result.stderr) == (130, INTERRUPTED)

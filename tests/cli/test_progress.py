@@ -12,7 +12,9 @@ from skyarm.cli.output import PLAIN, Terminal
 
 def on(monkeypatch, file):
     """The console of the commands as a terminal."""
-    monkeypatch.setattr(output, "console", Terminal(file=file, force_terminal=True, **PLAIN))
+    monkeypatch.setattr(
+        output, "console", Terminal(file=file, force_terminal=True, **PLAIN)
+    )
 
 
 def lines_of(monkeypatch, pause, seconds):
@@ -29,7 +31,10 @@ def lines_of(monkeypatch, pause, seconds):
 
 def test_without_a_pause_every_step_is_a_line(monkeypatch):
     found = lines_of(monkeypatch, 0.0, [0.0, 0.1])
-    assert found == ["skyarm: flying: 1 of 2 case 0\\x1b[2J", "skyarm: flying: 2 of 2 case 1\\x1b[2J"]
+    assert found == [
+        "skyarm: flying: 1 of 2 case 0\\x1b[2J",
+        "skyarm: flying: 2 of 2 case 1\\x1b[2J",
+    ]
 
 
 def test_lines_are_ten_seconds_apart_and_the_first_waits_as_long(monkeypatch):

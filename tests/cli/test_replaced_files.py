@@ -1,4 +1,6 @@
-"""Every option that writes a file does so for a vehicle with joints; what is there is kept or replaced by one rule."""
+"""Every option that writes a file does so for a vehicle with joints; what is there is
+kept or replaced by one rule.
+"""
 
 from __future__ import annotations
 
@@ -37,9 +39,13 @@ def flight() -> package.Log:
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flight: package.Log) -> Path:
+def folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flight: package.Log
+) -> Path:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "short.toml").write_text(SHORT.replace("duration = 0.5", "duration = 0.1"))
+    (tmp_path / "short.toml").write_text(
+        SHORT.replace("duration = 0.5", "duration = 0.1")
+    )
     (tmp_path / "study.toml").write_text(STUDY)
     (tmp_path / "up.toml").write_text(UP)
     package.save_log(flight, tmp_path / "flight.npz")
@@ -61,21 +67,30 @@ ELSEWHERE = {
 }
 
 
-def test_every_option_that_writes_a_file_is_tried_here_on_a_vehicle_with_joints() -> None:
+def test_every_option_that_writes_a_file_is_tried_here_on_a_vehicle_with_joints() -> (
+    None
+):
     for name, command in get_command(program(list(SHIPPED))).commands.items():  # type: ignore[attr-defined]
         tried = REPLACES.get(name.split()[0], "")
         for each in command.params:
             option = each.opts[0]
-            if option in READ or (each.metavar not in ("FILE", "PAGE") and option not in ("--out", "--save")):
+            if option in READ or (
+                each.metavar not in ("FILE", "PAGE")
+                and option not in ("--out", "--save")
+            ):
                 continue
             if (name.split()[0], option) not in ELSEWHERE:
-                assert any(option in words for words, *_ in tried), f"{name} {option}: enter it in every_command.py"
+                assert any(option in words for words, *_ in tried), (
+                    f"{name} {option}: enter it in every_command.py"
+                )
 
 
 SLOW = ("tune", "film", "plot", "identify")
 
 CASES = [
-    pytest.param(command, *case, marks=[pytest.mark.thorough] if command in SLOW else [])
+    pytest.param(
+        command, *case, marks=[pytest.mark.thorough] if command in SLOW else []
+    )
     for command, cases in REPLACES.items()
     if not isinstance(cases, str)
     for case in cases
@@ -83,7 +98,9 @@ CASES = [
 
 
 @pytest.mark.parametrize(("command", "words", "file", "rule"), CASES)
-def test_a_file_that_is_there(folder: Path, command: str, words: tuple[str, ...], file: str, rule: str) -> None:
+def test_a_file_that_is_there(
+    folder: Path, command: str, words: tuple[str, ...], file: str, rule: str
+) -> None:
     if command in NEEDS:
         pytest.importorskip(NEEDS[command])
     path = folder / file
@@ -108,11 +125,15 @@ def test_what_is_written_anew_byte_for_byte_leaves_no_copy(folder: Path) -> None
     pytest.importorskip("pyarrow")
     for _ in range(2):
         assert skyarm("sweep", "study.toml", "--save", "1", "--out", "rows").code == 0
-    assert [each.name for each in (folder / "rows").iterdir()] == ["episode_1_decoupled_pd.toml"]
+    assert [each.name for each in (folder / "rows").iterdir()] == [
+        "episode_1_decoupled_pd.toml"
+    ]
 
 
 def test_the_page_says_the_rule_of_each_command() -> None:
-    (rule,) = re.findall(r"### Files that are there\n(.*?)\n#", PAGE.read_text("utf-8"), re.S)
+    (rule,) = re.findall(
+        r"### Files that are there\n(.*?)\n#", PAGE.read_text("utf-8"), re.S
+    )
     for command, cases in REPLACES.items():
         if not isinstance(cases, str):
             assert f"`{command}" in rule, command

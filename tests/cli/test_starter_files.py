@@ -18,7 +18,12 @@ from skyarm.studies.sweep.study_file import load_study
 from support.commands import refused, skyarm
 from support.components import registry_kept
 
-NAMES = {"vehicle": "my_vehicle", "scenario": "my_scenario", "law": "my_law", "study": "my_study"}
+NAMES = {
+    "vehicle": "my_vehicle",
+    "scenario": "my_scenario",
+    "law": "my_law",
+    "study": "my_study",
+}
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +47,9 @@ def functions_of(file: Path) -> dict[str, object]:
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(file.parent))
         spec.loader.exec_module(module)
-    return {name: value for name, value in vars(module).items() if name.startswith("test_")}
+    return {
+        name: value for name, value in vars(module).items() if name.startswith("test_")
+    }
 
 
 @pytest.mark.parametrize("kind", ["vehicle", "scenario", "law"])
@@ -62,8 +69,20 @@ def test_the_study_that_was_written_is_a_study(written):
 
 @pytest.mark.thorough
 def test_pytest_passes_on_all_that_was_written(written):
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-n", "0", str(written)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=written)
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "-n",
+        "0",
+        str(written),
+    ]
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, cwd=written
+    )
     assert done.returncode == 0, done.stdout
 
 
@@ -73,14 +92,20 @@ def test_the_test_sees_a_vehicle_that_cannot_fly(written, tmp_path):
         heavy = text.replace("mass = 1.28 ", "mass = 1280.0 ")
         (tmp_path / name.replace("NAME", "my_vehicle")).write_text(heavy, "utf-8")
     with pytest.raises(AssertionError):
-        functions_of(tmp_path / "test_my_vehicle.py")["test_no_check_finds_a_fault_or_a_warning"]()  # type: ignore[operator]
+        functions_of(tmp_path / "test_my_vehicle.py")[
+            "test_no_check_finds_a_fault_or_a_warning"
+        ]()  # type: ignore[operator]
 
 
 def test_nothing_is_overwritten_and_nothing_is_half_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("test_mine.py", "mine_hover.toml"):
         (tmp_path / name).write_text("mine", "utf-8")
-        refused(skyarm("new", "vehicle", "mine"), name, "must not be there yet; --force replaces it")
+        refused(
+            skyarm("new", "vehicle", "mine"),
+            name,
+            "must not be there yet; --force replaces it",
+        )
         assert [each.name for each in tmp_path.iterdir()] == [name]
         assert (tmp_path / name).read_text("utf-8") == "mine"
         (tmp_path / name).unlink()
@@ -90,7 +115,9 @@ def test_nothing_is_overwritten_and_nothing_is_half_written(tmp_path, monkeypatc
 
 
 def test_of_three_at_once_one_has_the_name(tmp_path, monkeypatch):
-    """All look at the names before any of them writes, as processes at the same time do."""
+    """All look at the names before any of them writes, as processes at the same time
+    do.
+    """
     from skyarm.cli import new_command as starter_files
 
     real, ended = starter_files.write_atomically, []
@@ -115,7 +142,9 @@ def test_of_three_at_once_one_has_the_name(tmp_path, monkeypatch):
         each.join()
     refusals = [each for each in ended if isinstance(each, str)]
     assert (len(ended), len(refusals)) == (3, 2)
-    assert all("mine.toml'" in each and "must not be there yet" in each for each in refusals)
+    assert all(
+        "mine.toml'" in each and "must not be there yet" in each for each in refusals
+    )
 
 
 def test_a_disk_that_fills_leaves_nothing(tmp_path, monkeypatch):
@@ -162,5 +191,7 @@ def test_the_law_that_was_written_flies_by_its_file(written, monkeypatch):
     monkeypatch.chdir(written)
     assert package.__version__
     with registry_kept():
-        done = skyarm("run", "case1", "--laws", "my_law.py:make", "--duration", "0.5", "--quiet")
+        done = skyarm(
+            "run", "case1", "--laws", "my_law.py:make", "--duration", "0.5", "--quiet"
+        )
     assert done.code == 0, done

@@ -29,12 +29,18 @@ PLACES = [(0.25, 0, 0.03), (0, 0.25, 0.03), (-0.25, 0, 0.03), (0, -0.25, 0.03)]
 
 
 def motor(k, without=()):
-    words = "".join(f"<{word}>{text}</{word}>" for word, text in NUMBERS.items() if word not in without)
+    words = "".join(
+        f"<{word}>{text}</{word}>"
+        for word, text in NUMBERS.items()
+        if word not in without
+    )
     turned = words.format(("cw", "ccw")[k % 2])
     return (
-        f'<link name="p{k}"/><joint name="f{k}" type="fixed"><parent link="hull"/><child link="p{k}"/>'
+        f'<link name="p{k}"/><joint name="f{k}" type="fixed"><parent'
+        f' link="hull"/><child link="p{k}"/>'
         f'<origin xyz="{" ".join(map(str, PLACES[k]))}"/></joint>'
-        f'<gazebo><plugin name="m{k}"><linkName>p{k}</linkName><motorNumber>{k}</motorNumber>{turned}</plugin></gazebo>'
+        "<gazebo><plugin"
+        f' name="m{k}"><linkName>p{k}</linkName><motorNumber>{k}</motorNumber>{turned}</plugin></gazebo>'
     )
 
 
@@ -51,16 +57,31 @@ def folder(tmp_path, monkeypatch):
 
 
 def unturned(links):
-    """Links whose joints have no rotation, which is written as a quaternion and so read back rounded."""
-    return [replace(each, joint=replace(each.joint, rotation=Mat3.identity())) for each in links]
+    """Links whose joints have no rotation, which is written as a quaternion and so read
+    back rounded.
+    """
+    return [
+        replace(each, joint=replace(each.joint, rotation=Mat3.identity()))
+        for each in links
+    ]
 
 
 def same(read, given):
     """Equal in all that a vehicle file holds; rotations within rounding."""
     assert unturned(read.links) == unturned(given.links)
     for ours, theirs in zip(read.links, given.links, strict=True):
-        assert np.array(ours.joint.rotation.rows) == pytest.approx(np.array(theirs.joint.rotation.rows), abs=1e-15)
-    for field in ("base", "rotors", "frames", "end_effector", "sources", "drag", "followers"):
+        assert np.array(ours.joint.rotation.rows) == pytest.approx(
+            np.array(theirs.joint.rotation.rows), abs=1e-15
+        )
+    for field in (
+        "base",
+        "rotors",
+        "frames",
+        "end_effector",
+        "sources",
+        "drag",
+        "followers",
+    ):
         assert getattr(read, field) == getattr(given, field), field
 
 
@@ -70,7 +91,10 @@ def test_the_whole_vehicle_is_written_with_its_sources(folder):
     assert done.code == 0, done
     text = (folder / "mine.toml").read_text("utf-8")
     assert "# <sensor> (1): not read" in text
-    assert "thrust_coefficient = 1.3e-05  # motorConstant of the motor-model plugins\n" in text
+    assert (
+        "thrust_coefficient = 1.3e-05  # motorConstant of the motor-model plugins\n"
+        in text
+    )
     assert "mass = 0.15  # r.urdf\n" in text
     read, given = load_vehicle("mine.toml"), load_vehicle("r.urdf")
     assert (read.name, read.end_effector) == ("mine", "upper")
@@ -84,11 +108,16 @@ def test_the_whole_vehicle_is_written_with_its_sources(folder):
 
 def test_inertia_of_what_spins_has_its_source_beside_it(folder):
     spun = (
-        '<link name="p1"><inertial><mass value="0.01"/><inertia ixx="1e-5" iyy="1e-5" izz="2e-5" {}/></inertial></link>'
+        '<link name="p1"><inertial><mass value="0.01"/><inertia ixx="1e-5" iyy="1e-5"'
+        ' izz="2e-5" {}/></inertial></link>'
     )
     text = quad().replace('<link name="p1"/>', spun.format('ixy="0" ixz="0" iyz="0"'))
-    text = text.replace('name="f1" type="fixed">', 'name="f1" type="continuous"><axis xyz="0 0 1"/>')
-    saved(folder, text.replace("<linkName>p1<", "<jointName>f1</jointName><linkName>p1<"))
+    text = text.replace(
+        'name="f1" type="fixed">', 'name="f1" type="continuous"><axis xyz="0 0 1"/>'
+    )
+    saved(
+        folder, text.replace("<linkName>p1<", "<jointName>f1</jointName><linkName>p1<")
+    )
     assert skyarm("new", "vehicle", "mine", "--from", "r.urdf").code == 0
     written = (folder / "mine.toml").read_text("utf-8")
     source = "links of the rotors, about their axes, by rotorVelocitySlowdownSim = 10"
@@ -99,14 +128,20 @@ def test_inertia_of_what_spins_has_its_source_beside_it(folder):
 @pytest.mark.parametrize("endless", [[], [0], [1, 3], [0, 1, 2, 3]])
 def test_largest_thrusts_are_written_as_such_rotor_by_rotor(folder, endless):
     """A site without a range states no thrust, whichever of the four it is."""
-    sites = "".join(f'<site name="s{k}" pos="{x} {y} 0"/>' for k, (x, y, _) in enumerate(PLACES))
-    ranges = ["" if k in endless else f'ctrllimited="true" ctrlrange="0 {7 + k}"' for k in range(4)]
+    sites = "".join(
+        f'<site name="s{k}" pos="{x} {y} 0"/>' for k, (x, y, _) in enumerate(PLACES)
+    )
+    ranges = [
+        "" if k in endless else f'ctrllimited="true" ctrlrange="0 {7 + k}"'
+        for k in range(4)
+    ]
     gears = [f'gear="0 0 1 0 0 {0.01 * (-1) ** k}"' for k in range(4)]
     motors = "".join(f'<motor site="s{k}" {gears[k]} {ranges[k]}/>' for k in range(4))
     body = '<inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .02"/>'
     saved(
         folder,
-        f'<mujoco><worldbody><body name="b"><freejoint/>{body}{sites}</body></worldbody>'
+        "<mujoco><worldbody><body"
+        f' name="b"><freejoint/>{body}{sites}</body></worldbody>'
         f"<actuator>{motors}</actuator></mujoco>",
         "m.xml",
     )
@@ -115,17 +150,29 @@ def test_largest_thrusts_are_written_as_such_rotor_by_rotor(folder, endless):
     for lag in ("time_constant_up", "time_constant_down"):
         text = re.sub(rf"^# {lag} = .*$", f"{lag} = 0.02", text, flags=re.MULTILINE)
     text = re.sub(r"^# max_speed = .*$", "max_speed = 800.0", text, flags=re.MULTILINE)
-    text = re.sub(r"^# thrust_coefficient = .*$", "thrust_coefficient = 1e-05", text, flags=re.MULTILINE)
+    text = re.sub(
+        r"^# thrust_coefficient = .*$",
+        "thrust_coefficient = 1e-05",
+        text,
+        flags=re.MULTILINE,
+    )
     rotors = load_vehicle(saved(folder, text, "filled.toml")).rotors
     most = [each.thrust_coefficient * each.max_speed**2 for each in rotors]
-    assert most == pytest.approx([6.4 if k in endless else 7 + k for k in range(4)], rel=1e-12)
+    assert most == pytest.approx(
+        [6.4 if k in endless else 7 + k for k in range(4)], rel=1e-12
+    )
 
 
 def test_a_thrust_coefficient_stays_one_beside_a_largest_thrust(folder):
-    """gym-pybullet-drones states both: k_f per rpm^2 and 2.5 weights, from which the largest speed follows."""
+    """gym-pybullet-drones states both: k_f per rpm^2 and 2.5 weights, from which the
+    largest speed follows.
+    """
     parts = [link("hull", (0.02, 0.02, 0.03), mass=0.4)]
     for k, place in enumerate(("0.1 0 0", "0 0.1 0", "-0.1 0 0", "0 -0.1 0")):
-        parts.append(f'<link name="prop{k}_link"/><joint name="p{k}" type="fixed"><parent link="hull"/>')
+        parts.append(
+            f'<link name="prop{k}_link"/><joint name="p{k}" type="fixed"><parent'
+            ' link="hull"/>'
+        )
         parts.append(f'<child link="prop{k}_link"/><origin xyz="{place}"/></joint>')
     stated = '<properties arm="0.1" kf="5e-10" km="1.2e-11" thrust2weight="2.5"/>'
     saved(folder, robot(stated, *parts))
@@ -139,7 +186,10 @@ def test_a_thrust_coefficient_stays_one_beside_a_largest_thrust(folder):
 def test_reading_it_back_gives_the_same_vehicle(folder):
     saved(
         folder,
-        quad().replace('<link name="p0"/>', '<link name="tip"/>').replace('"p0"', '"tip"').replace(">p0<", ">tip<"),
+        quad()
+        .replace('<link name="p0"/>', '<link name="tip"/>')
+        .replace('"p0"', '"tip"')
+        .replace(">p0<", ">tip<"),
     )
     assert skyarm("new", "vehicle", "mine", "--from", "r.urdf").code == 0
     same(load_vehicle("mine.toml"), load_vehicle("r.urdf"))
@@ -156,9 +206,13 @@ FILLED = {
 }
 
 
-@pytest.mark.parametrize("without", [("turningDirection",), ("maxRotVelocity", "timeConstantUp")])
+@pytest.mark.parametrize(
+    "without", [("turningDirection",), ("maxRotVelocity", "timeConstantUp")]
+)
 @pytest.mark.parametrize("only", [range(4), (1, 3)])
-def test_gaps_are_comments_that_the_file_asks_for_until_they_are_filled(folder, without, only):
+def test_gaps_are_comments_that_the_file_asks_for_until_they_are_filled(
+    folder, without, only
+):
     saved(folder, quad(without, only))
     done = skyarm("new", "vehicle", "mine", "--from", "r.urdf")
     assert done.code == 0, done
@@ -167,11 +221,17 @@ def test_gaps_are_comments_that_the_file_asks_for_until_they_are_filled(folder, 
     text = (folder / "mine.toml").read_text("utf-8")
     asked = skyarm("check", "mine.toml")
     refused(
-        asked, "the file states no ", "direction" if "turningDirection" in without else "max_speed, time_constant_up"
+        asked,
+        "the file states no ",
+        "direction" if "turningDirection" in without else "max_speed, time_constant_up",
     )
     senses = iter(("cw", "ccw", "cw", "ccw") if len(only) == 4 else ("ccw", "ccw"))
-    text = re.sub(r"# direction = \.\.\.", lambda _: f'direction = "{next(senses)}"', text)
-    text = re.sub(r"# (\w+) = \.\.\.", lambda found: f"{found[1]} = {FILLED[found[1]]}", text)
+    text = re.sub(
+        r"# direction = \.\.\.", lambda _: f'direction = "{next(senses)}"', text
+    )
+    text = re.sub(
+        r"# (\w+) = \.\.\.", lambda found: f"{found[1]} = {FILLED[found[1]]}", text
+    )
     saved(folder, text, "mine.toml")
     saved(folder, quad(), "whole.urdf")
     assert load_vehicle("mine.toml").rotors == load_vehicle("whole.urdf").rotors
@@ -181,16 +241,22 @@ TILTING = """<mujoco><compiler angle="radian"/><worldbody><body name="hull"><fre
 {}</body></worldbody><actuator>{}</actuator></mujoco>"""
 
 
-@pytest.mark.parametrize("ranges", [[1.1, 1.1, 1.1, 1.1], [1.1, 0.9, 1.1, 0.9], [0, 0, 0, 0]])
+@pytest.mark.parametrize(
+    "ranges", [[1.1, 1.1, 1.1, 1.1], [1.1, 0.9, 1.1, 0.9], [0, 0, 0, 0]]
+)
 def test_the_gap_of_a_tilt_is_left_out_until_it_is_filled(folder, ranges):
     bodies, motors = "", ""
     for k, (place, most) in enumerate(zip(PLACES, ranges, strict=True)):
         limited = f'range="-{most} {most}"' if most else ""
         bodies += (
-            f'<body pos="{" ".join(map(str, place))}"><joint name="t{k}" axis="{place[0]} {place[1]} 0" {limited}/>'
+            f'<body pos="{" ".join(map(str, place))}"><joint name="t{k}"'
+            f' axis="{place[0]} {place[1]} 0" {limited}/>'
         )
         bodies += f'<geom size="0.01" mass="0.02"/><site name="s{k}"/></body>'
-        motors += f'<motor site="s{k}" gear="0 0 1 0 0 {0.02 * (-1) ** k}" ctrllimited="true" ctrlrange="0 6"/>'
+        motors += (
+            f'<motor site="s{k}" gear="0 0 1 0 0 {0.02 * (-1) ** k}" ctrllimited="true"'
+            ' ctrlrange="0 6"/>'
+        )
         motors += f'<position joint="t{k}" kp="1"/>'
     saved(folder, TILTING.format(bodies, motors), "t.xml")
     done = skyarm("new", "vehicle", "mine", "--from", "t.xml")
@@ -200,23 +266,40 @@ def test_the_gap_of_a_tilt_is_left_out_until_it_is_filled(folder, ranges):
     assert ("# missing: tilt.upper" in text) == (not ranges[0])
     refused(skyarm("check", "mine.toml"), "tilt", "is missing")
     filled = re.sub(r"# (max_speed|time_constant_\w+) = \.\.\.", r"\1 = 0.5", text)
-    inside = "time_constant = 0.07" + (", lower = -1.0, upper = 1.5" if not ranges[0] else "")
-    saved(folder, re.sub(r"^(tilt = .*?) }", rf"\1, {inside} }}", filled, flags=re.MULTILINE), "mine.toml")
+    inside = "time_constant = 0.07" + (
+        ", lower = -1.0, upper = 1.5" if not ranges[0] else ""
+    )
+    saved(
+        folder,
+        re.sub(r"^(tilt = .*?) }", rf"\1, {inside} }}", filled, flags=re.MULTILINE),
+        "mine.toml",
+    )
     tilts = [each.tilt for each in load_vehicle("mine.toml").rotors]
-    assert [(each.lower, each.upper) for each in tilts] == [(-most, most) if most else (-1.0, 1.5) for most in ranges]
+    assert [(each.lower, each.upper) for each in tilts] == [
+        (-most, most) if most else (-1.0, 1.5) for most in ranges
+    ]
     assert {each.time_constant for each in tilts} == {0.07}
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("law", "mine", "--from", "r.urdf"), "--from = 'r.urdf': must be left out unless KIND is vehicle"),
-        (("vehicle", "mine", "--tip", "upper"), "--tip = 'upper': must stand beside --from"),
+        (
+            ("law", "mine", "--from", "r.urdf"),
+            "--from = 'r.urdf': must be left out unless KIND is vehicle",
+        ),
+        (
+            ("vehicle", "mine", "--tip", "upper"),
+            "--tip = 'upper': must stand beside --from",
+        ),
         (
             ("vehicle", "mine", "--from", "r.urdf", "--tip", "hand"),
             "r.urdf: --tip = 'hand': must be one of base, upper, p0",
         ),
-        (("vehicle", "mine", "--from", "gone.urdf"), "vehicle = 'gone.urdf': no such file"),
+        (
+            ("vehicle", "mine", "--from", "gone.urdf"),
+            "vehicle = 'gone.urdf': no such file",
+        ),
         (
             ("vehicle", "mine", "--from", "open.toml"),
             "--from = 'open.toml': must be whole: rotors p0, p1, p2, p3: the file",
@@ -228,7 +311,11 @@ def test_what_is_refused_writes_nothing(folder, words, said):
     saved(folder, quad(("maxRotVelocity",)), "open.urdf")
     saved(folder, 'schema = 1\nname = "o"\nurdf = "open.urdf"\n', "open.toml")
     refused(skyarm("new", *words), said)
-    assert sorted(each.name for each in folder.iterdir()) == ["open.toml", "open.urdf", "r.urdf"]
+    assert sorted(each.name for each in folder.iterdir()) == [
+        "open.toml",
+        "open.urdf",
+        "r.urdf",
+    ]
 
 
 def compared(file):
@@ -249,18 +336,27 @@ def test_compare_finds_what_mujoco_reads_equal(folder):
 
 
 def by_hand():
-    """Centre of mass of both bodies, from the text of the file alone: scipy turns roll, pitch and yaw."""
-    rotation = pytest.importorskip("scipy.spatial.transform").Rotation.from_euler("xyz", [0.1, 0.2, 0.3])
+    """Centre of mass of both bodies, from the text of the file alone: scipy turns roll,
+    pitch and yaw.
+    """
+    rotation = pytest.importorskip("scipy.spatial.transform").Rotation.from_euler(
+        "xyz", [0.1, 0.2, 0.3]
+    )
     own = np.array([0.01, 0.02, -0.1])
     upper = np.array([0.1, 0.05, -0.2]) + rotation.apply(own)
     return (1.2 * own + 0.15 * upper) / 1.35
 
 
 def test_compare_shows_what_is_read_in_another_way(folder):
-    """Equal limits fix a joint here, which MuJoCo moves; a link's geometry gives no mass here."""
+    """Equal limits fix a joint here, which MuJoCo moves; a link's geometry gives no
+    mass here.
+    """
     saved(folder, quad().replace('lower="-1.0" upper="1.0"', 'lower="0.5" upper="0.5"'))
     rows = compared("r.urdf")
-    assert (rows["joints in order"]["skyarm"], rows["joints in order"]["MuJoCo"]) == ("", "shoulder")
+    assert (rows["joints in order"]["skyarm"], rows["joints in order"]["MuJoCo"]) == (
+        "",
+        "shoulder",
+    )
     assert float(rows["M(q) at 8 poses"]["largest relative difference"]) > 1e-3
 
 
@@ -268,25 +364,38 @@ def test_compare_shows_what_is_read_in_another_way(folder):
     ("file", "said"),
     [
         ("v.toml", "--compare = 'v.toml': must be a .urdf, .xml or .mjcf file"),
-        ("v.xml", "--compare = 'v.xml': MuJoCo reads no vehicle: one of its bodies must be the base"),
+        (
+            "v.xml",
+            (
+                "--compare = 'v.xml': MuJoCo reads no vehicle: one of its bodies must"
+                " be the base"
+            ),
+        ),
     ],
 )
 def test_compare_refuses_what_mujoco_does_not_read_as_a_vehicle(folder, file, said):
     saved(folder, quad())
     saved(folder, 'schema = 1\nname = "o"\nurdf = "r.urdf"\n', "v.toml")
     body = '<body><geom size="0.1" mass="1"/></body>'
-    saved(folder, f"<mujoco><worldbody>{body}<body><site/></body></worldbody></mujoco>", "v.xml")
+    saved(
+        folder,
+        f"<mujoco><worldbody>{body}<body><site/></body></worldbody></mujoco>",
+        "v.xml",
+    )
     refused(skyarm("show", file, "--compare"), said)
 
 
 def uncommented(text):
-    return re.sub(r"^# (\[\[joints]]|name = |hold = )", r"\1", text, flags=re.MULTILINE).replace(
-        "hold = ...", "hold = 0.3"
-    )
+    return re.sub(
+        r"^# (\[\[joints]]|name = |hold = )", r"\1", text, flags=re.MULTILINE
+    ).replace("hold = ...", "hold = 0.3")
 
 
 def test_rotors_that_ride_on_a_joint_are_kept_and_the_joint_is_asked_for(folder):
-    text = quad().replace('<parent link="hull"/><child link="p0"/>', '<parent link="upper"/><child link="p0"/>')
+    text = quad().replace(
+        '<parent link="hull"/><child link="p0"/>',
+        '<parent link="upper"/><child link="p0"/>',
+    )
     saved(folder, text)
     done = skyarm("new", "vehicle", "mine", "--from", "r.urdf")
     assert done.code == 0, done
@@ -296,7 +405,10 @@ def test_rotors_that_ride_on_a_joint_are_kept_and_the_joint_is_asked_for(folder)
     assert "state them in mine.toml" in asked.out
     assert "--from" not in asked.out
     saved(folder, uncommented(written), "mine.toml")
-    by_hand = 'schema = 1\nname = "mine"\nurdf = "r.urdf"\n[[joints]]\nname = "shoulder"\nhold = 0.3\n'
+    by_hand = (
+        'schema = 1\nname = "mine"\nurdf = "r.urdf"\n[[joints]]\nname ='
+        ' "shoulder"\nhold = 0.3\n'
+    )
     saved(folder, by_hand, "hand.toml")
     assert len(load_vehicle("mine.toml").rotors) == 4
     assert load_vehicle("mine.toml").rotors == load_vehicle("hand.toml").rotors
@@ -308,8 +420,12 @@ def test_rotors_that_ride_on_a_joint_are_kept_and_the_joint_is_asked_for(folder)
     data.joint("shoulder").qpos[:] = 0.3
     mujoco.mj_kinematics(model, data)
     for rotor in load_vehicle("mine.toml").rotors:
-        assert list(rotor.position) == pytest.approx(data.body(rotor.name).xpos, abs=1e-15)
-        assert list(rotor.axis) == pytest.approx(data.body(rotor.name).xmat.reshape(3, 3)[:, 2], abs=1e-15)
+        assert list(rotor.position) == pytest.approx(
+            data.body(rotor.name).xpos, abs=1e-15
+        )
+        assert list(rotor.axis) == pytest.approx(
+            data.body(rotor.name).xmat.reshape(3, 3)[:, 2], abs=1e-15
+        )
 
 
 def test_a_file_without_rotors_gets_an_entry_to_fill_and_no_circle(folder):
@@ -334,13 +450,21 @@ def test_lags_that_no_file_states_are_marked_as_assumed(folder):
     saved(folder, quad())
     assert skyarm("new", "vehicle", "mine", "--from", "r.urdf").code == 0
     kept = (folder / "mine.toml").read_text("utf-8").splitlines(keepends=True)
-    saved(folder, "".join(each for each in kept if "time_constant" not in each), "bare.toml")
+    saved(
+        folder,
+        "".join(each for each in kept if "time_constant" not in each),
+        "bare.toml",
+    )
     assert skyarm("new", "vehicle", "again", "--from", "bare.toml").code == 0
-    assert "time_constant_up = 0.0125  # assumed: " in (folder / "again.toml").read_text("utf-8")
+    assert "time_constant_up = 0.0125  # assumed: " in (
+        folder / "again.toml"
+    ).read_text("utf-8")
 
 
 def test_lags_that_a_file_of_the_file_states_are_not_assumed(folder):
-    """Those of an airframe or of the library, also where they are the numbers that would be assumed."""
+    """Those of an airframe or of the library, also where they are the numbers that
+    would be assumed.
+    """
     saved(folder, quad().replace("0.014", "0.0125"))
     saved(folder, 'schema = 1\nname = "a"\nairframe = "r.urdf"\n', "on.toml")
     for source in ("on.toml", "hummingbird"):
@@ -354,7 +478,9 @@ def test_a_file_with_gaps_is_read_once(folder, monkeypatch):
     saved(folder, quad(("maxRotVelocity",)))
     read = vehicle_files.read_rigid
     calls = []
-    monkeypatch.setattr(vehicle_files, "read_rigid", lambda *words: calls.append(words) or read(*words))
+    monkeypatch.setattr(
+        vehicle_files, "read_rigid", lambda *words: calls.append(words) or read(*words)
+    )
     assert skyarm("new", "vehicle", "mine", "--from", "r.urdf").code == 0
     assert len(calls) == 1
 
@@ -369,6 +495,11 @@ def test_a_vehicle_with_a_fault_is_not_said_to_fly(folder):
     whole = skyarm("new", "vehicle", "whole", "--from", "r.urdf")
     assert whole.out.splitlines()[-1] == "fly it: skyarm run whole_hover.toml"
     text = (folder / "whole.toml").read_text("utf-8")
-    (folder / "heavy.toml").write_text(re.sub(r"(?m)^mass = .*", "mass = 1200.0", text, count=1), "utf-8")
+    (folder / "heavy.toml").write_text(
+        re.sub(r"(?m)^mass = .*", "mass = 1200.0", text, count=1), "utf-8"
+    )
     heavy = skyarm("new", "vehicle", "heavy2", "--from", "heavy.toml")
-    assert heavy.out.splitlines()[-1] == ("the check of the vehicle finds a fault; which one: skyarm check heavy2.toml")
+    assert (
+        heavy.out.splitlines()[-1]
+        == "the check of the vehicle finds a fault; which one: skyarm check heavy2.toml"
+    )

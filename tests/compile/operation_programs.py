@@ -9,7 +9,20 @@ from hypothesis import strategies as st
 
 from skyarm.algebra import scalars
 
-SPECIAL = [0.0, -0.0, 1.0, -1.0, math.inf, -math.inf, math.nan, 5e-324, -5e-324, 1.7976931348623157e308, 0.5, 2.0]
+SPECIAL = [
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    math.inf,
+    -math.inf,
+    math.nan,
+    5e-324,
+    -5e-324,
+    1.7976931348623157e308,
+    0.5,
+    2.0,
+]
 value = st.one_of(st.sampled_from(SPECIAL), st.floats(width=64))
 STRUCTURE = (0, 1, -1)
 INPUTS = 3
@@ -25,7 +38,10 @@ BINARY = {
     "minimum": scalars.minimum,
     "maximum": scalars.maximum,
 }
-UNARY = {name: getattr(scalars, name) for name in ("sin", "cos", "tan", "asin", "acos", "sqrt", "exp", "log", "tanh")}
+UNARY = {
+    name: getattr(scalars, name)
+    for name in ("sin", "cos", "tan", "asin", "acos", "sqrt", "exp", "log", "tanh")
+}
 COMPARE = {
     "<": lambda a, b: a < b,
     "<=": lambda a, b: a <= b,
@@ -57,14 +73,22 @@ def run(steps, constants, inputs):
             continue
         if kind == "compare":
             name, i, j = rest
-            conditions.append(COMPARE[name](numbers[i % len(numbers)], numbers[j % len(numbers)]))
+            conditions.append(
+                COMPARE[name](numbers[i % len(numbers)], numbers[j % len(numbers)])
+            )
             continue
         if kind == "where":
             c, i, j = rest
-            new = scalars.where(conditions[c % len(conditions)], numbers[i % len(numbers)], numbers[j % len(numbers)])
+            new = scalars.where(
+                conditions[c % len(conditions)],
+                numbers[i % len(numbers)],
+                numbers[j % len(numbers)],
+            )
         else:
             name, *operands = rest
-            new = (BINARY if kind == "binary" else UNARY)[name](*(numbers[i % len(numbers)] for i in operands))
+            new = (BINARY if kind == "binary" else UNARY)[name](
+                *(numbers[i % len(numbers)] for i in operands)
+            )
         if type(new) is int and abs(new) > 1000:
             new = float(new)
         numbers.append(new)
@@ -73,5 +97,7 @@ def run(steps, constants, inputs):
 
 
 def bits(x):
-    """The bytes of a float; every NaN alike, as IEEE leaves its sign and payload open."""
+    """The bytes of a float; every NaN alike, as IEEE leaves its sign and payload
+    open.
+    """
     return "nan" if math.isnan(x) else struct.pack("<d", x)

@@ -1,4 +1,6 @@
-"""Two stepped programs of the engines' tests: a damped pendulum with noise, and a vehicle under its controller."""
+"""Two stepped programs of the engines' tests: a damped pendulum with noise, and a
+vehicle under its controller.
+"""
 
 from __future__ import annotations
 
@@ -44,21 +46,30 @@ DRAWS = ((3, 2), (7, 1))
 
 
 def pendulum_step(at: Pendulum, par: Constants, row: Any, draws: Any) -> Any:
-    """One semi-implicit step with torque row[0] and a normal and a uniform disturbance."""
+    """One semi-implicit step with torque row[0] and a normal and a uniform
+    disturbance.
+    """
     a, b, c = draws
     push = par.noise * (sqrt(-2.0 * log(a)) * cos(6.283185307179586 * b) + (c - 0.5))
-    rate = at.rate + 0.01 * (push + row[0] - par.stiffness * sin(at.angle) - par.damping * at.rate)
+    rate = at.rate + 0.01 * (
+        push + row[0] - par.stiffness * sin(at.angle) - par.damping * at.rate
+    )
     return Pendulum(angle=at.angle + 0.01 * rate, rate=rate), (rate, push)
 
 
 TRUTH = skyarm.load_vehicle("hummingbird_arm2_rotors")
-CONTROLLER = preset("paper_ct", Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=9.81))
+CONTROLLER = preset(
+    "paper_ct", Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=9.81)
+)
 FLOWN = Truth(vehicle=TRUTH, gravity=9.8)
 FLIGHT = Trajectory(
     x=Sine(amplitude=0.3, frequency_hz=0.5),
     z=Constant(1.0),
     yaw=Constant(0.1),
-    joints=(Sine(amplitude=0.3, frequency_hz=1.0), Sine(amplitude=0.2, frequency_hz=0.7)),
+    joints=(
+        Sine(amplitude=0.3, frequency_hz=1.0),
+        Sine(amplitude=0.2, frequency_hz=0.7),
+    ),
 )
 TILTED = State(
     position=Vec3(0.02, -0.03, 1.05),
@@ -71,7 +82,13 @@ TILTED = State(
 )
 
 
-def flight_step(state: State, par: Any, reference: Reference, draws: Any, integrate: Any = coupled_rk4) -> Any:
+def flight_step(
+    state: State,
+    par: Any,
+    reference: Reference,
+    draws: Any,
+    integrate: Any = coupled_rk4,
+) -> Any:
     """One control period: perfect measurement, the law, one step of the plant."""
     del draws
     seen = Measurement(
@@ -86,7 +103,10 @@ def flight_step(state: State, par: Any, reference: Reference, draws: Any, integr
         rotor_speeds=state.rotor_speeds,
     )
     _, command = CONTROLLER.law((), seen, reference, PERIOD, par=par)
-    return after_step(integrate, FLOWN, state, command, steady_wind(), PERIOD)[0], command
+    return (
+        after_step(integrate, FLOWN, state, command, steady_wind(), PERIOD)[0],
+        command,
+    )
 
 
 def euler_step(state: State, par: Any, reference: Reference, draws: Any) -> Any:
@@ -102,7 +122,9 @@ def flight_lanes(lanes: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def tracking(state: State) -> Any:
-    """Squared distance to a point (m^2) and the angle of a joint: a metric of a flight's end."""
+    """Squared distance to a point (m^2) and the angle of a joint: a metric of a
+    flight's end.
+    """
     x, y, z = state.position.x - 0.3, state.position.y, state.position.z - 1.0
     return x * x + y * y + z * z + 0.1 * state.joints[0]
 
@@ -118,7 +140,9 @@ def flight_row() -> Reference:
 
 
 def lanes_of(record: Any, spread: float, lanes: int, seed: int) -> np.ndarray:
-    """(leaves, lanes): every leaf times 1 + spread * a uniform number of (-1, 1); lane 0 is the record itself."""
+    """(leaves, lanes): every leaf times 1 + spread * a uniform number of (-1, 1); lane
+    0 is the record itself.
+    """
     rng = np.random.default_rng([91, seed])
     values = np.array(leaves(record), dtype=float)
     factors = 1.0 + spread * rng.uniform(-1.0, 1.0, (values.size, lanes))
@@ -127,9 +151,18 @@ def lanes_of(record: Any, spread: float, lanes: int, seed: int) -> np.ndarray:
 
 
 def flown_in_python(
-    loop: Any, carry: Any, parameters: Any, rows: Any, *, seed: int = 0, episode: int = 0, start: int = 0
+    loop: Any,
+    carry: Any,
+    parameters: Any,
+    rows: Any,
+    *,
+    seed: int = 0,
+    episode: int = 0,
+    start: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One lane by Python floats, with numbers drawn by :mod:`skyarm.algebra.scalars.philox`: final carry and log."""
+    """One lane by Python floats, with numbers drawn by
+    :mod:`skyarm.algebra.scalars.philox`: final carry and log.
+    """
     step = loop.stepper()
     x: tuple[float, ...] = tuple(map(float, carry))
     p = tuple(map(float, parameters))

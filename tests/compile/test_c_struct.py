@@ -1,4 +1,6 @@
-"""Records as C structs: arrays where a field is whole, members of their own where structure is folded away."""
+"""Records as C structs: arrays where a field is whole, members of their own where
+structure is folded away.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,13 @@ from typing import Annotated
 import pytest
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
-from skyarm.compile.c_source import Floats, comment, declaration, initialiser, make_struct
+from skyarm.compile.c_source import (
+    Floats,
+    comment,
+    declaration,
+    initialiser,
+    make_struct,
+)
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 
@@ -52,13 +60,37 @@ def made(keep=None):
 
 
 def test_every_leaf_has_the_place_of_its_value():
-    """The numbers of the record count its leaves, so a place that is out of order shows."""
+    """The numbers of the record count its leaves, so a place that is out of order
+    shows.
+    """
     struct = made()
     assert [float(leaf) for leaf in leaves(RECORD)] == [float(i) for i in range(1, 31)]
     assert struct.places == (
-        *("gains[0]", "gains[1]", "gains[2]", "attitude[0]", "attitude[1]", "attitude[2]", "attitude[3]"),
-        *("parts_0_mass", "parts_0_com_y", "parts_1_mass", "parts_1_com[0]", "parts_1_com[1]", "parts_1_com[2]"),
-        *("rows[0][0]", "rows[0][1]", "rows[0][2]", "rows[1][0]", "rows[1][1]", "rows[1][2]"),
+        *(
+            "gains[0]",
+            "gains[1]",
+            "gains[2]",
+            "attitude[0]",
+            "attitude[1]",
+            "attitude[2]",
+            "attitude[3]",
+        ),
+        *(
+            "parts_0_mass",
+            "parts_0_com_y",
+            "parts_1_mass",
+            "parts_1_com[0]",
+            "parts_1_com[1]",
+            "parts_1_com[2]",
+        ),
+        *(
+            "rows[0][0]",
+            "rows[0][1]",
+            "rows[0][2]",
+            "rows[1][0]",
+            "rows[1][1]",
+            "rows[1][2]",
+        ),
         *(f"turn[{i}][{j}]" for i in range(3) for j in range(3)),
         *("moments_xx", "moments_zz"),
     )
@@ -67,9 +99,16 @@ def test_every_leaf_has_the_place_of_its_value():
 def test_declaration_and_values_follow_the_same_order():
     struct = made()
     text = declaration("s", struct, Floats())
-    assert text.startswith("struct s {\n    double gains[3]; /* N */\n    double attitude[4];\n")
-    assert "    double parts_0_mass; /* kg */\n    double parts_0_com_y; /* m */\n" in text
-    assert "    double rows[2][3];\n    double turn[3][3];\n    double moments_xx;\n" in text
+    assert text.startswith(
+        "struct s {\n    double gains[3]; /* N */\n    double attitude[4];\n"
+    )
+    assert (
+        "    double parts_0_mass; /* kg */\n    double parts_0_com_y; /* m */\n" in text
+    )
+    assert (
+        "    double rows[2][3];\n    double turn[3][3];\n    double moments_xx;\n"
+        in text
+    )
     values = initialiser(struct, Floats())
     assert "    {1.0, 2.0, 3.0}, /* gains */\n" in values
     assert "    {{14.0, 15.0, 16.0}, {17.0, 18.0, 19.0}}, /* rows */\n" in values
@@ -77,8 +116,13 @@ def test_declaration_and_values_follow_the_same_order():
 
 
 def test_a_unit_that_is_another_here_stands_in_the_comment():
-    struct = make_struct(RECORD, name, [True] * 30, {("parts", "1"): {"mass": Unit("g", "of this law")}})
-    assert [member.note for member in struct.members if "mass" in member.name] == ["kg", "g, of this law"]
+    struct = make_struct(
+        RECORD, name, [True] * 30, {("parts", "1"): {"mass": Unit("g", "of this law")}}
+    )
+    assert [member.note for member in struct.members if "mass" in member.name] == [
+        "kg",
+        "g, of this law",
+    ]
 
 
 def test_a_leaf_nobody_wants_has_no_member():
@@ -101,7 +145,20 @@ def test_two_fields_of_one_name_are_refused():
         make_struct(RECORD, lambda path: "same", [True] * 30)
 
 
-@pytest.mark.parametrize("text", ["a */ b", "/* x", "a **/ b", "/*/", "??/", "end \\", "two\nlines", "\u00e9", "*//*"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a */ b",
+        "/* x",
+        "a **/ b",
+        "/*/",
+        "??/",
+        "end \\",
+        "two\nlines",
+        "\u00e9",
+        "*//*",
+    ],
+)
 def test_no_text_ends_or_opens_a_comment(text):
     safe = comment(text)
     assert safe.isascii()

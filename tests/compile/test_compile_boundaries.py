@@ -1,4 +1,6 @@
-"""What engines take from outside: widths, shapes, flags; and when a repetition is written out."""
+"""What engines take from outside: widths, shapes, flags; and when a repetition is
+written out.
+"""
 
 from __future__ import annotations
 
@@ -26,17 +28,25 @@ from skyarm.compile.tracing.program import trace_loop
         ("+avx,+avx2,+avx512f,-prefer-256-bit", 8),
     ],
 )
-def test_a_register_holds_as_many_lanes_as_the_processor_says(monkeypatch, features, doubles):
-    """128 bits without AVX, 256 with it, 512 with AVX-512F (Intel, Software Developer Manual 1, chapters 14, 15)."""
+def test_a_register_holds_as_many_lanes_as_the_processor_says(
+    monkeypatch, features, doubles
+):
+    """128 bits without AVX, 256 with it, 512 with AVX-512F (Intel, Software Developer
+    Manual 1, chapters 14, 15).
+    """
     monkeypatch.setattr(native, "_features", lambda: features)
     assert native.host_width() == doubles
     assert native.host_width(single=True) == 2 * doubles
 
 
 @pytest.mark.parametrize("shape", [(4, 2), (4, 0), (4,), (4, 1, 1), ()])
-def test_rows_of_another_shape_are_refused_by_every_engine(monkeypatch, tmp_path, shape):
+def test_rows_of_another_shape_are_refused_by_every_engine(
+    monkeypatch, tmp_path, shape
+):
     monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
-    loop = trace_loop(lambda carry, p, row, u: ((carry[0] + row[0],), ()), (0.0,), (), (0.0,))
+    loop = trace_loop(
+        lambda carry, p, row, u: ((carry[0] + row[0],), ()), (0.0,), (), (0.0,)
+    )
     kernel = native.Kernel(loop, Lanes(1))
     with pytest.raises(ValueError, match=r"^rows: shape \(.*\), allowed \(steps, 1\)"):
         kernel.run(np.zeros((1, 3)), np.zeros((0, 3)), np.zeros(shape))
@@ -50,13 +60,21 @@ def test_minus_a_negative_is_a_sum():
 
 @pytest.mark.parametrize(("most", "kept"), [(15, True), (16, False)])
 def test_a_repetition_of_just_the_limit_is_written_out(monkeypatch, most, kept):
-    """Four turns of one slot and three operations are sixteen, which may be written out where sixteen are allowed."""
+    """Four turns of one slot and three operations are sixteen, which may be written out
+    where sixteen are allowed.
+    """
     monkeypatch.setattr(repetition, "WRITTEN_OUT", most)
 
     def turn(x):
         return (scalars.sin(scalars.exp(scalars.cos(x[0]))),)
 
-    loop = trace_loop(lambda carry, p, r, u: (repetition.repeat(4, turn, carry), ()), (0.5,), (), (), loops=True)
+    loop = trace_loop(
+        lambda carry, p, r, u: (repetition.repeat(4, turn, carry), ()),
+        (0.5,),
+        (),
+        (),
+        loops=True,
+    )
     assert ("repeat" in {node.op for node in loop.program.nodes}) == kept
 
 

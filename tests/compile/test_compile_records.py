@@ -29,7 +29,11 @@ class Thing:
     nothing: None = None
 
 
-THING = Thing(mass=2.5, place=Vec3(0, 1.5, -3.0), parts=(Sym3(1.0, 0, 2.0), Sym3(3.0, 4.0, 5.0, xz=6.0)))
+THING = Thing(
+    mass=2.5,
+    place=Vec3(0, 1.5, -3.0),
+    parts=(Sym3(1.0, 0, 2.0), Sym3(3.0, 4.0, 5.0, xz=6.0)),
+)
 
 
 def test_leaves_are_the_scalars_in_field_order_and_nothing_else():
@@ -50,7 +54,12 @@ def test_rebuilding_keeps_structure_and_replaces_scalars_in_order():
     assert doubled.place == Vec3(0, 3.0, -6.0)
     assert type(doubled.place.x) is int
     assert doubled.parts[1].xz == 12.0
-    assert (doubled.name, doubled.flag, doubled.colour, doubled.nothing) == ("thing", True, Colour.RED, None)
+    assert (doubled.name, doubled.flag, doubled.colour, doubled.nothing) == (
+        "thing",
+        True,
+        Colour.RED,
+        None,
+    )
 
 
 @pytest.mark.parametrize("count", [0, 8, 10])
@@ -62,7 +71,10 @@ def test_a_wrong_number_of_scalars_is_refused(count):
 def test_leaves_of_any_engine_pass():
     lanes = np.arange(3.0)
     assert leaves(Vec3(lanes, 1, np.float64(2.0)))[0] is lanes
-    assert shaped_like(Quaternion(1.0, 1.0, 1.0, 1.0), ["not", "checked", "here", "!"]).w == "not"
+    assert (
+        shaped_like(Quaternion(1.0, 1.0, 1.0, 1.0), ["not", "checked", "here", "!"]).w
+        == "not"
+    )
 
 
 def test_a_vehicle_makes_the_round_trip():

@@ -1,4 +1,6 @@
-"""Code that several calls of one function share: written once, with the bits of the function written out."""
+"""Code that several calls of one function share: written once, with the bits of the
+function written out.
+"""
 
 from __future__ import annotations
 
@@ -37,16 +39,31 @@ def traced(step, *, loops=True, carry=(0.0, 0.0), parameters=(0.0,), row=(0.0,))
 
 
 def wave(x):
-    """Function of a nested record: numbers, a text, a constant output and an input that passes through."""
+    """Function of a nested record: numbers, a text, a constant output and an input that
+    passes through.
+    """
     (a, b), name, c = x
-    return (sin(a) * b + c, 0.0), name, repeat(3, lambda y: (y[0] * 0.5 + a,), (b,))[0], a
+    return (
+        (sin(a) * b + c, 0.0),
+        name,
+        repeat(3, lambda y: (y[0] * 0.5 + a,), (b,))[0],
+        a,
+    )
 
 
 def twice(carry, parameters, row, draws):
-    """Two calls of one function, the second with the result of the first, and one inside a loop."""
-    (first, zero), _, other, same = compiled_once("wave", wave, ((carry[0], carry[1]), "x", parameters[0]))
+    """Two calls of one function, the second with the result of the first, and one
+    inside a loop.
+    """
+    (first, zero), _, other, same = compiled_once(
+        "wave", wave, ((carry[0], carry[1]), "x", parameters[0])
+    )
     (second, _), *_ = compiled_once("wave", wave, ((first, carry[0]), "x", row[0]))
-    last = repeat(5, lambda y: (compiled_once("wave", wave, ((y[0], row[0]), "x", carry[1]))[2],), (other,))[0]
+    last = repeat(
+        5,
+        lambda y: (compiled_once("wave", wave, ((y[0], row[0]), "x", carry[1]))[2],),
+        (other,),
+    )[0]
     return (second, last + zero), (same, first)
 
 
@@ -55,8 +72,15 @@ def test_shared_code_has_the_bits_of_the_function_written_out():
     assert functions(shared) == 1
     assert functions(plain) == 0
     rng = np.random.default_rng(3)
-    carry, parameters, rows = rng.normal(size=(2, 9)), rng.normal(size=(1, 9)), rng.normal(size=(4, 1))
-    flown = [Kernel(loop, Lanes(4), logging=True).run(carry, parameters, rows) for loop in (shared, plain)]
+    carry, parameters, rows = (
+        rng.normal(size=(2, 9)),
+        rng.normal(size=(1, 9)),
+        rng.normal(size=(4, 1)),
+    )
+    flown = [
+        Kernel(loop, Lanes(4), logging=True).run(carry, parameters, rows)
+        for loop in (shared, plain)
+    ]
     assert same_bits(flown[0][0], flown[1][0])
     assert same_bits(flown[0][1], flown[1][1])
     a, v, k, g = rng.normal(size=4).tolist()
@@ -69,8 +93,19 @@ def test_shared_code_of_a_random_function_has_the_bits_of_python_floats(seed):
     function, ends = random_function(np.random.default_rng(seed), length=10), 2
 
     def step(carry, parameters, row, draws):
-        once = compiled_once("f", lambda x: tuple(function(*x)[-ends:]), (*carry, *parameters, *row))
-        return tuple(compiled_once("f", lambda x: tuple(function(*x)[-ends:]), (*once, *parameters, *row))), ()
+        once = compiled_once(
+            "f", lambda x: tuple(function(*x)[-ends:]), (*carry, *parameters, *row)
+        )
+        return (
+            tuple(
+                compiled_once(
+                    "f",
+                    lambda x: tuple(function(*x)[-ends:]),
+                    (*once, *parameters, *row),
+                )
+            ),
+            (),
+        )
 
     loop = traced(step)
     rng = np.random.default_rng(seed)
@@ -78,7 +113,9 @@ def test_shared_code_of_a_random_function_has_the_bits_of_python_floats(seed):
         direct = step(tuple(point[:2]), (point[2],), (point[3],), ())
         expected = bits(direct[0])
         assert bits(loop.stepper()(tuple(point))) == expected
-        now = Kernel(loop, Lanes(1)).run(np.array(point[:2])[:, None], np.array([[point[2]]]), np.array([[point[3]]]))
+        now = Kernel(loop, Lanes(1)).run(
+            np.array(point[:2])[:, None], np.array([[point[2]]]), np.array([[point[3]]])
+        )
         assert bits(tuple(now[0][:, 0].tolist())) == expected
 
 
@@ -89,8 +126,19 @@ def test_calls_of_other_constants_structure_or_keys_have_code_of_their_own():
         def of(key, record, constants=()):
             return compiled_once(key, lambda x: (x[0] * x[1],), record, constants)[0]
 
-        numbers = [of("k", (a, 2.0)), of("k", (b, 2.0)), of("k", (a, 3.0)), of("k", (a, 0.0)), of("k", (a, -0.0))]
-        numbers += [of("k", (a, b)), of("k", (a, b, "text")), of("other", (a, b)), of("k", (a, b), (1.5,))]
+        numbers = [
+            of("k", (a, 2.0)),
+            of("k", (b, 2.0)),
+            of("k", (a, 3.0)),
+            of("k", (a, 0.0)),
+            of("k", (a, -0.0)),
+        ]
+        numbers += [
+            of("k", (a, b)),
+            of("k", (a, b, "text")),
+            of("other", (a, b)),
+            of("k", (a, b), (1.5,)),
+        ]
         return (sum(numbers, 0.0), b), ()
 
     assert functions(traced(step)) == 8  # the second call alone is the first one's
@@ -111,7 +159,9 @@ def test_a_symbolic_constant_is_written_out_and_so_is_a_condition():
 def test_shared_code_may_call_shared_code():
     def outer(x):
         inner = compiled_once("inner", lambda y: (sin(y[0]) + y[1],), (x[0], x[1]))[0]
-        return (compiled_once("inner", lambda y: (sin(y[0]) + y[1],), (inner, x[0]))[0],)
+        return (
+            compiled_once("inner", lambda y: (sin(y[0]) + y[1],), (inner, x[0]))[0],
+        )
 
     def step(carry, parameters, row, draws):
         once = compiled_once("outer", outer, carry)[0]
@@ -120,7 +170,10 @@ def test_shared_code_may_call_shared_code():
     shared, plain = (traced(step, loops=kept) for kept in (True, False))
     assert functions(shared) == 2
     carry = np.array([[0.3, -2.0], [1.1, 0.7]])
-    runs = [Kernel(loop, Lanes(2)).run(carry, np.zeros((1, 2)), np.zeros((3, 1)))[0] for loop in (shared, plain)]
+    runs = [
+        Kernel(loop, Lanes(2)).run(carry, np.zeros((1, 2)), np.zeros((3, 1)))[0]
+        for loop in (shared, plain)
+    ]
     assert same_bits(*runs)
 
 
@@ -131,7 +184,9 @@ def test_operations_count_shared_code_as_often_as_it_runs():
 
         return (repeat(50, once, (carry[0],))[0], once(carry[1:])[0]), ()
 
-    shared, plain = (operations(traced(step, loops=kept).program.nodes) for kept in (True, False))
+    shared, plain = (
+        operations(traced(step, loops=kept).program.nodes) for kept in (True, False)
+    )
     assert shared == pytest.approx(plain, rel=0.1)
     assert operations(traced(step).program.nodes, written=True) < 0.1 * plain
 
@@ -140,15 +195,25 @@ def test_equal_vehicles_share_the_code_of_their_law_and_their_dynamics():
     one = skyarm.load_scenario("case3", duration=0.1)
     sizes = []
     for count in (1, 2, 3):
-        team = dataclasses.replace(one, agents={f"a{i}": one.agent for i in range(count)}) if count > 1 else one
+        team = (
+            dataclasses.replace(one, agents={f"a{i}": one.agent for i in range(count)})
+            if count > 1
+            else one
+        )
         text = assembly(EpisodeCode(team).loop, Lanes(1), logging=True)
         sizes.append((text.count("define internal void @shared"), len(text)))
     assert [functions for functions, _ in sizes] == [0, 2, 2]
     for safe in (False, True):
         tables = tomllib.loads((TEAMS / "bar.toml").read_text("utf-8"))
         tables["controller"] |= {"safety": True} if safe else {}
-        text = assembly(EpisodeCode(skyarm.scenario_from(tables, TEAMS)).loop, Lanes(1), logging=True)
-        assert text.count("define internal void @shared") == 2, "law with its safety layer, dynamics"
+        text = assembly(
+            EpisodeCode(skyarm.scenario_from(tables, TEAMS)).loop,
+            Lanes(1),
+            logging=True,
+        )
+        assert text.count("define internal void @shared") == 2, (
+            "law with its safety layer, dynamics"
+        )
     assert sizes[1][1] < 1.7 * sizes[0][1]
     assert sizes[2][1] < 2.35 * sizes[0][1]
 
@@ -166,23 +231,39 @@ def test_a_function_may_return_more_than_it_takes():
         return tuple(x[0] * float(k) for k in range(2, 40))
 
     def step(carry, parameters, row, draws):
-        first, second = compiled_once("m", many, (carry[0],)), compiled_once("m", many, (carry[1],))
+        first, second = (
+            compiled_once("m", many, (carry[0],)),
+            compiled_once("m", many, (carry[1],)),
+        )
         return (first[0], second[0]), (*first, *second)
 
     loop = traced(step)
     carry = np.random.default_rng(1).normal(size=(2, 8))
-    _, log = Kernel(loop, Lanes(8), logging=True).run(carry, np.zeros((1, 8)), np.zeros((1, 1)))
-    expected = np.concatenate([np.outer(np.arange(2.0, 40.0), carry[i]) for i in range(2)])
+    _, log = Kernel(loop, Lanes(8), logging=True).run(
+        carry, np.zeros((1, 8)), np.zeros((1, 1))
+    )
+    expected = np.concatenate(
+        [np.outer(np.arange(2.0, 40.0), carry[i]) for i in range(2)]
+    )
     np.testing.assert_array_equal(log[0], expected)
     assert "alloca [38 x" in assembly(loop, Lanes(1), logging=True)
 
 
 def test_a_condition_among_the_arguments_is_written_out():
     def step(carry, parameters, row, draws):
-        larger = compiled_once("w", lambda x: (where(x[0], x[1], 2.0 * x[1]),), (carry[0] < carry[1], carry[0]))[0]
+        larger = compiled_once(
+            "w",
+            lambda x: (where(x[0], x[1], 2.0 * x[1]),),
+            (carry[0] < carry[1], carry[0]),
+        )[0]
         return (larger, carry[1]), ()
 
     loop = traced(step)
     assert functions(loop) == 0
     assert loop.stepper()((3.0, 2.0, 0.0, 0.0))[0] == 6.0
-    assert Kernel(loop, Lanes(1)).run(np.array([[3.0], [2.0]]), np.zeros((1, 1)), np.zeros((1, 1)))[0][0, 0] == 6.0
+    assert (
+        Kernel(loop, Lanes(1)).run(
+            np.array([[3.0], [2.0]]), np.zeros((1, 1)), np.zeros((1, 1))
+        )[0][0, 0]
+        == 6.0
+    )

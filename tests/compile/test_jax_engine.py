@@ -1,4 +1,6 @@
-"""Stepped programs on JAX equal the Python floats, draw the same numbers, and have right derivatives."""
+"""Stepped programs on JAX equal the Python floats, draw the same numbers, and have
+right derivatives.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,19 @@ from stepped_flights import (
     pendulum_step,
 )
 
-from skyarm.algebra.scalars import absolute, acos, atan2, divide, exp, floor, philox, sqrt, tan, tanh, where
+from skyarm.algebra.scalars import (
+    absolute,
+    acos,
+    atan2,
+    divide,
+    exp,
+    floor,
+    philox,
+    sqrt,
+    tan,
+    tanh,
+    where,
+)
 from skyarm.algebra.scalars import log as ln
 from skyarm.algebra.scalars.functions import copysign
 from skyarm.compile import trace
@@ -51,8 +65,12 @@ def _double():
 
 @functools.cache
 def pendulum(**options):
-    """One kernel for all tests that want the same: XLA compiles it once for each number of lanes in a block."""
-    return JaxKernel(trace_loop(pendulum_step, PENDULUM, CONSTANTS, (0.0,), DRAWS), **options)
+    """One kernel for all tests that want the same: XLA compiles it once for each number
+    of lanes in a block.
+    """
+    return JaxKernel(
+        trace_loop(pendulum_step, PENDULUM, CONSTANTS, (0.0,), DRAWS), **options
+    )
 
 
 def pendulum_lanes(lanes):
@@ -62,18 +80,29 @@ def pendulum_lanes(lanes):
 TORQUES = np.sin(np.arange(120) / 7.0)[:, None]
 
 
-@pytest.mark.parametrize(("lanes", "block", "threads"), sampled([(5, 2, 2), (1, 64, 1), (7, None, 1)], 3))
+@pytest.mark.parametrize(
+    ("lanes", "block", "threads"), sampled([(5, 2, 2), (1, 64, 1), (7, None, 1)], 3)
+)
 def test_noisy_pendulums_equal_the_python_floats_lane_by_lane(lanes, block, threads):
-    """Tolerance: XLA may contract a * b + c; 120 damped steps of numbers below 3 gather a few hundred roundings."""
+    """Tolerance: XLA may contract a * b + c; 120 damped steps of numbers below 3 gather
+    a few hundred roundings.
+    """
     kernel = pendulum(lanes_per_block=block, logging=True)
     carry, parameters = pendulum_lanes(lanes)
     episodes = 4_000_000_000 + np.arange(lanes) * 3
     keys = {"seed": 2**63 + 5, "start": 17}
-    found, log = kernel.run(carry, parameters, TORQUES, episodes=episodes, threads=threads, **keys)
+    found, log = kernel.run(
+        carry, parameters, TORQUES, episodes=episodes, threads=threads, **keys
+    )
     assert log.shape == (120, 2, lanes)
     for k in range(lanes):
         expected, entries = flown_in_python(
-            kernel.loop, carry[:, k], parameters[:, k], TORQUES, episode=int(episodes[k]), **keys
+            kernel.loop,
+            carry[:, k],
+            parameters[:, k],
+            TORQUES,
+            episode=int(episodes[k]),
+            **keys,
         )
         np.testing.assert_allclose(found[:, k], expected, rtol=0, atol=1e-13)
         np.testing.assert_allclose(log[:, :, k], entries, rtol=0, atol=1e-13)
@@ -81,12 +110,16 @@ def test_noisy_pendulums_equal_the_python_floats_lane_by_lane(lanes, block, thre
 
 @pytest.mark.thorough
 def test_a_lane_has_the_same_bits_in_any_company():
-    """Blocks of one width are one program: other lanes, their number and the threads change nothing."""
+    """Blocks of one width are one program: other lanes, their number and the threads
+    change nothing.
+    """
     kernel = pendulum(lanes_per_block=4)
     carry, parameters = pendulum_lanes(11)
     alone = kernel.run(carry, parameters, TORQUES)[0]
     assert np.array_equal(kernel.run(carry, parameters, TORQUES, threads=2)[0], alone)
-    few = kernel.run(carry[:, 3:7], parameters[:, 3:7], TORQUES, episodes=np.arange(3, 7))[0]
+    few = kernel.run(
+        carry[:, 3:7], parameters[:, 3:7], TORQUES, episodes=np.arange(3, 7)
+    )[0]
     assert np.array_equal(few, alone[:, 3:7])
 
 
@@ -104,10 +137,14 @@ def test_a_diverged_lane_stays_visible_and_leaves_its_neighbours_untouched():
 
 @pytest.mark.parametrize("every", sampled([50, 1000], 2))
 def test_a_decimated_log_holds_every_nth_entry(every):
-    """Steps that are no multiple of it, and fewer steps than it; blocks of two lanes, the last with one."""
+    """Steps that are no multiple of it, and fewer steps than it; blocks of two lanes,
+    the last with one.
+    """
     kernel = pendulum(lanes_per_block=2, logging=True)
     carry, parameters = pendulum_lanes(3)
-    (final, full), (same, log) = (kernel.run(carry, parameters, TORQUES, every=n) for n in (1, every))
+    (final, full), (same, log) = (
+        kernel.run(carry, parameters, TORQUES, every=n) for n in (1, every)
+    )
     assert np.array_equal(final, same)
     assert np.array_equal(log, full[::every])
 
@@ -120,7 +157,9 @@ def test_single_precision_needs_no_64_bit_numbers_and_stays_within_its_digits():
         found = kernel.run(carry, parameters, TORQUES, seed=5)[0]
     assert found.dtype == np.float32
     for k in range(3):
-        expected, _ = flown_in_python(kernel.loop, carry[:, k], parameters[:, k], TORQUES, seed=5, episode=k)
+        expected, _ = flown_in_python(
+            kernel.loop, carry[:, k], parameters[:, k], TORQUES, seed=5, episode=k
+        )
         np.testing.assert_allclose(found[:, k], expected, rtol=0, atol=3e-5)
 
 
@@ -135,39 +174,74 @@ def test_uniform_numbers_equal_philox_to_the_bit(single):
     with jax_doubles(not single):
         draw = jax.vmap(lambda e, s: uniforms(words, e, s, ((2, 5), (9, 2)), dtype))
         found = jax.jit(draw)(episodes, steps)
-    expected = [philox.uniforms(seed, episodes, channel, steps, count) for channel, count in ((2, 5), (9, 2))]
+    expected = [
+        philox.uniforms(seed, episodes, channel, steps, count)
+        for channel, count in ((2, 5), (9, 2))
+    ]
     wanted = np.concatenate(expected, axis=-1).astype(dtype)
-    np.testing.assert_array_max_ulp(np.array(found).T, wanted, maxulp=1 if single else 0)
+    np.testing.assert_array_max_ulp(
+        np.array(found).T, wanted, maxulp=1 if single else 0
+    )
 
 
 def test_single_uniforms_are_the_doubles_within_a_unit_of_the_last_place():
-    """Words chosen so that the 53 bits end just at, above and below a tie of 24 bits, at every magnitude."""
+    """Words chosen so that the 53 bits end just at, above and below a tie of 24 bits,
+    at every magnitude.
+    """
     from skyarm.compile.jax.jax_operations import _unit32
 
     rng = np.random.default_rng(8)
     ones = [int(rng.integers(1, 2**24)) for _ in range(20)]
-    kept = {min(abs((one << shift) + d), 2**52 - 1) for one in ones for shift in range(28) for d in (-1, 0, 1)}
+    kept = {
+        min(abs((one << shift) + d), 2**52 - 1)
+        for one in ones
+        for shift in range(28)
+        for d in (-1, 0, 1)
+    }
     kept |= {0, 1, 2, 3, 2**52 - 1, 2**28 - 1, 2**20, 2**20 - 1}
     k = np.array(sorted(kept), dtype=np.uint64)
     expected = ((2 * k + 1).astype(np.float64) * 2.0**-53).astype(np.float32)
-    low, high = ((k << 12) & np.uint64(0xFFFFFFFF)).astype(np.uint32), (k >> 20).astype(np.uint32)
-    np.testing.assert_array_max_ulp(np.asarray(jax.jit(jax.vmap(_unit32))(low, high)), expected, maxulp=1)
+    low, high = (
+        ((k << 12) & np.uint64(0xFFFFFFFF)).astype(np.uint32),
+        (k >> 20).astype(np.uint32),
+    )
+    np.testing.assert_array_max_ulp(
+        np.asarray(jax.jit(jax.vmap(_unit32))(low, high)), expected, maxulp=1
+    )
 
 
 def everything(x, y):
     bits = copysign(divide(x, y), y) + floor(3.0 * x)
     logic = where(((x < 0.2) & (y > 0.1)) | (x < -0.5), x * y, x - y)
-    return atan2(y, x), exp(x), ln(absolute(y)), tanh(3.0 * x), tan(x), acos(0.9 * x), sqrt(absolute(x)), bits, logic
+    return (
+        atan2(y, x),
+        exp(x),
+        ln(absolute(y)),
+        tanh(3.0 * x),
+        tan(x),
+        acos(0.9 * x),
+        sqrt(absolute(x)),
+        bits,
+        logic,
+    )
 
 
 def test_every_operation_equals_the_python_floats_on_ordinary_and_special_numbers():
-    """Tolerance: contraction changes the last digits of a value, by up to 2e-16 of each function's largest term."""
+    """Tolerance: contraction changes the last digits of a value, by up to 2e-16 of each
+    function's largest term.
+    """
     program = trace(everything, 0.5, 0.5)
     special = [0.0, -0.0, 1.0, -1.0, 0.5, 1e-300, np.inf, -np.inf, np.nan]
     rng = np.random.default_rng(4)
-    pairs = [(x, y) for x in special for y in special] + rng.uniform(-1.0, 1.0, (200, 2)).tolist()
+    pairs = [(x, y) for x in special for y in special] + rng.uniform(
+        -1.0, 1.0, (200, 2)
+    ).tolist()
     lanes = np.array(pairs).T
-    found = np.array(jax.jit(jax.vmap(lambda x, y: evaluate(program.lowered, (x, y), np.float64)))(*lanes)).T
+    found = np.array(
+        jax.jit(jax.vmap(lambda x, y: evaluate(program.lowered, (x, y), np.float64)))(
+            *lanes
+        )
+    ).T
     expected = np.array([program.flat(tuple(pair)) for pair in pairs])
     np.testing.assert_allclose(found, expected, rtol=2e-15, atol=1e-15)
     zeros = expected == 0.0
@@ -176,7 +250,12 @@ def test_every_operation_equals_the_python_floats_on_ordinary_and_special_number
 
 def test_a_nan_is_no_number_that_is_at_least_zero():
     """XLA's own 0 <= x * x is true of a NaN, which would hide a crash."""
-    program = trace(lambda x: tuple(where(f(x) >= 0.0, 1.0, 2.0) for f in (absolute, exp, lambda x: x * x)), 0.5)
+    program = trace(
+        lambda x: tuple(
+            where(f(x) >= 0.0, 1.0, 2.0) for f in (absolute, exp, lambda x: x * x)
+        ),
+        0.5,
+    )
     found = jax.jit(lambda x: evaluate(program.lowered, (x,), np.float64))
     assert [float(one) for one in found(np.nan)] == [2.0] * 3 == list(program(np.nan))
     assert [float(one) for one in found(0.0)] == [1.0] * 3 == list(program(0.0))
@@ -206,17 +285,32 @@ np.savez(sys.argv[1], final=final)
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
     out = tmp_path_factory.mktemp("jax") / "flights.npz"
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "JAX_PLATFORMS": "cpu"}
-    # our own flags join it; XLA's last optimisations, by LLVM, take half of its time and have tests of their own
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(sys.path),
+        "JAX_PLATFORMS": "cpu",
+    }
+    # our own flags join it; XLA's last optimisations, by LLVM, take half of its time
+    # and have tests of their own
     environment["XLA_FLAGS"] = "--xla_backend_optimization_level=0"
     command = [sys.executable, "-c", FLIGHTS, str(out), str(STEPS)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600, check=False)
+    done = subprocess.run(
+        command,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return np.load(out)
 
 
-def test_the_controlled_vehicle_equals_the_python_floats_and_a_lost_one_harms_nobody(flown):
-    """Tolerance: the loop is stable, so roundings of 160 steps do not grow; rotor speeds are of order 500 rad/s."""
+def test_the_controlled_vehicle_equals_the_python_floats_and_a_lost_one_harms_nobody(
+    flown,
+):
+    """Tolerance: the loop is stable, so roundings of 160 steps do not grow; rotor
+    speeds are of order 500 rad/s.
+    """
     loop = trace_loop(flight_step, TILTED, CONTROLLER.par, flight_row())
     carry, parameters = flight_lanes(4)
     rows = flight_rows(STEPS)
@@ -225,7 +319,9 @@ def test_the_controlled_vehicle_equals_the_python_floats_and_a_lost_one_harms_no
     scale = np.where(np.arange(loop.carry) < 17, 1.0, 500.0)
     for k in (0, 1, 3):
         expected, _ = flown_in_python(loop, carry[:, k], parameters[:, k], rows)
-        np.testing.assert_allclose(found[:, k] / scale, expected / scale, rtol=0, atol=2e-12)
+        np.testing.assert_allclose(
+            found[:, k] / scale, expected / scale, rtol=0, atol=2e-12
+        )
         assert abs(expected[:3] - carry[:3, k]).max() > 0.05  # it flew
 
 
@@ -251,22 +347,37 @@ SLOPES = (
 
 @pytest.mark.thorough
 def test_slopes_are_right_at_ordinary_points_and_finite_beside_a_branch_not_taken():
-    """Forwards and backwards, each of its own program, compiled together. Tolerance: a few roundings."""
-    programs = [trace(lambda x, of=function: (of(x),), 0.5).lowered for function, _, _ in SLOPES]
-    functions = [lambda x, of=program: evaluate(of, (x,), np.float64)[0] for program in programs]
+    """Forwards and backwards, each of its own program, compiled together. Tolerance: a
+    few roundings.
+    """
+    programs = [
+        trace(lambda x, of=function: (of(x),), 0.5).lowered for function, _, _ in SLOPES
+    ]
+    functions = [
+        lambda x, of=program: evaluate(of, (x,), np.float64)[0] for program in programs
+    ]
 
     def slopes(points):
         places = list(zip(functions, points, strict=True))
-        return [jax.grad(f)(x) for f, x in places], [jax.jvp(f, (x,), (1.0,))[1] for f, x in places]
+        return [jax.grad(f)(x) for f, x in places], [
+            jax.jvp(f, (x,), (1.0,))[1] for f, x in places
+        ]
 
     backwards, forwards = jax.jit(slopes)([x for _, x, _ in SLOPES])
     for k, (_, x, slope) in enumerate(SLOPES):
-        assert float(backwards[k]) == pytest.approx(slope, rel=1e-14), f"row {k}, at {x}"
+        assert float(backwards[k]) == pytest.approx(slope, rel=1e-14), (
+            f"row {k}, at {x}"
+        )
         assert float(forwards[k]) == pytest.approx(slope, rel=1e-14), f"row {k}, at {x}"
 
 
 def test_double_precision_that_jax_does_not_allow_is_refused_with_the_setting():
-    with jax_doubles(False), pytest.raises(ValueError, match=r'update\("jax_enable_x64", True\).*single=True'):
+    with (
+        jax_doubles(False),
+        pytest.raises(
+            ValueError, match=r'update\("jax_enable_x64", True\).*single=True'
+        ),
+    ):
         pendulum.__wrapped__()
 
 
@@ -275,8 +386,14 @@ def test_wrong_shapes_and_keys_are_refused_by_name():
     carry, parameters = pendulum_lanes(2)
     for bad, match in (
         ((carry[:1], parameters, TORQUES), r"carry: shape \(1, 2\), allowed \(2, 2\)"),
-        ((carry, parameters[:, :1], TORQUES), r"parameters: shape \(3, 1\), allowed \(3, 2\)"),
-        ((carry, parameters, np.zeros((4, 2))), r"rows: shape \(4, 2\), allowed \(4, 1\)"),
+        (
+            (carry, parameters[:, :1], TORQUES),
+            r"parameters: shape \(3, 1\), allowed \(3, 2\)",
+        ),
+        (
+            (carry, parameters, np.zeros((4, 2))),
+            r"rows: shape \(4, 2\), allowed \(4, 1\)",
+        ),
     ):
         with pytest.raises(ValueError, match=match):
             kernel.run(*bad)
@@ -287,10 +404,17 @@ def test_wrong_shapes_and_keys_are_refused_by_name():
 
 
 def test_a_loop_without_parameters_rows_or_steps_runs():
-    kernel = JaxKernel(trace_loop(lambda x, p, r, u: ((2.0 * x[0], 1.5), ()), (1.0, 0.0), (), ()))
+    kernel = JaxKernel(
+        trace_loop(lambda x, p, r, u: ((2.0 * x[0], 1.5), ()), (1.0, 0.0), (), ())
+    )
     start = np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]])
-    assert kernel.run(start, np.zeros((0, 3)), np.zeros((3, 0)))[0].tolist() == [[8.0, 16.0, 24.0], [1.5] * 3]
-    assert np.array_equal(kernel.run(start, np.zeros((0, 3)), np.zeros((0, 0)))[0], start)
+    assert kernel.run(start, np.zeros((0, 3)), np.zeros((3, 0)))[0].tolist() == [
+        [8.0, 16.0, 24.0],
+        [1.5] * 3,
+    ]
+    assert np.array_equal(
+        kernel.run(start, np.zeros((0, 3)), np.zeros((0, 0)))[0], start
+    )
 
 
 def test_a_program_traced_with_loops_is_refused(monkeypatch):
@@ -303,7 +427,9 @@ def test_a_program_traced_with_loops_is_refused(monkeypatch):
     with pytest.raises(ValueError, match="without loops for JAX"):
         kernel.run(np.ones((1, 1)), np.zeros((0, 1)), np.zeros((1, 0)))
     written_out = JaxKernel(trace_loop(step, (1.0,), (), ()))
-    assert written_out.run(np.ones((1, 1)), np.zeros((0, 1)), np.zeros((1, 0)))[0] == 0.125
+    assert (
+        written_out.run(np.ones((1, 1)), np.zeros((0, 1)), np.zeros((1, 0)))[0] == 0.125
+    )
 
 
 FRESH = """
@@ -321,7 +447,9 @@ assert flags.startswith("--xla_cpu_enable_fast_math=false --xla_cpu_prefer_vecto
 
 
 def test_the_cpu_flags_are_known_to_this_jaxlib_and_come_before_it_starts():
-    """A flag that jaxlib does not know would end the process; a user's own flags stay."""
+    """A flag that jaxlib does not know would end the process; a user's own flags
+    stay.
+    """
     bench = Path(__file__).parents[1] / "studies" / "bench"
     environment = os.environ | {
         "XLA_FLAGS": "--xla_cpu_enable_fast_math=false",
@@ -329,13 +457,27 @@ def test_the_cpu_flags_are_known_to_this_jaxlib_and_come_before_it_starts():
         "PYTHONPATH": os.pathsep.join([str(bench), os.environ.get("PYTHONPATH", "")]),
     }
     done = subprocess.run(
-        [sys.executable, "-c", FRESH], env=environment, capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, "-c", FRESH],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[0] == "[1.0, 2.0, 3.0]"
 
 
 def test_a_missing_library_is_named_with_its_extra():
-    hidden = "import sys; sys.modules['jax'] = None; import skyarm.compile.jax.jax_operations"
-    done = subprocess.run([sys.executable, "-c", hidden], capture_output=True, text=True, timeout=60, check=False)
+    hidden = (
+        "import sys; sys.modules['jax'] = None; import"
+        " skyarm.compile.jax.jax_operations"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", hidden],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     assert f"MissingExtraError: {needs_extra('jax')}" in done.stderr

@@ -1,4 +1,6 @@
-"""What an engine does when it is not told: no log, double precision; and threads that change nothing."""
+"""What an engine does when it is not told: no log, double precision; and threads that
+change nothing.
+"""
 
 from __future__ import annotations
 
@@ -25,20 +27,30 @@ def halving():
 
 
 def expected(carry, parameters, rows):
-    """Closed form of the recurrence by NumPy: x_n = x_0 / 2^n + sum_k (p + r_k) / 2^(n - 1 - k)."""
+    """Closed form of the recurrence by NumPy: x_n = x_0 / 2^n + sum_k (p + r_k) /
+    2^(n - 1 - k).
+    """
     n = len(rows)
     weights = 0.5 ** (n - 1.0 - np.arange(n))
     return carry * 0.5**n + weights.sum() * parameters + weights @ rows[:, 0]
 
 
-CARRY, PARAMETERS, ROWS = np.array([[0.1, 0.2, 0.3]]), np.array([[1.0, 2.0, 3.0]]), np.arange(6.0)[:, None] / 7.0
+CARRY, PARAMETERS, ROWS = (
+    np.array([[0.1, 0.2, 0.3]]),
+    np.array([[1.0, 2.0, 3.0]]),
+    np.arange(6.0)[:, None] / 7.0,
+)
 
 
 def check_defaults(kernel):
-    """Tolerance: six steps of one rounding each on numbers below ten, in double; single would be off by 1e-7."""
+    """Tolerance: six steps of one rounding each on numbers below ten, in double; single
+    would be off by 1e-7.
+    """
     final, log = kernel.run(CARRY, PARAMETERS, ROWS)
     assert final.dtype == log.dtype == np.float64
-    np.testing.assert_allclose(final, expected(CARRY, PARAMETERS, ROWS), rtol=0, atol=2e-14)
+    np.testing.assert_allclose(
+        final, expected(CARRY, PARAMETERS, ROWS), rtol=0, atol=2e-14
+    )
     assert log.size == 0
     assert (log.shape[0], log.shape[2]) == (0, 3)
 
@@ -68,9 +80,16 @@ def test_jax_keeps_no_log_unless_it_is_asked_to():
 def test_more_threads_than_lanes_or_fewer_change_no_bit(width):
     kernel = Kernel(halving(), Lanes(width), logging=True)
     for lanes in (1, 2, 5, 13):
-        carry, parameters = np.linspace(-1.0, 1.0, lanes)[None], np.linspace(2.0, 3.0, lanes)[None]
+        carry, parameters = (
+            np.linspace(-1.0, 1.0, lanes)[None],
+            np.linspace(2.0, 3.0, lanes)[None],
+        )
         alone = kernel.run(carry, parameters, ROWS)
-        np.testing.assert_allclose(alone[0], expected(carry, parameters, ROWS), rtol=0, atol=2e-14)
+        np.testing.assert_allclose(
+            alone[0], expected(carry, parameters, ROWS), rtol=0, atol=2e-14
+        )
         for threads in (2, 3, 8, 40):
             found = kernel.run(carry, parameters, ROWS, threads=threads)
-            assert all(np.array_equal(a, b) for a, b in zip(found, alone, strict=True)), (lanes, threads)
+            assert all(
+                np.array_equal(a, b) for a, b in zip(found, alone, strict=True)
+            ), (lanes, threads)

@@ -1,4 +1,6 @@
-"""Random numbers of lanes that are stepped together: their keys are (seed, episode), and begin anew when told."""
+"""Random numbers of lanes that are stepped together: their keys are (seed, episode),
+and begin anew when told.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +16,9 @@ LANES = 5
 
 
 def drawn(seed, episode, step):
-    return np.concatenate([uniforms(seed, episode, channel, step, count) for channel, count in DRAWS])
+    return np.concatenate(
+        [uniforms(seed, episode, channel, step, count) for channel, count in DRAWS]
+    )
 
 
 def stepper(**options):
@@ -37,4 +41,6 @@ def test_each_lane_draws_by_its_seed_its_episode_and_its_own_count_of_steps(own)
                 seeds[1], seeds[3] = 21, 22
         made.step()
         for k in range(LANES):
-            np.testing.assert_array_equal(made.logged[:, k], drawn(seeds[k], episodes[k], tick + first[k]))
+            np.testing.assert_array_equal(
+                made.logged[:, k], drawn(seeds[k], episodes[k], tick + first[k])
+            )

@@ -35,13 +35,20 @@ def test_a_loop_counts_its_inputs_and_outputs():
 
 
 def test_a_carry_of_another_size_is_refused():
-    with pytest.raises(ValueError, match="returns another carry than it takes: carry is "):
+    with pytest.raises(
+        ValueError, match="returns another carry than it takes: carry is "
+    ):
         trace_loop(lambda c, p, r, u: ((c[0],), ()), (0.0, 0.0), (), ())
 
 
-@pytest.mark.parametrize(("first", "then"), [((0, 1.0), lambda c: (c[1] + 0.5, 1)), ((0.0, 1), lambda c: (1, c[0]))])
+@pytest.mark.parametrize(
+    ("first", "then"),
+    [((0, 1.0), lambda c: (c[1] + 0.5, 1)), ((0.0, 1), lambda c: (1, c[0]))],
+)
 def test_a_carry_of_as_many_scalars_in_other_places_is_refused(first, then):
-    """Else one state's numbers were handed to another: a law flew with them and no error."""
+    """Else one state's numbers were handed to another: a law flew with them and no
+    error.
+    """
     with pytest.raises(ValueError, match=r"takes: carry\[0\] is "):
         trace_loop(lambda c, p, r, u: (then(c), ()), first, (), ())
 
@@ -49,7 +56,10 @@ def test_a_carry_of_as_many_scalars_in_other_places_is_refused(first, then):
 def test_a_lowered_program_holds_basic_operations_only():
     graph = Graph()
     x, y = graph.input("x"), graph.input("y")
-    outputs = [graph.call(name, x, y) if name == "atan2" else graph.call(name, x) for name in sorted(COMPOSED)]
+    outputs = [
+        graph.call(name, x, y) if name == "atan2" else graph.call(name, x)
+        for name in sorted(COMPOSED)
+    ]
     program = lower([x, y], graph.nodes, outputs)
     assert {node.op for node in program.nodes} <= BASIC
     assert len(program.outputs) == len(COMPOSED)
@@ -71,7 +81,9 @@ def test_angles_shared_by_sine_and_cosine_are_reduced_once():
     assert len(both.nodes) - len(one.nodes) < 12
 
 
-@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="reads instructions of x86")
+@pytest.mark.skipif(
+    platform.machine() not in ("x86_64", "AMD64"), reason="reads instructions of x86"
+)
 def test_vectors_that_lie_on_the_stack_lie_on_whole_lines_of_the_cache():
     import llvmlite.binding as llvm
 
@@ -82,8 +94,14 @@ def test_vectors_that_lie_on_the_stack_lie_on_whole_lines_of_the_cache():
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     text = assembly(trace_loop(many, (0.5,) * 64, (), ()), Lanes(8), logging=False)
-    machine = llvm.Target.from_triple("x86_64-unknown-linux-gnu").create_target_machine(cpu="skylake-avx512", opt=2)
+    machine = llvm.Target.from_triple("x86_64-unknown-linux-gnu").create_target_machine(
+        cpu="skylake-avx512", opt=2
+    )
     lines = machine.emit_assembly(llvm.parse_assembly(text)).splitlines()
-    on_stack = [line.split()[0] for line in lines if "zmm" in line and "(%rsp)" in line and line.strip()[:4] == "vmov"]
+    on_stack = [
+        line.split()[0]
+        for line in lines
+        if "zmm" in line and "(%rsp)" in line and line.strip()[:4] == "vmov"
+    ]
     assert len(on_stack) > 64
     assert set(on_stack) <= {"vmovaps", "vmovapd"}

@@ -1,4 +1,6 @@
-"""Machine code gives the bits of Python floats on every vector width, and its cache survives whatever befalls it."""
+"""Machine code gives the bits of Python floats on every vector width, and its cache
+survives whatever befalls it.
+"""
 
 from __future__ import annotations
 
@@ -63,12 +65,18 @@ def test_a_random_program_has_the_bits_of_python_floats_on_every_width(seed):
     rows = np.array([[0.25], [np.nan], [-7.5]])
     step = loop.stepper()
     expected = [
-        [bits(step((x, y, row[0]))) for x, y in zip(a.tolist(), b.tolist(), strict=True)] for row in rows.tolist()
+        [
+            bits(step((x, y, row[0])))
+            for x, y in zip(a.tolist(), b.tolist(), strict=True)
+        ]
+        for row in rows.tolist()
     ]
     for width in (1, 2, 4, 8):
         kernel = Kernel(loop, Lanes(width), logging=True)
         _, log = kernel.run(np.zeros((0, a.size)), np.stack([a, b]), rows)
-        assert [[bits(log[k, :, i]) for i in range(a.size)] for k in range(3)] == expected, width
+        assert [
+            [bits(log[k, :, i]) for i in range(a.size)] for k in range(3)
+        ] == expected, width
 
 
 @pytest.mark.parametrize("seed", sampled(range(3), 3))
@@ -80,7 +88,9 @@ def test_single_precision_has_the_same_bits_on_every_width(seed):
     logs = []
     for width in (1, 4, 8, 16):
         kernel = Kernel(loop, Lanes(width, single=True), logging=True)
-        logs.append(kernel.run(np.zeros((0, values.shape[1])), values, np.zeros((1, 0)))[1])
+        logs.append(
+            kernel.run(np.zeros((0, values.shape[1])), values, np.zeros((1, 0)))[1]
+        )
     assert all(same_bits(logs[0], log) for log in logs[1:])
 
 
@@ -98,9 +108,13 @@ SINGLE = [
 @pytest.mark.parametrize(("name", "low", "high", "bound"), SINGLE)
 def test_single_precision_keeps_its_own_accuracy(name, low, high, bound):
     """Errors in units of 1.2e-7 of the value or, near a zero of sin and cos, of one."""
-    loop = trace_loop(lambda c, p, r, u: (c, (elementary.COMPOSED[name](p[0]),)), (), (0.5,), ())
+    loop = trace_loop(
+        lambda c, p, r, u: (c, (elementary.COMPOSED[name](p[0]),)), (), (0.5,), ()
+    )
     kernel = Kernel(loop, Lanes(8, single=True), logging=True)
-    x = np.concatenate([np.linspace(low, high, 4001), np.linspace(low, high, 4001) * 1e-3]).astype(np.float32)
+    x = np.concatenate(
+        [np.linspace(low, high, 4001), np.linspace(low, high, 4001) * 1e-3]
+    ).astype(np.float32)
     x = x[x >= np.float32(low)]
     _, log = kernel.run(np.zeros((0, x.size)), x[None], np.zeros((1, 0)))
     exact = {"asin": np.arcsin}.get(name, getattr(np, name, None))(x.astype(float))
@@ -109,9 +123,17 @@ def test_single_precision_keeps_its_own_accuracy(name, low, high, bound):
 
 
 def test_single_precision_exp_is_infinite_or_zero_beyond_its_range():
-    """Between 88.7 (single) and 709 (double) the exponent must not wrap round: tanh of a Coulomb law lives there."""
+    """Between 88.7 (single) and 709 (double) the exponent must not wrap round: tanh of
+    a Coulomb law lives there.
+    """
     loop = trace_loop(
-        lambda c, p, r, u: (c, (elementary.exp(p[0]), elementary.tanh(p[0]), elementary.exp(-p[0]))), (), (0.5,), ()
+        lambda c, p, r, u: (
+            c,
+            (elementary.exp(p[0]), elementary.tanh(p[0]), elementary.exp(-p[0])),
+        ),
+        (),
+        (0.5,),
+        (),
     )
     kernel = Kernel(loop, Lanes(4, single=True), logging=True)
     x = np.concatenate([np.arange(89.0, 712.0), [1e4, np.inf]])
@@ -127,7 +149,9 @@ def test_lanes_that_do_not_fill_a_vector_are_flown_alike():
     for k in (0, 8, 16):
         carry = np.vstack([np.linspace(0.1, 1.0, 17), np.zeros(17)])[:, k : k + 1]
         alone, logged = kernel.run(
-            carry, np.linspace(1.0, 30.0, 17)[None, k : k + 1], np.sin(np.arange(50) / 7.0)[:, None]
+            carry,
+            np.linspace(1.0, 30.0, 17)[None, k : k + 1],
+            np.sin(np.arange(50) / 7.0)[:, None],
         )
         assert same_bits(alone[:, 0], whole[:, k])
         assert same_bits(logged[:, :, 0], log[:, :, k])
@@ -145,22 +169,36 @@ def test_results_do_not_depend_on_threads():
     kernel = Kernel(spring(((0, 2),)), Lanes(4), logging=True)
     one = fly(kernel, lanes=103, seed=9)
     for threads in (2, 3, 16):
-        assert all(same_bits(a, b) for a, b in zip(one, fly(kernel, lanes=103, seed=9, threads=threads), strict=True))
+        assert all(
+            same_bits(a, b)
+            for a, b in zip(
+                one, fly(kernel, lanes=103, seed=9, threads=threads), strict=True
+            )
+        )
 
 
 @pytest.mark.parametrize("width", [1, 8])
 def test_random_numbers_are_those_of_the_generator(width):
-    """Odd counts, two channels, a late start, seeds of 64 bits, any episodes: the bits of philox.uniforms."""
+    """Odd counts, two channels, a late start, seeds of 64 bits, any episodes: the bits
+    of philox.uniforms.
+    """
     draws = ((0, 3), (7, 2))
     loop = trace_loop(lambda c, p, r, u: (c, tuple(u)), (), (), (), draws)
     kernel = Kernel(loop, Lanes(width), logging=True)
     episodes, seed = np.array([5, 0, 2**32 - 1, 77, 8, 9, 10, 11, 12]), 2**63 + 12345
     _, log = kernel.run(
-        np.zeros((0, 9)), np.zeros((0, 9)), np.zeros((4, 0)), seed=seed, episodes=episodes, start=2**32 - 4
+        np.zeros((0, 9)),
+        np.zeros((0, 9)),
+        np.zeros((4, 0)),
+        seed=seed,
+        episodes=episodes,
+        start=2**32 - 4,
     )
     steps = np.arange(2**32 - 4, 2**32)
     for k, episode in enumerate(episodes.tolist()):
-        drawn = [uniforms(seed, episode, channel, steps, count) for channel, count in draws]
+        drawn = [
+            uniforms(seed, episode, channel, steps, count) for channel, count in draws
+        ]
         assert same_bits(log[:, :, k], np.concatenate(drawn, axis=1))
 
 
@@ -170,13 +208,19 @@ def test_an_episode_is_the_same_in_any_chunk():
     whole, _ = kernel.run(carry, stiffness, rows, seed=3)
     parts = [(0, 3), (3, 4), (4, 10)]
     for a, b in parts:
-        part, _ = kernel.run(carry[:, a:b], stiffness[:, a:b], rows, seed=3, episodes=np.arange(a, b))
+        part, _ = kernel.run(
+            carry[:, a:b], stiffness[:, a:b], rows, seed=3, episodes=np.arange(a, b)
+        )
         assert same_bits(part, whole[:, a:b])
 
 
 def test_an_episode_cut_in_time_goes_on_where_it_stopped():
     kernel = Kernel(spring(((0, 2),)), Lanes(4))
-    carry, stiffness, rows = np.ones((2, 5)), np.full((1, 5), 4.0), np.sin(np.arange(30.0))[:, None]
+    carry, stiffness, rows = (
+        np.ones((2, 5)),
+        np.full((1, 5), 4.0),
+        np.sin(np.arange(30.0))[:, None],
+    )
     whole, _ = kernel.run(carry, stiffness, rows, seed=3)
     first, _ = kernel.run(carry, stiffness, rows[:13], seed=3)
     second, _ = kernel.run(first, stiffness, rows[13:], seed=3, start=13)
@@ -207,13 +251,17 @@ def test_only_contraction_flushes_subnormal_numbers_and_no_caller_notices():
     ends = {}
     for contract in (False, True):
         kernel = Kernel(loop, Lanes(1, contract=contract))
-        ends[contract] = kernel.run(smallest, np.zeros((0, 1)), np.zeros((1, 0)))[0][0, 0]
+        ends[contract] = kernel.run(smallest, np.zeros((0, 1)), np.zeros((1, 0)))[0][
+            0, 0
+        ]
         stepper = Stepper(kernel, smallest[:, 0])
         stepper.step()
         assert stepper.carry[0] == ends[contract]
         assert float(smallest[0, 0]) * 0.5 > 0.0
     assert ends[False] == 0.5 * 2.2250738585072014e-308
-    assert ends[True] == (0.0 if platform.machine() in ("x86_64", "AMD64") else ends[False])
+    assert ends[True] == (
+        0.0 if platform.machine() in ("x86_64", "AMD64") else ends[False]
+    )
 
 
 def test_a_branch_on_a_traced_value_names_file_and_line_and_the_remedy():
@@ -221,7 +269,10 @@ def test_a_branch_on_a_traced_value_names_file_and_line_and_the_remedy():
         return ((carry[0] if carry[0] > 0.0 else 0.0),), ()
 
     line = step.__code__.co_firstlineno + 1
-    with pytest.raises(TracedBranchError, match=rf"test_native\.py:{line}: branch on a traced value; use .*where"):
+    with pytest.raises(
+        TracedBranchError,
+        match=rf"test_native\.py:{line}: branch on a traced value; use .*where",
+    ):
         trace_loop(step, (1.0,), (), ())
 
 
@@ -229,31 +280,54 @@ def test_shapes_that_do_not_fit_are_refused():
     kernel = Kernel(spring())
     with pytest.raises(ValueError, match=r"rows: shape \(5, 2\), allowed \(steps, 1\)"):
         kernel.run(np.zeros((2, 3)), np.zeros((1, 3)), np.zeros((5, 2)))
-    with pytest.raises(ValueError, match=r"parameters: shape \(2, 3\), allowed \(1, 3\)"):
+    with pytest.raises(
+        ValueError, match=r"parameters: shape \(2, 3\), allowed \(1, 3\)"
+    ):
         kernel.run(np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((5, 1)))
-    with pytest.raises(ValueError, match=r"parameters: shape \(1, 4\), allowed \(1, 3\)"):
+    with pytest.raises(
+        ValueError, match=r"parameters: shape \(1, 4\), allowed \(1, 3\)"
+    ):
         kernel.run(np.zeros((2, 3)), np.zeros((1, 4)), np.zeros((5, 1)))
     with pytest.raises(ValueError, match=r"episodes: shape \(2,\), allowed \(3,\)"):
-        kernel.run(np.zeros((2, 3)), np.zeros((1, 3)), np.zeros((5, 1)), episodes=np.arange(2))
-    with pytest.raises(ValueError, match=r"episodes: must be whole numbers from 0 to 2\*\*32 - 1"):
-        kernel.run(np.zeros((2, 3)), np.zeros((1, 3)), np.zeros((5, 1)), episodes=np.array([0, 1, 2**32]))
+        kernel.run(
+            np.zeros((2, 3)), np.zeros((1, 3)), np.zeros((5, 1)), episodes=np.arange(2)
+        )
+    with pytest.raises(
+        ValueError, match=r"episodes: must be whole numbers from 0 to 2\*\*32 - 1"
+    ):
+        kernel.run(
+            np.zeros((2, 3)),
+            np.zeros((1, 3)),
+            np.zeros((5, 1)),
+            episodes=np.array([0, 1, 2**32]),
+        )
     with pytest.raises(ValueError, match=r"every = 0: must be at least 1"):
         kernel.run(np.zeros((2, 3)), np.zeros((1, 3)), np.zeros((5, 1)), every=0)
 
 
-def test_code_made_in_a_hurry_has_the_bits_of_the_other_and_an_entry_of_its_own(tmp_path, monkeypatch):
+def test_code_made_in_a_hurry_has_the_bits_of_the_other_and_an_entry_of_its_own(
+    tmp_path, monkeypatch
+):
     monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
     loop, rng = spring(), np.random.default_rng(5)
-    carry, parameters, rows = (rng.normal(size=s) for s in ((loop.carry, 3), (loop.parameters, 3), (50, loop.row)))
+    carry, parameters, rows = (
+        rng.normal(size=s)
+        for s in ((loop.carry, 3), (loop.parameters, 3), (50, loop.row))
+    )
     flights = [
-        Kernel(loop, Lanes(2), logging=True, effort=effort).run(carry, parameters, rows, seed=3) for effort in (0, 2)
+        Kernel(loop, Lanes(2), logging=True, effort=effort).run(
+            carry, parameters, rows, seed=3
+        )
+        for effort in (0, 2)
     ]
     assert all(same_bits(a, b) for a, b in zip(*flights, strict=True))
     assert len(list(tmp_path.glob("*.o"))) == 2
 
 
 def test_no_lanes_are_no_error():
-    carry, log = Kernel(spring(), logging=True).run(np.zeros((2, 0)), np.zeros((1, 0)), np.zeros((5, 1)))
+    carry, log = Kernel(spring(), logging=True).run(
+        np.zeros((2, 0)), np.zeros((1, 0)), np.zeros((5, 1))
+    )
     assert carry.shape == (2, 0)
     assert log.shape == (5, 1, 0)
 
@@ -280,7 +354,14 @@ class TestCache:
         (entry,) = self.entries(cache)
         good = entry.read_bytes()
         flipped = good[:200] + bytes([good[200] ^ 1]) + good[201:]
-        entry.write_bytes({"empty": b"", "cut": good[:-100], "flipped": flipped, "text": b"not an object file"}[damage])
+        entry.write_bytes(
+            {
+                "empty": b"",
+                "cut": good[:-100],
+                "flipped": flipped,
+                "text": b"not an object file",
+            }[damage]
+        )
         assert same_bits(fly(Kernel(spring()))[0], first)
         assert entry.read_bytes() == good
 
@@ -291,7 +372,14 @@ class TestCache:
         assert fly(Kernel(spring()))[0].shape == (2, 11)
 
     def test_no_home_folder_is_no_error(self, monkeypatch):
-        for name in ("SKYARM_CACHE", "XDG_CACHE_HOME", "XDG_STATE_HOME", "LOCALAPPDATA", "HOME", "USERPROFILE"):
+        for name in (
+            "SKYARM_CACHE",
+            "XDG_CACHE_HOME",
+            "XDG_STATE_HOME",
+            "LOCALAPPDATA",
+            "HOME",
+            "USERPROFILE",
+        ):
             monkeypatch.delenv(name, raising=False)
 
         def no_home():
@@ -312,21 +400,28 @@ class TestCache:
         assert entry.exists()
         assert same_bits(here, there)
 
-    def test_programs_that_differ_in_one_constant_have_entries_of_their_own(self, cache):
+    def test_programs_that_differ_in_one_constant_have_entries_of_their_own(
+        self, cache
+    ):
         for constant in (1.0, 1.0000000000000002):
-            Kernel(trace_loop(lambda c, p, r, u, k=constant: ((c[0] * k,), ()), (1.0,), (), ()))
+            Kernel(
+                trace_loop(
+                    lambda c, p, r, u, k=constant: ((c[0] * k,), ()), (1.0,), (), ()
+                )
+            )
         assert len(self.entries(cache)) == 2
 
-    def test_processes_that_compile_at_once_do_not_disturb_each_other(self, cache, tmp_path):
+    def test_processes_that_compile_at_once_do_not_disturb_each_other(
+        self, cache, tmp_path
+    ):
         script = tmp_path / "one.py"
         script.write_text(
-            "import sys, numpy as np\n"
-            "from programs_random import oscillator\n"
-            "from skyarm.compile.tracing.program import trace_loop\n"
-            "from skyarm.compile.llvm.kernel import Kernel\n"
-            "for k in range(4):\n"
-            "    kernel = Kernel(trace_loop(oscillator, (0.0, 0.0), (0.0,), (0.0,), ((k, 2),)))\n"
-            "    print(kernel.run(np.ones((2, 3)), np.ones((1, 3)), np.ones((9, 1)))[0].tolist())\n"
+            "import sys, numpy as np\nfrom programs_random import oscillator\nfrom"
+            " skyarm.compile.tracing.program import trace_loop\nfrom"
+            " skyarm.compile.llvm.kernel import Kernel\nfor k in range(4):\n    kernel"
+            " = Kernel(trace_loop(oscillator, (0.0, 0.0), (0.0,), (0.0,), ((k, 2),)))\n"
+            "    print(kernel.run(np.ones((2, 3)), np.ones((1, 3)), np.ones((9,"
+            " 1)))[0].tolist())\n"
         )
         paths = os.pathsep.join([SOURCE, str(Path(__file__).parent)])
         environment = {
@@ -336,7 +431,12 @@ class TestCache:
             "XDG_STATE_HOME": str(tmp_path / "s"),
         }
         running = [
-            subprocess.Popen([sys.executable, str(script)], env=environment, stdout=subprocess.PIPE, text=True)
+            subprocess.Popen(
+                [sys.executable, str(script)],
+                env=environment,
+                stdout=subprocess.PIPE,
+                text=True,
+            )
             for _ in range(3)
         ]
         outputs = [process.communicate(timeout=60)[0] for process in running]
@@ -393,16 +493,22 @@ class TestStepper:
             Stepper(Kernel(spring(), Lanes(2)), np.zeros(2), np.zeros(1))
         with pytest.raises(ValueError, match=r"carry: shape \(3,\), allowed \(2,\)"):
             Stepper(Kernel(spring(), Lanes(1)), np.zeros(3), np.zeros(1))
-        with pytest.raises(ValueError, match=r"parameters: shape \(0,\), allowed \(1,\)"):
+        with pytest.raises(
+            ValueError, match=r"parameters: shape \(0,\), allowed \(1,\)"
+        ):
             Stepper(Kernel(spring(), Lanes(1)), np.zeros(2))
 
 
 def test_a_large_program_is_made_with_the_least_effort(tmp_path, monkeypatch):
-    """The optimiser takes minutes over 300 000 operations, and answers no signal meanwhile."""
+    """The optimiser takes minutes over 300 000 operations, and answers no signal
+    meanwhile.
+    """
     made, build = [], native.build
     monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
     monkeypatch.delenv(native.EFFORT, raising=False)
-    monkeypatch.setattr(native, "build", lambda text, effort: made.append(effort) or build(text, effort))
+    monkeypatch.setattr(
+        native, "build", lambda text, effort: made.append(effort) or build(text, effort)
+    )
     loop = spring()
     size = native.operations(loop.program.nodes, written=True)
     for largest in (size - 1, size):
@@ -420,7 +526,9 @@ def test_a_loop_body_is_compiled_once_however_often_it_is_executed(most, until):
     def body(both):
         return both[0] - 1.0, both[1] * 1.5 + both[0]
 
-    loop = trace_loop(lambda c, *_: (repeat(most, body, c, until), ()), (7.0, 1.0), (), (), loops=True)
+    loop = trace_loop(
+        lambda c, *_: (repeat(most, body, c, until), ()), (7.0, 1.0), (), (), loops=True
+    )
     written = count(loop, written=True)
     assert written < 12
     rounds = most if until is None else min(most, 4)
@@ -434,16 +542,22 @@ def test_full_effort_pays_for_long_flights_and_short_programs_alone():
     assert once.pays(151_000)
     assert looped.pays(38_000)
     assert once.pays(15_100, times=10)
-    assert not native.Assembly("", written=native.LARGE + 1, size=10**9, effort=2).pays(10**9)
+    assert not native.Assembly("", written=native.LARGE + 1, size=10**9, effort=2).pays(
+        10**9
+    )
 
 
-def test_what_is_compiled_behind_a_command_serves_the_next_one_with_the_same_bits(monkeypatch):
+def test_what_is_compiled_behind_a_command_serves_the_next_one_with_the_same_bits(
+    monkeypatch,
+):
     loop = spring()
     plain, _ = fly(Kernel(loop, Lanes(1), effort=0))
     text = native.Assembly.of(loop, Lanes(1)).text
     native.compile_behind(text)
     made = []
-    monkeypatch.setattr(native.subprocess, "Popen", lambda *_, **__: made.append("again"))
+    monkeypatch.setattr(
+        native.subprocess, "Popen", lambda *_, **__: made.append("again")
+    )
     native.compile_behind(text)
     full = native._identity(text, 2)
     assert native._behind.pop().wait(60.0) == 0

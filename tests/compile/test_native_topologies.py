@@ -1,4 +1,6 @@
-"""Arms of any shape, masses of any size: machine code compiles and flies them, and the process lives."""
+"""Arms of any shape, masses of any size: machine code compiles and flies them, and the
+process lives.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +67,9 @@ print("alive")
 @pytest.mark.thorough
 @pytest.mark.parametrize("count", ["14", "60"])
 def test_random_topologies_with_any_numbers_never_crash_the_process(tmp_path, count):
-    """500 lanes each, one in fifty with a mass of 0, -1, 1e300, NaN, infinity or 5e-324; widths agree."""
+    """500 lanes each, one in fifty with a mass of 0, -1, 1e300, NaN, infinity or
+    5e-324; widths agree.
+    """
     tests, source = Path(__file__).parents[1], Path(native.__file__).parents[3]
     environment = {
         **os.environ,
@@ -73,7 +77,11 @@ def test_random_topologies_with_any_numbers_never_crash_the_process(tmp_path, co
         "SKYARM_CACHE": str(tmp_path),
     }
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, count], env=environment, capture_output=True, text=True, check=False
+        [sys.executable, "-c", PROGRAM, count],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr[-2000:]
     assert done.stdout == "alive\n"

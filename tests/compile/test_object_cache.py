@@ -1,4 +1,6 @@
-"""Object code is kept for its own user alone, within a limit, and forgotten where it was used longest ago."""
+"""Object code is kept for its own user alone, within a limit, and forgotten where it
+was used longest ago.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +15,19 @@ import pytest
 
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm import object_cache as cache_places
-from skyarm.compile.llvm.object_cache import KEY, KEY_BYTES, cache_folder, size_limit, state_folder, unused_reason
+from skyarm.compile.llvm.object_cache import (
+    KEY,
+    KEY_BYTES,
+    cache_folder,
+    size_limit,
+    state_folder,
+    unused_reason,
+)
 from skyarm.records.files import private
 
-WITH_MODES = pytest.mark.skipif(not private.WITH_OWNERS, reason="no owners and modes of files here")
+WITH_MODES = pytest.mark.skipif(
+    not private.WITH_OWNERS, reason="no owners and modes of files here"
+)
 
 
 @pytest.fixture(autouse=True)
@@ -60,7 +71,12 @@ def test_folders_and_key_are_their_user_s_alone_whatever_the_umask(cache, tmp_pa
     finally:
         os.umask(before)
     key = tmp_path / "state" / "skyarm" / KEY
-    assert [mode(each) for each in (cache, key.parent, key, entry)] == [0o700, 0o700, 0o600, 0o600]
+    assert [mode(each) for each in (cache, key.parent, key, entry)] == [
+        0o700,
+        0o700,
+        0o600,
+        0o600,
+    ]
     assert len(key.read_bytes()) == KEY_BYTES
     assert not key.is_relative_to(cache)
 
@@ -96,7 +112,9 @@ def test_a_damaged_key_is_replaced_and_what_it_signed_is_built_again(damage, tmp
         (tmp_path / "planted").chmod(0o600)
         key.symlink_to(tmp_path / "planted")
     elif damage != "gone":
-        key.write_bytes({"empty": b"", "short": content[:-1], "long": content + b"x"}[damage])
+        key.write_bytes(
+            {"empty": b"", "short": content[:-1], "long": content + b"x"}[damage]
+        )
         key.chmod(0o600)
     assert object_cache.load("a") is None
     object_cache.store("a", b"code")
@@ -141,7 +159,10 @@ def test_a_folder_of_another_user_is_told_and_not_used(cache, monkeypatch):
     kept("a")
     monkeypatch.setattr(private.os, "geteuid", lambda: os.getuid() + 12345)
     assert object_cache.load("a") is None
-    with pytest.warns(RuntimeWarning, match=r"cache: it belongs to another user; machine code is not kept") as told:
+    with pytest.warns(
+        RuntimeWarning,
+        match=r"cache: it belongs to another user; machine code is not kept",
+    ) as told:
         object_cache.store("b", b"code")
     assert len(told) == 1
     assert "\n" not in str(told[0].message)
@@ -156,7 +177,11 @@ def test_a_state_folder_of_another_user_is_told_and_nothing_is_kept(cache, monke
 
     def foreign(path, **options):
         found = real(path, **options)
-        return os.stat_result((*found[:4], 54321, *found[5:])) if path == state_folder() else found
+        return (
+            os.stat_result((*found[:4], 54321, *found[5:]))
+            if path == state_folder()
+            else found
+        )
 
     monkeypatch.setattr(Path, "stat", foreign)
     with pytest.warns(RuntimeWarning, match="skyarm: it belongs to another user"):
@@ -165,13 +190,21 @@ def test_a_state_folder_of_another_user_is_told_and_nothing_is_kept(cache, monke
 
 
 @WITH_MODES
-def test_a_link_of_another_user_in_place_of_the_folder_is_not_followed(cache, tmp_path, monkeypatch):
+def test_a_link_of_another_user_in_place_of_the_folder_is_not_followed(
+    cache, tmp_path, monkeypatch
+):
     kept("a")
     cache.rename(tmp_path / "elsewhere")
     cache.symlink_to(tmp_path / "elsewhere")
-    assert object_cache.load("a") == b"code", "one's own link to one's own folder is followed"
+    assert object_cache.load("a") == b"code", (
+        "one's own link to one's own folder is followed"
+    )
     real = Path.lstat
-    monkeypatch.setattr(Path, "lstat", lambda path: os.stat_result((*real(path)[:4], 54321, *real(path)[5:])))
+    monkeypatch.setattr(
+        Path,
+        "lstat",
+        lambda path: os.stat_result((*real(path)[:4], 54321, *real(path)[5:])),
+    )
     with pytest.warns(RuntimeWarning, match="it is a link of another user"):
         assert object_cache.load("a") is None
 
@@ -210,15 +243,25 @@ def test_what_was_used_longest_ago_goes_first(monkeypatch):
         used(entry, ago)
     assert object_cache.load("2") is not None  # used now
     object_cache.store("3", bytes(250))
-    assert [object_cache.load(str(i)) is not None for i in range(4)] == [False, True, True, True]
-    assert object_cache.contents() == object_cache.Contents(entries=3, size=3 * (250 + object_cache.CODE_BYTES))
+    assert [object_cache.load(str(i)) is not None for i in range(4)] == [
+        False,
+        True,
+        True,
+        True,
+    ]
+    assert object_cache.contents() == object_cache.Contents(
+        entries=3, size=3 * (250 + object_cache.CODE_BYTES)
+    )
 
 
 def test_entries_of_older_versions_go_too_and_files_of_others_stay(cache, monkeypatch):
     monkeypatch.setenv("SKYARM_CACHE_SIZE", "0.001")
     cache.mkdir()
     old, other = cache / f"{'ab' * 32}.o", cache / "thesis.o"
-    parts = [cache / f".{'cd' * 32}.o.{'0' * 12}.part", cache / f".{'cd' * 32}.o.{'1' * 12}.part"]
+    parts = [
+        cache / f".{'cd' * 32}.o.{'0' * 12}.part",
+        cache / f".{'cd' * 32}.o.{'1' * 12}.part",
+    ]
     for file in (old, other, *parts):
         file.write_bytes(bytes(900))
     for file in (old, other, parts[0]):
@@ -226,7 +269,10 @@ def test_entries_of_older_versions_go_too_and_files_of_others_stay(cache, monkey
     object_cache.store("a", bytes(500))
     assert not old.exists()
     assert other.exists()
-    assert [part.exists() for part in parts] == [False, True], "a temporary file of now has a writer"
+    assert [part.exists() for part in parts] == [
+        False,
+        True,
+    ], "a temporary file of now has a writer"
 
 
 def test_a_use_is_noted_once_a_minute_at_most():
@@ -249,7 +295,10 @@ def test_nothing_is_kept_beyond_a_limit_of_zero(cache, monkeypatch):
 @pytest.mark.parametrize("text", ["x", "-1", "nan", "inf", "1e305", "256 MB"])
 def test_a_limit_that_is_no_number_is_refused(text, monkeypatch):
     monkeypatch.setenv("SKYARM_CACHE_SIZE", text)
-    with pytest.raises(ValueError, match=r"SKYARM_CACHE_SIZE = '.*': must be a number of MB, at least 0"):
+    with pytest.raises(
+        ValueError,
+        match=r"SKYARM_CACHE_SIZE = '.*': must be a number of MB, at least 0",
+    ):
         size_limit()
 
 
@@ -284,7 +333,9 @@ def test_clearing_removes_entries_and_nothing_else(cache):
     kept("a", bytes(10))
     kept("b", bytes(20))
     (cache / "thesis.o").write_bytes(b"mine")
-    assert object_cache.clear() == object_cache.Contents(entries=2, size=30 + 2 * object_cache.CODE_BYTES)
+    assert object_cache.clear() == object_cache.Contents(
+        entries=2, size=30 + 2 * object_cache.CODE_BYTES
+    )
     assert [each.name for each in cache.iterdir()] == ["thesis.o"]
     assert object_cache.clear() == object_cache.Contents(entries=0, size=0)
     kept("a")
@@ -320,11 +371,15 @@ def test_those_that_make_the_first_key_at_once_agree_on_one():
 
 
 @WITH_MODES
-@pytest.mark.parametrize(("rights", "used"), [(0o755, True), (0o775, False), (0o1777, False)])
+@pytest.mark.parametrize(
+    ("rights", "used"), [(0o755, True), (0o775, False), (0o1777, False)]
+)
 def test_a_folder_that_holds_other_files_keeps_its_rights(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rights: int, used: bool
 ) -> None:
-    """Whatever the variable names: a home folder, a shared one. Where others may write nothing is kept."""
+    """Whatever the variable names: a home folder, a shared one. Where others may write
+    nothing is kept.
+    """
     folder = tmp_path / "shared"
     folder.mkdir()
     (folder / "letter.txt").write_text("not ours", "utf-8")

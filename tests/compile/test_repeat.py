@@ -1,4 +1,6 @@
-"""A repetition is a loop in machine code and in Python, and gives the bits of the lines written out."""
+"""A repetition is a loop in machine code and in Python, and gives the bits of the lines
+written out.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ def _cache(tmp_path, monkeypatch):
 
 
 def swing(count, inner=1):
-    """A pendulum: slots that swap places, a value from outside, a constant start, an end that is a start."""
+    """A pendulum: slots that swap places, a value from outside, a constant start, an
+    end that is a start.
+    """
 
     def step(carry, parameters, row, draws):
         outside = parameters[0] * row[0]
@@ -31,7 +35,9 @@ def swing(count, inner=1):
             v = repeat(inner, lambda w: (w[0] - 0.01 * sin(a) * outside,), (v,))[0]
             return (a + 0.01 * v, v, a, kept, where(v > 0.0, ticks + 1.0, ticks))
 
-        a, v, old, kept, ticks = repeat(count, once, (carry[0], carry[1], 0.0, outside, 0.0))
+        a, v, old, kept, ticks = repeat(
+            count, once, (carry[0], carry[1], 0.0, outside, 0.0)
+        )
         b, w, *_ = repeat(count, once, (v, a, old, kept, ticks))
         return (a, w), (old, kept, ticks, b)
 
@@ -46,8 +52,15 @@ def traced(count, *, loops, inner=1):
 def test_a_loop_has_the_bits_of_the_lines_written_out(count):
     loops, plain = (traced(count, loops=kept) for kept in (True, False))
     rng = np.random.default_rng(3)
-    carry, parameters, rows = rng.normal(size=(2, 9)), rng.normal(size=(1, 9)), rng.normal(size=(7, 1))
-    flown = [Kernel(loop, Lanes(4), logging=True).run(carry, parameters, rows) for loop in (loops, plain)]
+    carry, parameters, rows = (
+        rng.normal(size=(2, 9)),
+        rng.normal(size=(1, 9)),
+        rng.normal(size=(7, 1)),
+    )
+    flown = [
+        Kernel(loop, Lanes(4), logging=True).run(carry, parameters, rows)
+        for loop in (loops, plain)
+    ]
     assert same_bits(flown[0][0], flown[1][0])
     assert same_bits(flown[0][1], flown[1][1])
     for a, v, k, g in rng.normal(size=(20, 4)).tolist():
@@ -66,7 +79,9 @@ def test_a_loop_of_a_random_function_has_the_bits_of_python_floats():
 
     loop = trace_loop(step, (0.0,) * ends, (0.0,), (), loops=True)
     values = np.random.default_rng(1).normal(size=(ends + 1, 16))
-    carry, _ = Kernel(loop, Lanes(8)).run(values[:ends], values[ends:], np.zeros((2, 0)))
+    carry, _ = Kernel(loop, Lanes(8)).run(
+        values[:ends], values[ends:], np.zeros((2, 0))
+    )
     for k in range(16):
         x = tuple(values[:ends, k].tolist())
         for _ in range(2):
@@ -75,20 +90,35 @@ def test_a_loop_of_a_random_function_has_the_bits_of_python_floats():
 
 
 def test_rounds_that_differ_between_lanes_leave_each_lane_its_own():
-    """Doubling n times; a call in which no lane asks for a round is counted in no round."""
+    """Doubling n times; a call in which no lane asks for a round is counted in no
+    round.
+    """
 
     def step(carry, parameters, row, draws):
-        return repeat_while(3, row[0] * parameters[0], lambda x: (2.0 * x[0] + x[1], x[1]), carry), ()
+        return (
+            repeat_while(
+                3, row[0] * parameters[0], lambda x: (2.0 * x[0] + x[1], x[1]), carry
+            ),
+            (),
+        )
 
-    loops, plain = (trace_loop(step, (0.0, 0.0), (0.0,), (0.0,), loops=kept) for kept in (True, False))
+    loops, plain = (
+        trace_loop(step, (0.0, 0.0), (0.0,), (0.0,), loops=kept)
+        for kept in (True, False)
+    )
     counts = np.array([[0.0, 1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0]])
     carry = np.stack([np.arange(1.0, 9.0), np.full(8, 0.5)])
     for rows in ([[1.0]], [[0.0]], [[0.0], [1.0], [0.0]]):
         done = counts[0] * (1.0 if [1.0] in rows else 0.0)
         expected = carry[0] * 2.0**done + 0.5 * (2.0**done - 1.0)
         for loop in (loops, plain):
-            assert (Kernel(loop, Lanes(4)).run(carry, counts, np.array(rows))[0][0] == expected).all()
-        for x, n, end in zip(carry[0].tolist(), counts[0].tolist(), expected.tolist(), strict=True):
+            assert (
+                Kernel(loop, Lanes(4)).run(carry, counts, np.array(rows))[0][0]
+                == expected
+            ).all()
+        for x, n, end in zip(
+            carry[0].tolist(), counts[0].tolist(), expected.tolist(), strict=True
+        ):
             now = (x, 0.5)
             for row in rows:
                 now = loops.stepper()((*now, n, *row))
@@ -109,8 +139,11 @@ def test_a_loop_keeps_its_program_short():
 
 
 def test_operations_count_a_body_as_often_as_it_runs():
-    assert operations(traced(9, loops=True).program.nodes) - operations(traced(8, loops=True).program.nodes) == (
-        operations(traced(19, loops=True).program.nodes) - operations(traced(18, loops=True).program.nodes)
+    assert operations(traced(9, loops=True).program.nodes) - operations(
+        traced(8, loops=True).program.nodes
+    ) == (
+        operations(traced(19, loops=True).program.nodes)
+        - operations(traced(18, loops=True).program.nodes)
     )
     assert operations(traced(8, loops=True).program.nodes) == pytest.approx(
         operations(traced(8, loops=False).program.nodes), rel=0.1
@@ -125,8 +158,16 @@ def test_a_loop_inside_a_loop_is_written_out():
 
 
 def test_a_record_that_changes_its_size_is_refused():
-    with pytest.raises(ValueError, match="returns a record of 2 scalars, took one of 1"):
-        trace_loop(lambda c, p, r, u: (repeat(2, lambda x: (x[0], x[0]), c)[:1], ()), (0.0,), (), (), loops=True)
+    with pytest.raises(
+        ValueError, match="returns a record of 2 scalars, took one of 1"
+    ):
+        trace_loop(
+            lambda c, p, r, u: (repeat(2, lambda x: (x[0], x[0]), c)[:1], ()),
+            (0.0,),
+            (),
+            (),
+            loops=True,
+        )
 
 
 def test_plain_floats_are_simply_repeated():

@@ -1,4 +1,6 @@
-"""A call of a kernel may be cut into slices of any length and left at any point: same bits, nothing kept."""
+"""A call of a kernel may be cut into slices of any length and left at any point: same
+bits, nothing kept.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,11 @@ def spring(lanes=4, **options):
 
 def given(lanes=LANES, steps=STEPS):
     carry = np.vstack([np.linspace(0.1, 1.0, lanes), np.zeros(lanes)])
-    return carry, np.linspace(1.0, 30.0, lanes)[None], np.sin(np.arange(steps) / 7.0)[:, None]
+    return (
+        carry,
+        np.linspace(1.0, 30.0, lanes)[None],
+        np.sin(np.arange(steps) / 7.0)[:, None],
+    )
 
 
 def fly(kernel, **options):
@@ -35,14 +41,18 @@ def fly(kernel, **options):
 
 @pytest.fixture
 def cut(monkeypatch):
-    """Set how many steps of a block a slice has; returns the numbers of calls of machine code."""
+    """Set how many steps of a block a slice has; returns the numbers of calls of
+    machine code.
+    """
 
     def lengths(kernel, steps):
         monkeypatch.setattr(shared_steps, "SLICE", (steps + 0.5) * kernel.machine.pace)
         monkeypatch.setattr(shared_steps, "SHARED", 1e-12)
         calls, usual = [], kernel.machine.call
         call = lambda arguments: (calls.append(1), usual(arguments))  # noqa: E731
-        monkeypatch.setattr(kernel, "machine", dataclasses.replace(kernel.machine, call=call))
+        monkeypatch.setattr(
+            kernel, "machine", dataclasses.replace(kernel.machine, call=call)
+        )
         return calls
 
     return lengths
@@ -51,13 +61,22 @@ def cut(monkeypatch):
 @pytest.mark.parametrize("threads", [1, 2, 5])
 @pytest.mark.parametrize("options", [{}, {"single": True, "contract": True}])
 def test_slices_of_any_length_have_the_bits_of_the_whole(cut, threads, options):
-    """Slices that begin between the steps that are logged, and end with or without one."""
+    """Slices that begin between the steps that are logged, and end with or without
+    one.
+    """
     for steps in (1, 2, 9, 59, 60, 200):
         kernel = spring(**options)
         whole = fly(kernel)
         calls = cut(kernel, steps)
-        assert all(same_bits(a, b) for a, b in zip(fly(kernel, threads=threads), whole, strict=True)), steps
-        assert len(calls) == 26 * -(-STEPS // steps) if steps < STEPS else 1 <= len(calls) <= 26, steps
+        assert all(
+            same_bits(a, b)
+            for a, b in zip(fly(kernel, threads=threads), whole, strict=True)
+        ), steps
+        assert (
+            len(calls) == 26 * -(-STEPS // steps)
+            if steps < STEPS
+            else 1 <= len(calls) <= 26
+        ), steps
 
 
 def test_slices_take_the_time_they_should():
@@ -74,7 +93,9 @@ def test_slices_take_the_time_they_should():
 
 
 @pytest.mark.parametrize("threads", [1, 3])
-def test_an_interrupt_leaves_the_arrays_given_and_the_kernel_as_they_were(cut, monkeypatch, threads):
+def test_an_interrupt_leaves_the_arrays_given_and_the_kernel_as_they_were(
+    cut, monkeypatch, threads
+):
     kernel = spring()
     whole, arrays = fly(kernel), given()
     before = [array.copy() for array in arrays]
@@ -90,13 +111,18 @@ def test_an_interrupt_leaves_the_arrays_given_and_the_kernel_as_they_were(cut, m
                 raise KeyboardInterrupt
 
         with monkeypatch.context() as patch:
-            patch.setattr(kernel, "machine", dataclasses.replace(kernel.machine, call=interrupted))
+            patch.setattr(
+                kernel, "machine", dataclasses.replace(kernel.machine, call=interrupted)
+            )
             if threads > 1:
                 patch.setattr(shared_steps, "SimpleQueue", interrupted_queue())
             with pytest.raises(KeyboardInterrupt):
                 kernel.run(*arrays, seed=9, start=5, every=7, threads=threads)
     assert all(map(np.array_equal, arrays, before))
-    assert all(same_bits(a, b) for a, b in zip(fly(kernel, threads=threads), whole, strict=True))
+    assert all(
+        same_bits(a, b)
+        for a, b in zip(fly(kernel, threads=threads), whole, strict=True)
+    )
 
 
 def test_threads_that_wait_keep_no_arrays(monkeypatch):

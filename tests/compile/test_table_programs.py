@@ -1,4 +1,6 @@
-"""A program evaluated on arrays has the bits of the same program on Python floats, column by column."""
+"""A program evaluated on arrays has the bits of the same program on Python floats,
+column by column.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,10 @@ def everything(a, b):
     """Every function there is, branches and constants."""
     (x, y), _ = a, b
     return (
-        *(f(x) for f in (sin, cos, tan, asin, acos, exp, log, tanh, sqrt, floor, absolute)),
+        *(
+            f(x)
+            for f in (sin, cos, tan, asin, acos, exp, log, tanh, sqrt, floor, absolute)
+        ),
         atan2(y, x),
         divide(x, y),
         clip(x, -1.0, y),
@@ -41,7 +46,23 @@ def everything(a, b):
     )
 
 
-SPECIAL = (0.0, -0.0, 1.0, -1.0, 0.5, np.inf, -np.inf, np.nan, 1e300, -1e-300, 5e-324, 710.0, -745.2, 3.5, -3.5)
+SPECIAL = (
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    0.5,
+    np.inf,
+    -np.inf,
+    np.nan,
+    1e300,
+    -1e-300,
+    5e-324,
+    710.0,
+    -745.2,
+    3.5,
+    -3.5,
+)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +76,9 @@ def numbers():
 
 def test_every_column_has_the_bits_of_python_floats(numbers):
     program = trace(everything, (0.0, 0.0), ())
-    assert {node.op for node in program.lowered.nodes} - {"input", "const"} >= set(OPERATIONS) - {"and"}
+    assert {node.op for node in program.lowered.nodes} - {"input", "const"} >= set(
+        OPERATIONS
+    ) - {"and"}
     found = evaluate(program, numbers, numbers.shape[1])
     wanted = np.array([program.flat(pair) for pair in numbers.T.tolist()]).T
     for row, expected in zip(found, wanted, strict=True):
@@ -73,7 +96,11 @@ def test_one_number_stands_for_a_column_and_a_constant_fills_one():
 
 
 def test_a_power_of_two_is_no_number_from_1100_on_in_either_direction():
-    """As C and machine code have it, which must not convert a number that no exponent holds."""
+    """As C and machine code have it, which must not convert a number that no exponent
+    holds.
+    """
     with np.errstate(over="ignore"):
-        found = OPERATIONS["power_of_two"](np.array([-1100.0, -1099.5, -1074.0, 3.0, 1099.5, 1100.0]))
+        found = OPERATIONS["power_of_two"](
+            np.array([-1100.0, -1099.5, -1074.0, 3.0, 1099.5, 1100.0])
+        )
     np.testing.assert_array_equal(found, [np.nan, 0.0, 5e-324, 8.0, np.inf, np.nan])

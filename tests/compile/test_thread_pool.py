@@ -32,12 +32,16 @@ def shared(monkeypatch):
 
 
 def spring():
-    return Kernel(trace_loop(oscillator, (0.0, 0.0), (0.0,), (0.0,), ((0, 2),)), Lanes(4))
+    return Kernel(
+        trace_loop(oscillator, (0.0, 0.0), (0.0,), (0.0,), ((0, 2),)), Lanes(4)
+    )
 
 
 def fly(kernel, lanes=103, **options):
     carry = np.vstack([np.linspace(0.1, 1.0, lanes), np.zeros(lanes)])
-    return kernel.run(carry, np.linspace(1.0, 30.0, lanes)[None], np.ones((50, 1)), **options)[0]
+    return kernel.run(
+        carry, np.linspace(1.0, 30.0, lanes)[None], np.ones((50, 1)), **options
+    )[0]
 
 
 def test_little_work_is_not_shared(monkeypatch):
@@ -101,10 +105,23 @@ def ran(text, tmp_path, seconds=100):
     """Run a program; what it printed."""
     script = tmp_path / "one.py"
     script.write_text(PROGRAM + text)
-    paths = os.pathsep.join([str(Path(native.__file__).parents[3]), str(Path(__file__).parent)])
-    environment = {**os.environ, "PYTHONPATH": paths, "SKYARM_CACHE": str(tmp_path / "cache")}
+    paths = os.pathsep.join(
+        [str(Path(native.__file__).parents[3]), str(Path(__file__).parent)]
+    )
+    environment = {
+        **os.environ,
+        "PYTHONPATH": paths,
+        "SKYARM_CACHE": str(tmp_path / "cache"),
+    }
     command = [sys.executable, "-W", "ignore::DeprecationWarning", str(script)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=seconds, check=False)
+    done = subprocess.run(
+        command,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=seconds,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     return done.stdout
@@ -112,11 +129,14 @@ def ran(text, tmp_path, seconds=100):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("threads", sampled([3, 1], 2))
-def test_whatever_a_handler_does_happens_soon_and_at_the_callers_place(tmp_path, threads):
-    """Handlers that raise and that do not, SIGALRM, SIGINT of the process, interrupt_main of a thread; long flights.
+def test_whatever_a_handler_does_happens_soon_and_at_the_callers_place(
+    tmp_path, threads
+):
+    """Handlers that raise and that do not, SIGALRM, SIGINT of the process,
+    interrupt_main of a thread; long flights.
 
-    Where 50 000 lanes make a round of many slices one signal stands for all that raise: they differ before machine code
-    is reached.
+    Where 50 000 lanes make a round of many slices one signal stands for all that raise:
+    they differ before machine code is reached.
     """
     text = f"""
 class Ended(BaseException): pass
@@ -158,7 +178,9 @@ for lanes in (1, 50_000):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_a_handler_that_raises_at_any_instant_leaves_no_lock_taken(tmp_path):
-    """Within the start of threads and waits, too: Python's own pool hung or raised RuntimeError within seconds."""
+    """Within the start of threads and waits, too: Python's own pool hung or raised
+    RuntimeError within seconds.
+    """
     text = """
 def end(*_): raise KeyboardInterrupt
 signal.signal(signal.SIGALRM, end)
@@ -196,6 +218,8 @@ def test_what_a_thread_raises_reaches_the_caller(monkeypatch):
     def broken(_):
         raise MemoryError
 
-    monkeypatch.setattr(kernel, "machine", dataclasses.replace(kernel.machine, call=broken))
+    monkeypatch.setattr(
+        kernel, "machine", dataclasses.replace(kernel.machine, call=broken)
+    )
     with pytest.raises(MemoryError):
         fly(kernel, threads=3)

@@ -1,4 +1,6 @@
-"""The tracer shares and folds, refuses branches by file and line, and copes with long programs."""
+"""The tracer shares and folds, refuses branches by file and line, and copes with long
+programs.
+"""
 
 from __future__ import annotations
 
@@ -68,7 +70,9 @@ def branch_nan(x):
     ids=lambda value: getattr(value, "__name__", ""),
 )
 def test_a_branch_on_a_traced_value_is_refused_with_file_and_line(function, offset):
-    with pytest.raises(TracedBranchError, match=line_of(function, offset) + ".*traced value"):
+    with pytest.raises(
+        TracedBranchError, match=line_of(function, offset) + ".*traced value"
+    ):
         trace(function, 1.0)
 
 
@@ -82,7 +86,9 @@ def use_round(x):
 
 @pytest.mark.parametrize("function", [use_math, use_round])
 def test_a_traced_value_taken_for_a_float_is_refused_with_file_and_line(function):
-    with pytest.raises(TracedBranchError, match=line_of(function, 1) + r"float\(\) of a traced value"):
+    with pytest.raises(
+        TracedBranchError, match=line_of(function, 1) + r"float\(\) of a traced value"
+    ):
         trace(function, 1.0)
 
 
@@ -94,38 +100,76 @@ def test_a_value_of_another_trace_is_refused():
 
 
 def test_equal_expressions_are_computed_once():
-    program = trace(lambda x, y: (scalars.sin(x + y) * x, scalars.sin(y + x) * x, x * scalars.sin(x + y)), 1.0, 1.0)
+    program = trace(
+        lambda x, y: (
+            scalars.sin(x + y) * x,
+            scalars.sin(y + x) * x,
+            x * scalars.sin(x + y),
+        ),
+        1.0,
+        1.0,
+    )
     assert program.operations() == {"add": 1, "sin": 1, "mul": 1}
     assert program(0.3, 0.4) == (math.sin(0.7) * 0.3,) * 3
 
 
 def test_signs_share_their_product_and_their_sum():
-    program = trace(lambda x, y: ((-x) * y, x * (-y), x * y, (-x) * (-y), x + (-y), x - y, scalars.neg(-x)), 1.0, 1.0)
+    program = trace(
+        lambda x, y: (
+            (-x) * y,
+            x * (-y),
+            x * y,
+            (-x) * (-y),
+            x + (-y),
+            x - y,
+            scalars.neg(-x),
+        ),
+        1.0,
+        1.0,
+    )
     assert program.operations() == {"mul": 1, "neg": 1, "sub": 1}
     assert program(2.0, 3.0) == (-6.0, -6.0, 6.0, 6.0, -1.0, -1.0, 2.0)
 
 
 def test_differences_are_not_commuted():
-    program = trace(lambda x, y: (x - y, y - x, scalars.divide(x, y), scalars.divide(y, x)), 1.0, 1.0)
+    program = trace(
+        lambda x, y: (x - y, y - x, scalars.divide(x, y), scalars.divide(y, x)),
+        1.0,
+        1.0,
+    )
     assert program(2.0, 4.0) == (-2.0, 2.0, 0.5, 2.0)
     assert sum(program.operations().values()) == 4
 
 
 def test_constants_are_computed_while_tracing():
-    program = trace(lambda x: x + scalars.sin(0.5) * 2.0 - scalars.divide(1.0, 0.0), 1.0)
+    program = trace(
+        lambda x: x + scalars.sin(0.5) * 2.0 - scalars.divide(1.0, 0.0), 1.0
+    )
     assert program.operations() == {"add": 1, "sub": 1}
     graph = Graph()
     assert graph.call("div", graph.constant(1.0), 0.0).value == math.inf
     assert graph.call("where", True, graph.input("a"), 2.0).op == "input"
     assert math.isnan(graph.call("sqrt", -1.0).value)
-    assert [graph.call("lt", 1.0, b).value for b in (0.0, 1.0, 2.0)] == [False, False, True]
-    assert [graph.call("le", 1.0, b).value for b in (0.0, 1.0, 2.0)] == [False, True, True]
+    assert [graph.call("lt", 1.0, b).value for b in (0.0, 1.0, 2.0)] == [
+        False,
+        False,
+        True,
+    ]
+    assert [graph.call("le", 1.0, b).value for b in (0.0, 1.0, 2.0)] == [
+        False,
+        True,
+        True,
+    ]
     assert [graph.call(op, True, False).value for op in ("and", "or")] == [False, True]
     assert graph.call("not", True).value is False
 
 
 def test_a_choice_between_two_equals_is_none():
-    program = trace(lambda x, y: (scalars.where(x > y, x * y, y * x), scalars.where(x > y, x, y)), 1.0, 1.0)
+    program = trace(
+        lambda x, y: (scalars.where(x > y, x * y, y * x), scalars.where(x > y, x, y)),
+        1.0,
+        1.0,
+    )
     assert program.operations() == {"mul": 1, "lt": 1, "where": 1}
     assert [program(2.0, y) for y in (3.0, 1.0)] == [(6.0, 3.0), (2.0, 2.0)]
 
@@ -150,9 +194,13 @@ def test_unused_work_is_left_out():
 
 
 def test_a_numpy_constant_on_the_left_becomes_part_of_the_program():
-    program = trace(lambda x: (np.float64(2.0) * x, np.float64(2.0) - x, np.float64(1.0) / x), 1.0)
+    program = trace(
+        lambda x: (np.float64(2.0) * x, np.float64(2.0) - x, np.float64(1.0) / x), 1.0
+    )
     assert program(4.0) == (8.0, -2.0, 0.25)
-    assert trace(lambda x: scalars.where(np.float64(0.5) < x, 1.0, 0.0), 1.0)(0.7) == 1.0
+    assert (
+        trace(lambda x: scalars.where(np.float64(0.5) < x, 1.0, 0.0), 1.0)(0.7) == 1.0
+    )
 
 
 def test_twenty_thousand_operations_in_a_row_compile():
@@ -185,7 +233,9 @@ def test_twenty_thousand_operations_in_a_row_compile():
 def test_a_program_gives_inf_or_nan_where_python_would_raise(function, x):
     program = trace(function, 1.0)
     for _ in range(2):  # the second call finds the IEEE version ready
-        assert np.array_equal(np.array(program(x)), np.array(function(x)), equal_nan=True)
+        assert np.array_equal(
+            np.array(program(x)), np.array(function(x)), equal_nan=True
+        )
         assert [math.copysign(1.0, y) for y in program(x) if not math.isnan(y)] == [
             math.copysign(1.0, y) for y in function(x) if not math.isnan(y)
         ]
@@ -203,7 +253,12 @@ def test_programs_without_inputs_or_operations_work():
     assert trace(lambda: (1.5, 2)).flat(()) == (1.5,)
     assert trace(lambda: (1.5, 2))() == (1.5, 2)
     assert trace(lambda x: x, 1.0)(7.0) == 7.0
-    assert trace(lambda x: (x, 3, math.inf, -math.inf), 1.0)(7.0) == (7.0, 3, math.inf, -math.inf)
+    assert trace(lambda x: (x, 3, math.inf, -math.inf), 1.0)(7.0) == (
+        7.0,
+        3,
+        math.inf,
+        -math.inf,
+    )
     assert math.isnan(trace(lambda x: (math.nan, x), 1.0)(7.0)[0])
 
 
@@ -233,7 +288,9 @@ def test_an_integer_example_is_structure_and_folds():
         ((0, 1.0), r"arguments\[0\] is \(0, 1.0\)"),
     ],
 )
-def test_a_swept_structural_zero_is_refused_with_its_place_as_it_needs_a_new_trace(record, where):
+def test_a_swept_structural_zero_is_refused_with_its_place_as_it_needs_a_new_trace(
+    record, where
+):
     program = trace(lambda p: scalars.add(p.first, p.second), Pair(0, 1.0))
     with pytest.raises(ValueError, match=where + ".*trace again"):
         program(record)
@@ -249,9 +306,14 @@ def test_too_few_or_too_many_arguments_are_refused():
 
 
 def test_a_truth_value_of_numpy_is_one():
-    """A comparison of NumPy's scalars, as gains of a law often are, is folded before the tracer sees it."""
+    """A comparison of NumPy's scalars, as gains of a law often are, is folded before
+    the tracer sees it.
+    """
     program = trace(
-        lambda x: scalars.where(scalars.logical_and(x > 0.0, np.float64(1.0) < np.float64(2.0)), 1.0, 2.0), 0.5
+        lambda x: scalars.where(
+            scalars.logical_and(x > 0.0, np.float64(1.0) < np.float64(2.0)), 1.0, 2.0
+        ),
+        0.5,
     )
     assert (program.flat((0.5,)), program.flat((-0.5,))) == ((1.0,), (2.0,))
     constants = [node.value for node in program.nodes if node.op == "const"]

@@ -1,4 +1,6 @@
-"""Flights of the centroidal law in machine code, and what they measure against the continuous reference."""
+"""Flights of the centroidal law in machine code, and what they measure against the
+continuous reference.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +21,22 @@ from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.engine import EpisodeCode
 from skyarm.simulate.inputs import episode_inputs
 
-NOISE = SensorNoise(position=1e-3, velocity=1e-2, attitude=2e-3, rate=1e-2, joints=1e-3, joint_rates=1e-2)
+NOISE = SensorNoise(
+    position=1e-3,
+    velocity=1e-2,
+    attitude=2e-3,
+    rate=1e-2,
+    joints=1e-3,
+    joint_rates=1e-2,
+)
 PERIOD = 0.005
 
 
 @dataclass(frozen=True)
 class Flown:
-    """Of seeds x instants: mm, mrad; jitter in rad/s per period; memory after the last step of the first seed."""
+    """Of seeds x instants: mm, mrad; jitter in rad/s per period; memory after the last
+    step of the first seed.
+    """
 
     time: Any
     base: Any
@@ -44,10 +55,19 @@ class Flown:
         return float(getattr(self, name)[:, at].mean())
 
 
-def planned(case: str, *, noisy: bool = False, mode: str = "joint", **options: Any) -> Scenario:
-    """A case of the paper flown by the centroidal law, with noise and its known delay if asked for."""
+def planned(
+    case: str, *, noisy: bool = False, mode: str = "joint", **options: Any
+) -> Scenario:
+    """A case of the paper flown by the centroidal law, with noise and its known delay
+    if asked for.
+    """
     loaded = load_scenario(case)
-    law = make_centroidal(loaded.controller.par.model, mode=mode, delay=PERIOD if noisy else 0.0, **options)
+    law = make_centroidal(
+        loaded.controller.par.model,
+        mode=mode,
+        delay=PERIOD if noisy else 0.0,
+        **options,
+    )
     changed = dataclasses.replace(loaded, controller=law, duration=20.0)
     if not noisy:
         return changed
@@ -60,11 +80,15 @@ def _table(record: Any, count: int) -> Any:
 
 
 def fly(scenario: Scenario, seeds: int = 1) -> Flown:
-    """Fly the scenario with several draws of its noise; every episode must live to its end."""
+    """Fly the scenario with several draws of its noise; every episode must live to its
+    end.
+    """
     inputs = episode_inputs(scenario)
     traced = EpisodeCode(scenario, commands=False, effort=0)
     count, vehicle = scenario.steps, scenario.plant.vehicle
-    rows = np.column_stack([inputs.times, np.array(inputs.held_leaves, dtype=float).reshape(count, -1)])
+    rows = np.column_stack(
+        [inputs.times, np.array(inputs.held_leaves, dtype=float).reshape(count, -1)]
+    )
     start = np.array(leaves(traced.carry), dtype=float)
     kernel = Kernel(traced.loop, Lanes(seeds), logging=True)
     ended, logged = kernel.run(
@@ -78,12 +102,17 @@ def fly(scenario: Scenario, seeds: int = 1) -> Flown:
     position_d, joints_d = _table(goal.position, count), _table(goal.joints, count)
     yaw = np.broadcast_to(np.asarray(goal.yaw, dtype=float), (count,))
     tip_d = level_tip(vehicle, position_d, yaw, joints_d)
-    columns: dict[str, list[Any]] = {name: [] for name in ("position", "tip", "joints", "quaternion", "command")}
+    columns: dict[str, list[Any]] = {
+        name: [] for name in ("position", "tip", "joints", "quaternion", "command")
+    }
     for seed in range(seeds):
         sample = rebuild(traced.sample, iter(list(logged[:, :, seed].T)))
         assert np.all(np.asarray(sample.alive) > 0.5)
         sample = sample.agent
-        position, quaternion = _table(sample.state.position, count), _table(sample.state.quaternion, count)
+        position, quaternion = (
+            _table(sample.state.position, count),
+            _table(sample.state.quaternion, count),
+        )
         joints = _table(sample.state.joints, count)
         columns["position"].append(position)
         columns["tip"].append(tip(vehicle, position, quaternion, joints))

@@ -1,8 +1,10 @@
-"""The hybrid computed torque in the paper's own Euler form, for the paper's planar two-joint arm.
+"""The hybrid computed torque in the paper's own Euler form, for the paper's planar
+two-joint arm.
 
-Equal to :func:`skyarm.control.laws.paper.hybrid_computed_torque` away from a pitch of 90 degrees,
-where Euler rates do not exist; the simulation ends an episode that comes near with that cause. The body form has no
-such limit and is the default. Of the ablations it knows those without C and without feed-forward.
+Equal to :func:`skyarm.control.laws.paper.hybrid_computed_torque` away from a pitch of
+90 degrees, where Euler rates do not exist; the simulation ends an episode that comes
+near with that cause. The body form has no such limit and is the default. Of the
+ablations it knows those without C and without feed-forward.
 """
 
 from __future__ import annotations
@@ -35,11 +37,14 @@ from support.euler_lagrange.transforms import (
 )
 
 SINGULAR_COSINE = 1e-3
-"""|cos pitch| below which Euler accelerations exceed body accelerations a thousandfold and the form is given up."""
+"""|cos pitch| below which Euler accelerations exceed body accelerations a thousandfold
+and the form is given up."""
 
 
 def require_paper_vehicle(vehicle: Vehicle) -> None:
-    """Raise ValueError, naming the field, if the vehicle is not a planar two-joint arm at the base's centre of mass."""
+    """Raise ValueError, naming the field, if the vehicle is not a planar two-joint arm
+    at the base's centre of mass.
+    """
     parameters_of(vehicle)
 
 
@@ -50,17 +55,26 @@ def distance_to_singularity(quaternion: Quaternion) -> Any:
 
 
 def hybrid_computed_torque_euler(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
+    memory: Any,
+    measurement: Measurement,
+    reference: Reference,
+    dt: Any,
+    *,
+    par: Parameters,
 ) -> tuple[Any, Command]:
-    """Computed torque in Euler coordinates: tau = M(q) qdd_des + C(q, qd) qd, gravity once, inside qdd_des.
+    """Computed torque in Euler coordinates: tau = M(q) qdd_des + C(q, qd) qd, gravity
+    once, inside qdd_des.
 
-    qdd_des = [-a_d; Q^-1 (alpha_d - Qdot Phid); etadd_des] with (95); tau_quad = Q^-T tau_Phi with (94).
+    qdd_des = [-a_d; Q^-1 (alpha_d - Qdot Phid); etadd_des] with (95); tau_quad = Q^-T
+    tau_Phi with (94).
 
     Source: Barakou et al. 2026, eq. (86)-(96).
     """
     del dt
     arm = parameters_of(par.model.vehicle)
-    R, a_d, alpha = geometric_accelerations(par, measurement, reference, feedforward=par.terms.feedforward)
+    R, a_d, alpha = geometric_accelerations(
+        par, measurement, reference, feedforward=par.terms.feedforward
+    )
     angles = euler_angles(R)
     rates = euler_rates(angles, measurement.rate)
     q = (*measurement.position, *angles, *measurement.joints)

@@ -1,8 +1,10 @@
-"""Measure what the accelerometer costs on joints with friction that the model lacks: a table of docs/results_laws.md.
+"""Measure what the accelerometer costs on joints with friction that the model lacks: a
+table of docs/results_laws.md.
 
     python tests/control/measure_friction.py [--small]
 
-The trial ``circle`` of the envelope at 1 m/s, with viscous friction in the first joint; mean error of the tip.
+The trial ``circle`` of the envelope at 1 m/s, with viscous friction in the first joint;
+mean error of the tip.
 """
 
 import sys
@@ -24,7 +26,10 @@ from support.measured_tables import print_part
 FRICTION = 0.5
 """N m s/rad."""
 
-CASE = f"circle of 1 m/s, first joint with {FRICTION:g} N m s/rad of friction that the model lacks"
+CASE = (
+    f"circle of 1 m/s, first joint with {FRICTION:g} N m s/rad of friction that the"
+    " model lacks"
+)
 PARTS = {"with the accelerometer": "usual", "without the accelerometer": "velocities"}
 
 
@@ -35,8 +40,19 @@ def rows(_seeds, _seed):
         path = "plant.vehicle.links.0.joint.damping"
         log = skyarm.run(with_numbers(batch.scenario, numbers | {path: FRICTION}))
         late = log.time >= AXES["circle"].start
-        yield CASE, part, f"{1e3 * np.linalg.norm(log.tip - log.tip_reference, axis=1)[late].mean():.1f}"
+        yield (
+            CASE,
+            part,
+            (
+                f"{1e3 * np.linalg.norm(log.tip - log.tip_reference, axis=1)[late].mean():.1f}"
+            ),
+        )
 
 
 if __name__ == "__main__":
-    print_part(__doc__, {"friction": (("case", "part", ">tip error, mm"), rows)}, seeds=1, seed=0)
+    print_part(
+        __doc__,
+        {"friction": (("case", "part", ">tip error, mm"), rows)},
+        seeds=1,
+        seed=0,
+    )

@@ -1,12 +1,14 @@
-"""Measure what parts are worth: the table of docs/results_laws.md, of the law as it is and without one of them.
+"""Measure what parts are worth: the table of docs/results_laws.md, of the law as it is
+and without one of them.
 
     python tests/control/measure_parts.py [--row TRIAL[:VALUE]] [--law NAME] [--vehicle NAME] [--seed 400] [--seeds 4]
                                           [--small]
 
-Prints of each trial of the envelope, at each value, the mean error of the tip (mm) over the seeds by every law of
-``LAWS``, or "lost" with the count of flights that ended early. Sensors of a noisy trial add 0.05 m/s^2 of noise to each
-specific force. ``--row turbulence`` prints the deviation of the sideways force per mass, too (m/s^2): what the least
-errors of ``least_tip_error.py`` are computed with.
+Prints of each trial of the envelope, at each value, the mean error of the tip (mm) over
+the seeds by every law of ``LAWS``, or "lost" with the count of flights that ended
+early. Sensors of a noisy trial add 0.05 m/s^2 of noise to each specific force. ``--row
+turbulence`` prints the deviation of the sideways force per mass, too (m/s^2): what the
+least errors of ``least_tip_error.py`` are computed with.
 """
 
 import argparse
@@ -70,12 +72,25 @@ def trial(name, value, law, vehicle, log=0):
     if axis.noisy:
         built = dataclasses.replace(built, noise=HEARD)
     told = {"mode": "tip", "delay": built.delays.measurement, **LAWS[law]}
-    built = dataclasses.replace(built, controller=make_controller("centroidal", built.controller.par.model, **told))
+    built = dataclasses.replace(
+        built,
+        controller=make_controller("centroidal", built.controller.par.model, **told),
+    )
     numbers = axis.numbers_of(setting, value)
     inside = Window(axis.start, built.duration)
     windows = Windows(steady=inside, gust=inside, last=built.duration - axis.start)
     metrics = ("standard", TIP)
-    return Batch(built, tuple(numbers), metrics=metrics, windows=windows, effort=0, log_every=log), numbers
+    return (
+        Batch(
+            built,
+            tuple(numbers),
+            metrics=metrics,
+            windows=windows,
+            effort=0,
+            log_every=log,
+        ),
+        numbers,
+    )
 
 
 def fly(name, value, law, vehicle, seeds, log=0):
@@ -93,20 +108,29 @@ def error(name, flown):
 
 
 def sideways_force(flown, start=4.0):
-    """Standard deviation of the force per mass along y, m/s^2: what moves the centre of mass beside the thrust."""
+    """Standard deviation of the force per mass along y, m/s^2: what moves the centre of
+    mass beside the thrust.
+    """
     truth, log, state = setting_of(PAPER).truth, flown.log, flown.log.state
     dt = log.time[1] - log.time[0]
     # of the hanging arm; what the planar arm moves of it along y is nothing
     height = centre_height(truth)
     up = state.quaternion.rotation().column(2)
     y = np.asarray(state.position.y) + height * np.asarray(up.y)
-    thrust = sum(float(r.thrust_coefficient) * w**2 for r, w in zip(truth.rotors, state.rotor_speeds, strict=True))
-    pushed = np.gradient(np.gradient(y, dt, axis=1), dt, axis=1) - np.asarray(up.y) * thrust / float(truth.mass)
+    thrust = sum(
+        float(r.thrust_coefficient) * w**2
+        for r, w in zip(truth.rotors, state.rotor_speeds, strict=True)
+    )
+    pushed = np.gradient(np.gradient(y, dt, axis=1), dt, axis=1) - np.asarray(
+        up.y
+    ) * thrust / float(truth.mass)
     return float(np.sqrt((pushed[:, log.time >= start] ** 2).mean()))
 
 
 def centre_height(vehicle):
-    """Height of the centre of mass of the hanging arm and vehicle against the base origin, m."""
+    """Height of the centre of mass of the hanging arm and vehicle against the base
+    origin, m.
+    """
     from skyarm.algebra import Mat3
     from skyarm.dynamics import mass_matrix
 
@@ -115,13 +139,17 @@ def centre_height(vehicle):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--row", help="one trial, or one value of it: push_x:3")
     parser.add_argument("--law", choices=LAWS)
     parser.add_argument("--vehicle", default=PAPER)
     parser.add_argument("--seed", type=int, default=400)
     parser.add_argument("--seeds", type=int, default=4)
-    parser.add_argument("--small", action="store_true", help="one row, one seed: seconds")
+    parser.add_argument(
+        "--small", action="store_true", help="one row, one seed: seconds"
+    )
     asked = parser.parse_args()
     laws = [asked.law] if asked.law else list(LAWS)
     seeds = list(range(asked.seed, asked.seed + (1 if asked.small else asked.seeds)))
@@ -130,8 +158,12 @@ def main():
     for name, values in ROWS.items():
         if only not in ("", name):
             continue
-        for value, title in ({float(single): f"{name} {single}"} if single else values).items():
-            found = [error(name, fly(name, value, law, asked.vehicle, seeds)) for law in laws]
+        for value, title in (
+            {float(single): f"{name} {single}"} if single else values
+        ).items():
+            found = [
+                error(name, fly(name, value, law, asked.vehicle, seeds)) for law in laws
+            ]
             print_row([title, *found])
             if name == "turbulence" and only and asked.vehicle == PAPER:
                 flown = fly(name, value, "usual", PAPER, seeds, log=1)

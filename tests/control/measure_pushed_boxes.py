@@ -1,8 +1,10 @@
-"""Measure how a box is pushed by a stated force and by place: a table of docs/results_contact.md.
+"""Measure how a box is pushed by a stated force and by place: a table of
+docs/results_contact.md.
 
     python tests/control/measure_pushed_boxes.py [--seeds 32] [--seed 4801] [--small]
 
-Succeeded: completed, and the box moved by more than 0.2 m. Each flight has its own friction and wind.
+Succeeded: completed, and the box moved by more than 0.2 m. Each flight has its own
+friction and wind.
 """
 
 import sys
@@ -24,7 +26,12 @@ def pushes(seeds, seed):
     """A batch a row."""
     for title, pushed in PUSHES.items():
         completed, way, _ = worlds(scenario_from(beside_a_box(pushed())), seeds, seed)
-        yield title, f"{(completed & (way > 0.2)).sum()} of {seeds}", f"{way.min():.2f}", f"{way.max():.2f}"
+        yield (
+            title,
+            f"{(completed & (way > 0.2)).sum()} of {seeds}",
+            f"{way.min():.2f}",
+            f"{way.max():.2f}",
+        )
 
 
 HEADS = ("[push](glossary.md#push)", "succeeded", "shortest way, m", "longest way, m")

@@ -1,4 +1,5 @@
-"""Measure presses on soft and stiff walls, with weak joints, and with a quarter and half of what the joints can hold.
+"""Measure presses on soft and stiff walls, with weak joints, and with a quarter and
+half of what the joints can hold.
 
     python tests/control/measure_walls.py stiffness|weak_joints|other_arms [--seeds 20] [--seed 5] [--small]
 
@@ -36,7 +37,9 @@ POSES = {
 }
 """Shipped vehicle -> joints, rad or m, in which it presses."""
 
-OPTIONS = {"hexarotor_arm6": {key: VEHICLES["arm6"][-1][key] for key in ("reach", "damping")}}
+OPTIONS = {
+    "hexarotor_arm6": {key: VEHICLES["arm6"][-1][key] for key in ("reach", "damping")}
+}
 """Options of the law besides the thresholds."""
 
 
@@ -54,7 +57,11 @@ def pressed(name):
 def cells(scenario, seeds, seed):
     """Completed flights, then mean and largest of error and ripple."""
     completed, found = together(scenario, {}, METRICS, seeds, seed)
-    return [completed, *mean_and_largest(found[METRICS[0]], 3), *mean_and_largest(found[METRICS[1]], 3)]
+    return [
+        completed,
+        *mean_and_largest(found[METRICS[0]], 3),
+        *mean_and_largest(found[METRICS[1]], 3),
+    ]
 
 
 def grouped(number):
@@ -68,7 +75,11 @@ def stiffness(seeds, seed):
         for k in (500.0, 5000.0, 20000.0, 100000.0):
             document = pressed(name)
             document["world"]["surfaces"][0]["material"]["stiffness"] = k
-            yield grouped(k), f"{name} {force:g} N", *cells(scenario_from(document), seeds, seed)
+            yield (
+                grouped(k),
+                f"{name} {force:g} N",
+                *cells(scenario_from(document), seeds, seed),
+            )
 
 
 def weak_joints(seeds, seed):
@@ -77,20 +88,33 @@ def weak_joints(seeds, seed):
         for tolerances in ([0.0, 0.0], [0.1, 0.0]):
             document = pressed(name)
             joints = scenario_from(document).plant.vehicle.links
-            faults = [{"joint": link.joint.name, "effectiveness": 0.9} for link in joints]
+            faults = [
+                {"joint": link.joint.name, "effectiveness": 0.9} for link in joints
+            ]
             document["environment"] = {"faults": faults}
             document["controller"]["tolerances"] = tolerances
             shown = f"`{tolerances}`" if any(tolerances) else "none"
-            yield f"{name} {force:g} N", shown, *cells(scenario_from(document), seeds, seed)[:4]
+            yield (
+                f"{name} {force:g} N",
+                shown,
+                *cells(scenario_from(document), seeds, seed)[:4],
+            )
 
 
 def largest_force(scenario, joints):
-    """Force (N) against a wall ahead at which the first joint is at its limit; the base is level."""
+    """Force (N) against a wall ahead at which the first joint is at its limit; the base
+    is level.
+    """
     limits = effort_limits(scenario.plant.vehicle)
-    still, pushed = (pushing_efforts(scenario, joints, np.array([-force, 0.0, 0.0])) for force in (0.0, 1.0))
+    still, pushed = (
+        pushing_efforts(scenario, joints, np.array([-force, 0.0, 0.0]))
+        for force in (0.0, 1.0)
+    )
     slope = pushed - still
     with np.errstate(divide="ignore"):
-        return float(np.min(np.maximum((limits - still) / slope, (-limits - still) / slope)))
+        return float(
+            np.min(np.maximum((limits - still) / slope, (-limits - still) / slope))
+        )
 
 
 def other_arms(seeds, seed):
@@ -104,13 +128,22 @@ def other_arms(seeds, seed):
             law = {"interaction": [0.3 * least, 0.1 * least]} | OPTIONS.get(name, {})
             scenario = worlds.before_a_wall(name, joints, force, 10.0, **law)
             angles = ", ".join(f"{angle:g}" for angle in joints)
-            yield title, angles, f"{most:.3g}", f"{part:g}", *cells(scenario, seeds, seed)
+            yield (
+                title,
+                angles,
+                f"{most:.3g}",
+                f"{part:g}",
+                *cells(scenario, seeds, seed),
+            )
 
 
 TABLES = {
     "stiffness": (("wall, N/m", "case", *SIZES), stiffness),
     "weak_joints": (("case", "`tolerances`", *SIZES[:4]), weak_joints),
-    "other_arms": (("vehicle", "joints, rad or m", "limit, N", "part", *SIZES), other_arms),
+    "other_arms": (
+        ("vehicle", "joints, rad or m", "limit, N", "part", *SIZES),
+        other_arms,
+    ),
 }
 
 if __name__ == "__main__":

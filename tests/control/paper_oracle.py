@@ -1,6 +1,8 @@
-"""The paper's laws (80)-(103) once more, in NumPy arrays; rigid-body dynamics from Pinocchio or from the 8x8 blocks.
+"""The paper's laws (80)-(103) once more, in NumPy arrays; rigid-body dynamics from
+Pinocchio or from the 8x8 blocks.
 
-Nothing of skyarm's control, mixer, algebra or tree dynamics is used here; the 8x8 arrays are the second oracle.
+Nothing of skyarm's control, mixer, algebra or tree dynamics is used here; the 8x8
+arrays are the second oracle.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ ALLOCATION = np.array(
         [KF, KF, KF, KF],
     ]
 )
-"""(97): rows torque x, y, z and thrust; rotors front cw, left ccw, back cw, right ccw."""
+"""(97): rows torque x, y, z and thrust; rotors front cw, left ccw, back cw, right
+ccw."""
 
 
 def skew(v: Any) -> Any:
@@ -37,17 +40,27 @@ def skew(v: Any) -> Any:
 
 
 def attitude_error(R: Any, R_d: Any, near: float = 0.0175) -> Any:
-    """(83) from SciPy's rotation vector: sine along the axis; ``near`` half a turn more, which is not the paper's."""
+    """(83) from SciPy's rotation vector: sine along the axis; ``near`` half a turn
+    more, which is not the paper's.
+    """
     vector = Rotation.from_matrix(R_d.T @ R).as_rotvec()
     angle = np.linalg.norm(vector)
     left = 2.0 * np.sin(0.5 * (np.pi - angle))
-    return (np.sin(angle) + max(near - left * left / near, 0.0)) * vector / max(angle, 1e-300)
+    return (
+        (np.sin(angle) + max(near - left * left / near, 0.0))
+        * vector
+        / max(angle, 1e-300)
+    )
 
 
-def accelerations(case: Case, *, feedforward: bool = True, corrected: bool = False) -> tuple[Any, Any]:
+def accelerations(
+    case: Case, *, feedforward: bool = True, corrected: bool = False
+) -> tuple[Any, Any]:
     """The wanted d2p/dt2 of the base origin (world) and alpha (body): (82)-(85)."""
     R = case.R
-    down = (KP * (case.p - case.p_d) + KV * (case.v - case.v_d)) / MASS - np.array([0.0, 0.0, G])
+    down = (KP * (case.p - case.p_d) + KV * (case.v - case.v_d)) / MASS - np.array(
+        [0.0, 0.0, G]
+    )
     if feedforward:
         down = down - case.a_d
     b3 = -down / np.linalg.norm(down)
@@ -71,15 +84,21 @@ def mixed(torque: Any, thrust: float) -> Any:
 
 
 class Pinocchio:
-    """Free flyer and two y joints built by hand; the links have I_yy only, as Table 1 gives them."""
+    """Free flyer and two y joints built by hand; the links have I_yy only, as Table 1
+    gives them.
+    """
 
     def __init__(self, pin: Any) -> None:
         self.pin = pin
         model = pin.Model()
         model.gravity.linear = np.array([0.0, 0.0, -G])
         base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
-        model.appendBodyToJoint(base, pin.Inertia(0.716, np.zeros(3), INERTIA), pin.SE3.Identity())
-        rod = pin.Inertia(0.04, np.array([0.0, 0.0, -0.075]), np.diag([0.0, 7.5e-5, 0.0]))
+        model.appendBodyToJoint(
+            base, pin.Inertia(0.716, np.zeros(3), INERTIA), pin.SE3.Identity()
+        )
+        rod = pin.Inertia(
+            0.04, np.array([0.0, 0.0, -0.075]), np.diag([0.0, 7.5e-5, 0.0])
+        )
         tip = pin.Inertia(0.01, np.array([0.0, 0.0, -0.15]), np.zeros((3, 3)))
         first = model.addJoint(base, pin.JointModelRY(), pin.SE3.Identity(), "joint1")
         model.appendBodyToJoint(first, rod, pin.SE3.Identity())
@@ -89,15 +108,23 @@ class Pinocchio:
             model.appendBodyToJoint(second, body, pin.SE3.Identity())
         self.model, self.data = model, model.createData()
 
-    def inverse_dynamics(self, case: Case, linear: Any, alpha: Any, qdd: Any) -> tuple[Any, Any, Any]:
-        """Force and torque on the base (body axes) and joint torques for d2p/dt2 (world), alpha (body), qdd."""
+    def inverse_dynamics(
+        self, case: Case, linear: Any, alpha: Any, qdd: Any
+    ) -> tuple[Any, Any, Any]:
+        """Force and torque on the base (body axes) and joint torques for d2p/dt2
+        (world), alpha (body), qdd.
+        """
         w, x, y, z = case.quaternion
         v_B = case.R.T @ case.v
         configuration = np.concatenate([case.p, [x, y, z, w], case.q])
         velocity = np.concatenate([v_B, case.w, case.qd])
         # the free flyer's velocity is v_B, whose derivative is R^T d2p/dt2 - w x v_B
-        acceleration = np.concatenate([case.R.T @ linear - np.cross(case.w, v_B), alpha, qdd])
-        tau = self.pin.rnea(self.model, self.data, configuration, velocity, acceleration)
+        acceleration = np.concatenate(
+            [case.R.T @ linear - np.cross(case.w, v_B), alpha, qdd]
+        )
+        tau = self.pin.rnea(
+            self.model, self.data, configuration, velocity, acceleration
+        )
         return tau[:3], tau[3:6], tau[6:]
 
 
@@ -114,7 +141,9 @@ def rate_matrix(angles: Any) -> Any:
 
 
 class Blocks:
-    """M, velocity products and weight of the 8x8 form at a state, as they are and mapped to [v_W, w_B, joint rates]."""
+    """M, velocity products and weight of the 8x8 form at a state, as they are and
+    mapped to [v_W, w_B, joint rates].
+    """
 
     def __init__(self, case: Case) -> None:
         Q = rate_matrix(case.euler)
@@ -122,20 +151,30 @@ class Blocks:
         Q_rate = rate_matrix(case.euler.astype(complex) + 1e-30j * rates).imag / 1e-30
         self.q = np.concatenate([case.p, case.euler, case.q])
         self.qd = np.concatenate([case.v, rates, case.qd])
-        self.turning = np.concatenate([np.zeros(3), -np.linalg.solve(Q, Q_rate @ rates), np.zeros(2)])
+        self.turning = np.concatenate(
+            [np.zeros(3), -np.linalg.solve(Q, Q_rate @ rates), np.zeros(2)]
+        )
         self.to_euler = np.eye(8)
         self.to_euler[3:6, 3:6] = np.linalg.inv(Q)
         self.M_euler = el.mass_matrix(self.q)
         self.C_qd = el.coriolis_matrix(self.q, self.qd) @ self.qd
         self.M = self.to_euler.T @ self.M_euler @ self.to_euler
-        self.velocity_products = self.to_euler.T @ (self.C_qd + self.M_euler @ self.turning)
+        self.velocity_products = self.to_euler.T @ (
+            self.C_qd + self.M_euler @ self.turning
+        )
         self.weight = self.to_euler.T @ el.gravity_vector(self.q, G)
         reduced = el.gravity_vector(self.q, G, reduced=True)
-        self.reduced_weight = np.concatenate([[0.0, 0.0, MASS * G, 0.0, 0.0, 0.0], reduced[6:]])
+        self.reduced_weight = np.concatenate(
+            [[0.0, 0.0, MASS * G, 0.0, 0.0, 0.0], reduced[6:]]
+        )
 
 
-def ablated(case: Case, *, coriolis: bool, coupling: bool, full_gravity: bool, feedforward: bool) -> tuple[Any, Any]:
-    """Squared rotor speeds and joint torques of the body form with terms left out, from the blocks."""
+def ablated(
+    case: Case, *, coriolis: bool, coupling: bool, full_gravity: bool, feedforward: bool
+) -> tuple[Any, Any]:
+    """Squared rotor speeds and joint torques of the body form with terms left out, from
+    the blocks.
+    """
     blocks = Blocks(case)
     linear, alpha = accelerations(case, feedforward=feedforward)
     qdd = joint_pd(case, ACCELERATION) + (case.qdd_d if feedforward else 0.0)
@@ -154,11 +193,18 @@ def ablated_euler(case: Case, *, coriolis: bool, feedforward: bool) -> tuple[Any
     linear, alpha = accelerations(case, feedforward=feedforward)
     qdd = joint_pd(case, ACCELERATION) + (case.qdd_d if feedforward else 0.0)
     wanted = blocks.to_euler @ np.concatenate([linear, alpha, qdd]) + blocks.turning
-    tau = blocks.M_euler @ wanted + el.gravity_vector(blocks.q, G) + (blocks.C_qd if coriolis else 0.0)
+    tau = (
+        blocks.M_euler @ wanted
+        + el.gravity_vector(blocks.q, G)
+        + (blocks.C_qd if coriolis else 0.0)
+    )
     torque = blocks.to_euler[3:6, 3:6].T @ tau[3:6]
     return mixed(torque, tau[:3] @ case.R[:, 2]), tau[6:]
 
 
 def choices(*names: str) -> list[dict[str, bool]]:
     """Every way to take or leave the named terms."""
-    return [dict(zip(names, taken, strict=True)) for taken in itertools.product((True, False), repeat=len(names))]
+    return [
+        dict(zip(names, taken, strict=True))
+        for taken in itertools.product((True, False), repeat=len(names))
+    ]

@@ -1,4 +1,6 @@
-"""Drawn models, states and goals of the predictive laws, and their accelerations by Pinocchio."""
+"""Drawn models, states and goals of the predictive laws, and their accelerations by
+Pinocchio.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,12 @@ from skyarm.control.laws.predictive.cost import StageGoal
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from support.laws import scalars, vec
-from support.vehicles import PinocchioTwin, random_state, random_vehicle, rotation_matrix
+from support.vehicles import (
+    PinocchioTwin,
+    random_state,
+    random_vehicle,
+    rotation_matrix,
+)
 
 GRAVITY = 9.81
 ROTORS = skyarm.load_vehicle("hummingbird_arm2_rotors").rotors
@@ -26,10 +33,17 @@ def belief(seed, joints=3):
 
     def rough(joint):
         damping, coulomb = float(rng.uniform(0.1, 0.5)), float(rng.uniform(0.1, 0.5))
-        return dataclasses.replace(joint, damping=damping, coulomb=coulomb, coulomb_rate=0.7)
+        return dataclasses.replace(
+            joint, damping=damping, coulomb=coulomb, coulomb_rate=0.7
+        )
 
-    links = tuple(dataclasses.replace(link, joint=rough(link.joint)) for link in vehicle.links)
-    return Model(vehicle=dataclasses.replace(vehicle, links=links, rotors=ROTORS), gravity=GRAVITY)
+    links = tuple(
+        dataclasses.replace(link, joint=rough(link.joint)) for link in vehicle.links
+    )
+    return Model(
+        vehicle=dataclasses.replace(vehicle, links=links, rotors=ROTORS),
+        gravity=GRAVITY,
+    )
 
 
 def drawn(seed, joints=3):
@@ -54,7 +68,9 @@ def drawn(seed, joints=3):
 
 
 def rotor_wrench(speeds, v_B, w_B):
-    """Force and torque about the base origin, rotor by rotor: thrust, drag torque, hub drag and rolling moment."""
+    """Force and torque about the base origin, rotor by rotor: thrust, drag torque, hub
+    drag and rolling moment.
+    """
     force, torque = np.zeros(3), np.zeros(3)
     for rotor, speed in zip(ROTORS, speeds, strict=True):
         place, axis = scalars(rotor.position), scalars(rotor.axis)
@@ -62,7 +78,10 @@ def rotor_wrench(speeds, v_B, w_B):
         across = wind - axis * (axis @ wind)
         thrust = float(rotor.thrust_coefficient) * speed**2 * axis
         pull = thrust - float(rotor.drag_coefficient) * speed * across
-        torque += np.cross(place, pull) - rotor.direction * float(rotor.moment_coefficient) * thrust
+        torque += (
+            np.cross(place, pull)
+            - rotor.direction * float(rotor.moment_coefficient) * thrust
+        )
         torque -= float(rotor.rolling_moment_coefficient) * speed * across
         force += pull
     return force, torque
@@ -73,9 +92,15 @@ def true_accelerations(model, r, speeds, efforts, unknown, dry_rates=None):
     force, torque = rotor_wrench(speeds, R.T @ r.velocity[:3], r.velocity[3:6])
     damping = np.array([float(link.joint.damping) for link in model.vehicle.links])
     dry = np.array([float(link.joint.coulomb) for link in model.vehicle.links])
-    dry = dry * np.tanh((r.velocity[6:] if dry_rates is None else np.array(dry_rates)) / 0.7)
-    pulled = np.array(efforts) - damping * r.velocity[6:] - dry + np.array(unknown.efforts)
-    applied = np.concatenate([R @ force + scalars(unknown.force), torque + scalars(unknown.torque), pulled])
+    dry = dry * np.tanh(
+        (r.velocity[6:] if dry_rates is None else np.array(dry_rates)) / 0.7
+    )
+    pulled = (
+        np.array(efforts) - damping * r.velocity[6:] - dry + np.array(unknown.efforts)
+    )
+    applied = np.concatenate(
+        [R @ force + scalars(unknown.force), torque + scalars(unknown.torque), pulled]
+    )
     return PinocchioTwin(model.vehicle).forward_dynamics(r, applied)
 
 

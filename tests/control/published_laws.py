@@ -33,14 +33,24 @@ def rotation(state: RandomState):
 
 
 def gentle(seed: int, joints: int = 2) -> RandomState:
-    """A state whose tilt is below 40 degrees: no rotor is asked for less than nothing."""
+    """A state whose tilt is below 40 degrees: no rotor is asked for less than
+    nothing.
+    """
     rng = np.random.default_rng(seed)
-    x, y, z, w = Rotation.from_euler("ZYX", [rng.uniform(-3, 3), *rng.uniform(-0.3, 0.3, 2)]).as_quat()
+    x, y, z, w = Rotation.from_euler(
+        "ZYX", [rng.uniform(-3, 3), *rng.uniform(-0.3, 0.3, 2)]
+    ).as_quat()
     return RandomState(
         position=0.02 * rng.normal(size=3),
         quaternion=np.array([w, x, y, z]),
         joints=rng.uniform(-0.5, 0.5, joints),
-        velocity=np.concatenate([0.05 * rng.normal(size=3), 0.1 * rng.normal(size=3), 0.3 * rng.normal(size=joints)]),
+        velocity=np.concatenate(
+            [
+                0.05 * rng.normal(size=3),
+                0.1 * rng.normal(size=3),
+                0.3 * rng.normal(size=joints),
+            ]
+        ),
     )
 
 
@@ -75,13 +85,19 @@ def soft(law: str, vehicle=ARM, **options):
     """The law with a heading loop too weak to clip a rotor."""
     controller = make_law(law, dataclasses.replace(MODEL, vehicle=vehicle), **options)
     gains = controller.par.gains
-    weak = dataclasses.replace(gains, attitude=gains.attitude * 0.05, rate=gains.rate * 0.05)
-    return dataclasses.replace(controller, par=dataclasses.replace(controller.par, gains=weak))
+    weak = dataclasses.replace(
+        gains, attitude=gains.attitude * 0.05, rate=gains.rate * 0.05
+    )
+    return dataclasses.replace(
+        controller, par=dataclasses.replace(controller.par, gains=weak)
+    )
 
 
 def asked(controller, state, reference):
     """Body torque, thrust and joint efforts of a command that no limit has touched."""
-    command = controller.law(controller.memory, measured(state), reference, DT, par=controller.par)[1]
+    command = controller.law(
+        controller.memory, measured(state), reference, DT, par=controller.par
+    )[1]
     assert min(command.rotor_speeds) > 0.0
     return *pushes(ARM, command), scalars(command.efforts)
 
@@ -98,7 +114,11 @@ def joint_wish(controller, state, reference):
     gains = controller.par.joint_gains
     error = np.array(reference.joints) - state.joints
     drift = np.array(reference.joint_rates) - state.velocity[6:]
-    return np.array(gains.stiffness) * error + np.array(gains.damping) * drift + np.array(reference.joint_accelerations)
+    return (
+        np.array(gains.stiffness) * error
+        + np.array(gains.damping) * drift
+        + np.array(reference.joint_accelerations)
+    )
 
 
 def geometric_alpha(controller, state, reference, up):
@@ -111,19 +131,33 @@ def geometric_alpha(controller, state, reference, up):
     E = 0.5 * (R_d.T @ R - R.T @ R_d)
     e_R = np.array([E[2, 1], E[0, 2], E[1, 0]])
     gains = controller.par.gains
-    torque = np.array(tuple(gains.attitude)) * e_R + np.array(tuple(gains.rate)) * state.velocity[3:6]
+    torque = (
+        np.array(tuple(gains.attitude)) * e_R
+        + np.array(tuple(gains.rate)) * state.velocity[3:6]
+    )
     J = controller.par.model.vehicle.base.inertia
-    return -np.linalg.solve(np.array([list(r) for r in J.full().rows], dtype=float), torque)
+    return -np.linalg.solve(
+        np.array([list(r) for r in J.full().rows], dtype=float), torque
+    )
 
 
 SEEDS = range(12)
-NOTHING = Disturbance(force=vec(np.zeros(3)), torque=vec(np.zeros(3)), efforts=(0.0, 0.0))
+NOTHING = Disturbance(
+    force=vec(np.zeros(3)), torque=vec(np.zeros(3)), efforts=(0.0, 0.0)
+)
 NODES = np.cos(np.pi * (np.arange(24) + 0.5) / 24) * 0.2
-"""Chebyshev nodes on 0.4 s: interpolation differentiates smooth signals four times to about 1e-8."""
+"""Chebyshev nodes on 0.4 s: interpolation differentiates smooth signals four times to
+about 1e-8."""
 
 
 def differentiated(values, order=4, share=1.0):
     """Derivatives at t = 0 of samples at ``share`` times NODES, by interpolation."""
     columns = np.asarray(values, dtype=float).reshape(len(NODES), -1).T
-    fits = [Chebyshev.fit(share * NODES, column, 23, domain=[-0.2 * share, 0.2 * share]) for column in columns]
-    return [np.array([fit.deriv(k)(0.0) if k else fit(0.0) for fit in fits]) for k in range(order + 1)]
+    fits = [
+        Chebyshev.fit(share * NODES, column, 23, domain=[-0.2 * share, 0.2 * share])
+        for column in columns
+    ]
+    return [
+        np.array([fit.deriv(k)(0.0) if k else fit(0.0) for fit in fits])
+        for k in range(order + 1)
+    ]

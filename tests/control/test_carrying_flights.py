@@ -1,4 +1,6 @@
-"""The paper's vehicle picks up a load of which nobody told it, carries it and lets it go."""
+"""The paper's vehicle picks up a load of which nobody told it, carries it and lets it
+go.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,9 @@ def test_the_mass_is_known_after_a_second_and_gone_when_the_load_is(log):
 
 
 def test_the_tip_hardly_jumps_when_the_load_goes(scenario, log):
-    plain_law = scenario_from(DOCUMENT | {"controller": DOCUMENT["controller"] | {"load": 0.0}})
+    plain_law = scenario_from(
+        DOCUMENT | {"controller": DOCUMENT["controller"] | {"load": 0.0}}
+    )
     without = skyarm.run(plain_law)
     released = [error(each, DROP, 2.6) for each in (log, without)]
     assert released[0] < 5e-3
@@ -73,9 +77,15 @@ def test_the_tip_hardly_jumps_when_the_load_goes(scenario, log):
 @pytest.mark.thorough
 def test_every_engine_learns_the_same_and_layers_hide_nothing(scenario, log):
     short = dataclasses.replace(scenario, duration=0.6)
-    assert np.array_equal(run_in_python(short).load_mass_found, log.load_mass_found[:120])
-    guarded = dataclasses.replace(short, controller=with_safety_layer(scenario.controller))
-    assert skyarm.run(guarded).load_mass_found[-1] == pytest.approx(log.load_mass_found[119], rel=0.2)
+    assert np.array_equal(
+        run_in_python(short).load_mass_found, log.load_mass_found[:120]
+    )
+    guarded = dataclasses.replace(
+        short, controller=with_safety_layer(scenario.controller)
+    )
+    assert skyarm.run(guarded).load_mass_found[-1] == pytest.approx(
+        log.load_mass_found[119], rel=0.2
+    )
 
 
 def test_files_keep_what_was_learned(log, tmp_path):
@@ -84,7 +94,10 @@ def test_files_keep_what_was_learned(log, tmp_path):
         assert np.array_equal(kept.load_mass_found, log.load_mass_found)
         assert np.array_equal(kept.load_place_found, log.load_place_found)
     head = skyarm.save_log(log, tmp_path / "x.csv").read_text().split("\n", 1)[0]
-    assert "load_mass_found [kg],load_place_found_x [m],load_place_found_y [m],load_place_found_z [m]" in head
+    assert (
+        "load_mass_found [kg],load_place_found_x [m],load_place_found_y"
+        " [m],load_place_found_z [m]" in head
+    )
 
 
 def test_the_load_of_a_reference_is_kept_moved_and_named(scenario):
@@ -96,8 +109,12 @@ def test_the_load_of_a_reference_is_kept_moved_and_named(scenario):
     assert dataclasses.replace(trajectory, load=None).at(1.0).load == ()
     with pytest.raises(ValueError, match="two trajectories that each have a load"):
         trajectory + trajectory
-    assert (trajectory + dataclasses.replace(trajectory, load=None)).load == trajectory.load
-    changed = with_numbers(scenario, {"reference.load.stop": 1.5, "controller.parts.load.size": 0.03})
+    assert (
+        trajectory + dataclasses.replace(trajectory, load=None)
+    ).load == trajectory.load
+    changed = with_numbers(
+        scenario, {"reference.load.stop": 1.5, "controller.parts.load.size": 0.03}
+    )
     assert changed.reference.at(1.6).load == (0.0,)
     assert number_at(changed, "controller.parts.load.size") == 0.03
 
@@ -111,13 +128,19 @@ def test_a_load_that_is_no_signal_is_refused_in_one_line(load):
 
 
 def test_a_law_that_is_never_told_of_a_load_is_refused_in_one_line():
-    reference = {key: value for key, value in DOCUMENT["reference"].items() if key != "load"}
-    with pytest.raises(ValueError, match=r"controller\.load = 0\.3: must be 0 without reference\.load") as refusal:
+    reference = {
+        key: value for key, value in DOCUMENT["reference"].items() if key != "load"
+    }
+    with pytest.raises(
+        ValueError, match=r"controller\.load = 0\.3: must be 0 without reference\.load"
+    ) as refusal:
         scenario_from(DOCUMENT | {"reference": reference})
     assert "\n" not in str(refusal.value)
     without = DOCUMENT["controller"] | {"load": 0.0}
     assert (
-        scenario_from(DOCUMENT | {"reference": reference, "controller": without}).controller.par.parts.adaptation.load
+        scenario_from(
+            DOCUMENT | {"reference": reference, "controller": without}
+        ).controller.par.parts.adaptation.load
         is not None
     )
 

@@ -1,4 +1,6 @@
-"""What the maker of the centroidal law takes and leaves out, and which of its options it refuses."""
+"""What the maker of the centroidal law takes and leaves out, and which of its options
+it refuses.
+"""
 
 from __future__ import annotations
 
@@ -30,19 +32,36 @@ ARMLESS = dataclasses.replace(
 
 
 @pytest.mark.parametrize(
-    ("vehicle", "load", "friction"), [(ARM, True, True), (HANDLESS, False, True), (ARMLESS, False, False)]
+    ("vehicle", "load", "friction"),
+    [(ARM, True, True), (HANDLESS, False, True), (ARMLESS, False, False)],
 )
-def test_a_load_is_learned_by_an_arm_that_has_a_tip_and_friction_by_any_arm(vehicle, load, friction):
+def test_a_load_is_learned_by_an_arm_that_has_a_tip_and_friction_by_any_arm(
+    vehicle, load, friction
+):
     controller = make_centroidal(Model(vehicle=vehicle))
     found = controller.par.parts.adaptation
-    learned = (None, False) if found is None else (found.load, all(high > 0.0 for _, high in found.damping_limits))
+    learned = (
+        (None, False)
+        if found is None
+        else (found.load, all(high > 0.0 for _, high in found.damping_limits))
+    )
     assert learned == (2.0 if load else None, friction)
     # and it flies: a step from the first memory has a command
     n = vehicle.n
-    rest = dict.fromkeys(("joints", "joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps"), (0.0,) * n)
+    rest = dict.fromkeys(
+        ("joints", "joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps"),
+        (0.0,) * n,
+    )
     measured = blank_measurement(n, 4)
-    goal = Reference(position=measured.position, velocity=measured.velocity, acceleration=measured.velocity, **rest)
-    _, command = controller.law(controller.memory, measured, goal.dense(), 0.005, par=controller.par)
+    goal = Reference(
+        position=measured.position,
+        velocity=measured.velocity,
+        acceleration=measured.velocity,
+        **rest,
+    )
+    _, command = controller.law(
+        controller.memory, measured, goal.dense(), 0.005, par=controller.par
+    )
     assert np.all(np.isfinite([*command.rotor_speeds, *command.efforts]))
 
 
@@ -53,13 +72,21 @@ def test_a_load_that_shall_not_be_learned_is_not_and_friction_always_is(mode):
     assert min(high for _, high in found.damping_limits) > 0.0
 
 
-@pytest.mark.parametrize("vehicle", [HANDLESS, dataclasses.replace(ARMLESS, end_effector="")])
+@pytest.mark.parametrize(
+    "vehicle", [HANDLESS, dataclasses.replace(ARMLESS, end_effector="")]
+)
 def test_a_vehicle_without_a_tip_refuses_what_needs_one(vehicle):
-    for options in ({"mode": "tip"}, {"adaptation": 0.3}, {"mode": "tip", "adaptation": 0.0}):
+    for options in (
+        {"mode": "tip"},
+        {"adaptation": 0.3},
+        {"mode": "tip", "adaptation": 0.0},
+    ):
         with pytest.raises(ControllerError, match="has no end_effector"):
             make_centroidal(Model(vehicle=vehicle), **options)
     assert (
-        make_centroidal(Model(vehicle=vehicle), adaptation=0.0).par.parts.adaptation is None or not vehicle.end_effector
+        make_centroidal(Model(vehicle=vehicle), adaptation=0.0).par.parts.adaptation
+        is None
+        or not vehicle.end_effector
     )
 
 
@@ -69,7 +96,11 @@ ROWS = [name for name, value in VALUES.items() if isinstance(value, tuple)]
 @pytest.mark.parametrize("name", ROWS)
 def test_a_row_of_gains_is_as_many_numbers_as_the_usual_one_has(name):
     count = len(VALUES[name])
-    assert check_entry(name, [1.0] * count) == check_entry(name, (1,) * count) == (1.0,) * count
+    assert (
+        check_entry(name, [1.0] * count)
+        == check_entry(name, (1,) * count)
+        == (1.0,) * count
+    )
     wrong = (
         *((1.0,) * other for other in (0, count - 1, count + 1)),
         "1" * count,
@@ -82,7 +113,10 @@ def test_a_row_of_gains_is_as_many_numbers_as_the_usual_one_has(name):
         iter([1.0] * count),
     )
     for value in wrong:
-        with pytest.raises(ControllerError, match=rf"^controller\.{name} = .*: must be {count} numbers$"):
+        with pytest.raises(
+            ControllerError,
+            match=rf"^controller\.{name} = .*: must be {count} numbers$",
+        ):
             check_entry(name, value)
         with pytest.raises(ControllerError, match=rf"controller\.{name} = "):
             make_centroidal(MODEL, **{name: value})
@@ -96,7 +130,9 @@ def test_each_number_of_a_row_is_refused_by_its_place(name, bad):
         row = [1.0] * count
         # an attitude may be to either side
         row[i] = -1.01 if bad == -1e-9 and name == "attitude" else bad
-        with pytest.raises(ControllerError, match=re.escape(f"controller.{name}[{i}] = ")):
+        with pytest.raises(
+            ControllerError, match=re.escape(f"controller.{name}[{i}] = ")
+        ):
             check_entry(name, row)
 
 
@@ -106,21 +142,40 @@ def test_a_delay_off_a_whole_number_of_periods_to_either_side_is_refused(whole, 
     assert periods_of(whole * 0.005, 0.005) == whole
     for seconds in (whole * 0.005 - off, whole * 0.005 + off):
         if 0.0 < seconds < 0.5:
-            with pytest.raises(ControllerError, match="must be a whole number of control periods"):
+            with pytest.raises(
+                ControllerError, match="must be a whole number of control periods"
+            ):
                 periods_of(seconds, 0.005)
 
 
 def test_a_measurement_older_than_the_whole_delay_is_refused():
-    assert make_centroidal(MODEL, delay=0.01, age=0.01).par == make_centroidal(MODEL, delay=0.01).par
-    with pytest.raises(ControllerError, match=r"^controller\.age = 0\.01: must be at most delay, 0\.005 s$"):
+    assert (
+        make_centroidal(MODEL, delay=0.01, age=0.01).par
+        == make_centroidal(MODEL, delay=0.01).par
+    )
+    with pytest.raises(
+        ControllerError,
+        match=r"^controller\.age = 0\.01: must be at most delay, 0\.005 s$",
+    ):
         make_centroidal(MODEL, delay=0.005, age=0.01)
 
 
 @pytest.mark.parametrize("given", [{"delay": 0.005, "age": 0.01}, {"age": 0.015}])
 def test_a_table_whose_age_is_beyond_its_delay_is_refused(given):
-    """The loop's own age, 10 ms, is no more than a shorter delay that a table states as a model error."""
-    table, known = {"law": "centroidal", **given}, {"control_period": 0.005, "delay": 0.01, "age": 0.01}
-    with pytest.raises(ValueError, match=rf"^controller\.age = {given['age']}: must be at most delay, "):
+    """The loop's own age, 10 ms, is no more than a shorter delay that a table states as
+    a model error.
+    """
+    table, known = (
+        {"law": "centroidal", **given},
+        {
+            "control_period": 0.005,
+            "delay": 0.01,
+            "age": 0.01,
+        },
+    )
+    with pytest.raises(
+        ValueError, match=rf"^controller\.age = {given['age']}: must be at most delay, "
+    ):
         controller_from(Fields(table, "controller"), MODEL, None, known)
     for late in (0.0, 0.005, 0.01, 0.02):
         told = {"law": "centroidal", "delay": late}
@@ -131,14 +186,27 @@ def test_a_table_whose_age_is_beyond_its_delay_is_refused(given):
 @pytest.mark.parametrize("period", [0.001, 0.0025, 0.005, 0.01])
 def test_rounding_of_a_decimal_delay_loses_no_period(period):
     """0.145 / 0.005 is 28.999999999999996."""
-    assert [periods_of(round(k * period, 6), period) for k in range(101)] == list(range(101))
+    assert [periods_of(round(k * period, 6), period) for k in range(101)] == list(
+        range(101)
+    )
 
 
 def test_slow_motors_track_the_rate_of_a_force_slowly():
-    """With the root of the paper's mean lag over the slowest motor's, unless a bandwidth is given."""
-    slow, quick = (Model(vehicle=skyarm.load_vehicle(name)) for name in ("hexarotor12_arm5", "pelican_arm2"))
-    lag = max(0.5 * (float(r.time_constant_up) + float(r.time_constant_down)) for r in slow.vehicle.rotors)
-    bandwidths = [make_centroidal(model, mode="tip").par.parts.trend.bandwidth for model in (slow, quick)]
+    """With the root of the paper's mean lag over the slowest motor's, unless a
+    bandwidth is given.
+    """
+    slow, quick = (
+        Model(vehicle=skyarm.load_vehicle(name))
+        for name in ("hexarotor12_arm5", "pelican_arm2")
+    )
+    lag = max(
+        0.5 * (float(r.time_constant_up) + float(r.time_constant_down))
+        for r in slow.vehicle.rotors
+    )
+    bandwidths = [
+        make_centroidal(model, mode="tip").par.parts.trend.bandwidth
+        for model in (slow, quick)
+    ]
     assert bandwidths == pytest.approx([20.0 * (0.01875 / lag) ** 0.5, 20.0])
     assert make_centroidal(slow, force_trend=13.0).par.parts.trend.bandwidth == 13.0
     assert make_centroidal(slow, force_trend=0.0).par.parts.trend is None
@@ -157,18 +225,27 @@ def test_a_vehicle_that_picks_loads_filters_its_accelerometer_more_unless_stated
 
 
 def test_a_preview_reaches_beyond_the_period_of_the_reference_or_is_none():
-    """Its first sample, an eighth of it, is to come whenever within a period the law asks."""
+    """Its first sample, an eighth of it, is to come whenever within a period the law
+    asks.
+    """
 
     def preview(**options):
         return make_centroidal(MODEL, mode="tip", **options).par.tip.preview
 
-    assert (preview(preview=0.16), preview(preview=0.0), preview()) == (0.16, None, pytest.approx(0.6))
+    assert (preview(preview=0.16), preview(preview=0.0), preview()) == (
+        0.16,
+        None,
+        pytest.approx(0.6),
+    )
     assert preview(reference_period=0.1) == pytest.approx(0.8)
     assert preview(reference_period=0.5) is None
     # the commands are known to be late by three periods more
     assert preview(delay=0.03, age=0.015, preview=0.28) == 0.28
     for options, least in (({}, 0.16), ({"delay": 0.03, "age": 0.015}, 0.28)):
-        words = f"^controller.preview = 0.15: must be 0, or 8 periods of the reference at least, {least} s$"
+        words = (
+            "^controller.preview = 0.15: must be 0, or 8 periods of the reference at"
+            f" least, {least} s$"
+        )
         with pytest.raises(ControllerError, match=words):
             make_centroidal(MODEL, mode="tip", preview=0.15, **options)
 
@@ -176,7 +253,10 @@ def test_a_preview_reaches_beyond_the_period_of_the_reference_or_is_none():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"adaptation": 0.3, "load": 0.2}, "controller.adaptation = 0.3: must be 0 with load, which is what"),
+        (
+            {"adaptation": 0.3, "load": 0.2},
+            "controller.adaptation = 0.3: must be 0 with load, which is what",
+        ),
         (
             {"adaptation": 0.3, "tip_mass_limit": 0.0},
             "controller.tip_mass_limit = 0.0: must be above 0 with",
@@ -189,11 +269,20 @@ def test_a_stated_adaptation_that_would_learn_nothing_is_refused(options, words)
 
 
 def test_an_option_that_vehicle_or_another_option_forbids_is_refused_by_its_own_name():
-    bare, arm = (Model(vehicle=skyarm.load_vehicle(name)) for name in ("hummingbird", "hummingbird_arm2"))
-    with pytest.raises(ControllerError, match=r"^controller.adaptation = 0.3: must be 0: 'hummingbird' has no end_eff"):
+    bare, arm = (
+        Model(vehicle=skyarm.load_vehicle(name))
+        for name in ("hummingbird", "hummingbird_arm2")
+    )
+    with pytest.raises(
+        ControllerError,
+        match=r"^controller.adaptation = 0.3: must be 0: 'hummingbird' has no end_eff",
+    ):
         make_centroidal(bare, adaptation=0.3)
     # the tip's damping is what is left along the normal of a surface
-    with pytest.raises(ControllerError, match=r"^controller.tip\[1\] = 0.0: must be above 0 with interaction$"):
+    with pytest.raises(
+        ControllerError,
+        match=r"^controller.tip\[1\] = 0.0: must be above 0 with interaction$",
+    ):
         make_centroidal(arm, mode="tip", interaction=(0.3, 0.1), tip=(700.0, 0.0))
     file = Fields({"law": "centroidal_tip"}, "controller")
     with pytest.raises(ValueError, match=r"it is a preset: preset = 'centroidal_tip'"):

@@ -1,4 +1,6 @@
-"""Held samples and slow regressors of the centroidal law: how far they are carried, and how late they are heard."""
+"""Held samples and slow regressors of the centroidal law: how far they are carried, and
+how late they are heard.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +27,14 @@ DT, PERIOD = 0.005, 0.02
 
 
 def held(sample, ticks):
-    """Derivatives of one signal at each tick of a sample that is never followed by another; its channel and age."""
+    """Derivatives of one signal at each tick of a sample that is never followed by
+    another; its channel and age.
+    """
     channels, age, started, found = (Channel(),), 0.0, 0.0, []
     for _ in range(ticks):
-        series, channels, age = extrapolate(channels, age, [sample], started, DT, PERIOD)
+        series, channels, age = extrapolate(
+            channels, age, [sample], started, DT, PERIOD
+        )
         started = 1.0
         found.append([float(series[0].derivative(k)) for k in range(5)])
     return np.array(found), channels[0], age
@@ -40,36 +46,55 @@ def parabola(sample, t):
 
 
 @pytest.mark.parametrize(
-    "sample", [(1.5, 0, 2.0), (1.5, 0.7, 0), (1.5, 0, -3.0), (0, -0.7, 0), (1.5, 0.4, -2.0)], ids=str
+    "sample",
+    [(1.5, 0, 2.0), (1.5, 0.7, 0), (1.5, 0, -3.0), (0, -0.7, 0), (1.5, 0.4, -2.0)],
+    ids=str,
 )
 def test_a_structural_zero_in_a_sample_stops_no_other_derivative(sample):
     found, _, _ = held(sample, 4)
     for k in range(4):
-        np.testing.assert_allclose(found[k], parabola(sample, k * DT), rtol=1e-12, atol=1e-15)
+        np.testing.assert_allclose(
+            found[k], parabola(sample, k * DT), rtol=1e-12, atol=1e-15
+        )
 
 
 @pytest.mark.parametrize("t", [0.0, 0.005, 0.015, 0.02])
 def test_with_a_preview_a_quintic_is_followed_exactly(t):
-    """Rate of fourth order through two samples and the slope of a third: five conditions, five numbers."""
+    """Rate of fourth order through two samples and the slope of a third: five
+    conditions, five numbers.
+    """
     p = np.polynomial.Polynomial([0.2, -0.3, 0.5, 0.4, -2.0, 3.0])
-    rows = [[tuple(float(p.deriv(k)(at)) for k in range(3))] for at in (0.0, PERIOD, 2.0 * PERIOD)]
+    rows = [
+        [tuple(float(p.deriv(k)(at)) for k in range(3))]
+        for at in (0.0, PERIOD, 2.0 * PERIOD)
+    ]
     value, rate, acceleration = rows[0][0]
     seen = (Channel(value=value, rate=rate, acceleration=acceleration),)
-    series, channels, age = extrapolate(seen, t - DT, rows[0], 1.0, DT, PERIOD, rows[1:])
+    series, channels, age = extrapolate(
+        seen, t - DT, rows[0], 1.0, DT, PERIOD, rows[1:]
+    )
     found = [float(series[0].derivative(k)) for k in range(5)]
     np.testing.assert_allclose(found, [p.deriv(k)(t) for k in range(5)], rtol=1e-8)
     assert (channels[0].value, age) == (rows[0][0][0], pytest.approx(t, abs=1e-12))
 
 
 def test_with_a_preview_no_derivative_steps_at_a_sample():
-    """Along a sine of 1 Hz, whose snap without a preview steps by an eighth of its size."""
+    """Along a sine of 1 Hz, whose snap without a preview steps by an eighth of its
+    size.
+    """
     w = 2.0 * np.pi
-    at = lambda t: tuple(float(w**k * np.sin(w * t + 0.5 * np.pi * k)) for k in range(3))  # noqa: E731
+    at = lambda t: tuple(
+        float(w**k * np.sin(w * t + 0.5 * np.pi * k)) for k in range(3)
+    )  # noqa: E731
     ends = []
     for begin, age in ((0.3, PERIOD), (0.3 + PERIOD, 0.0)):
         rows = [[at(begin + k * PERIOD)] for k in range(3)]
-        seen = Channel(value=rows[0][0][0], rate=rows[0][0][1], acceleration=rows[0][0][2])
-        series, _, _ = extrapolate((seen,), age - DT, rows[0], 1.0, DT, PERIOD, rows[1:])
+        seen = Channel(
+            value=rows[0][0][0], rate=rows[0][0][1], acceleration=rows[0][0][2]
+        )
+        series, _, _ = extrapolate(
+            (seen,), age - DT, rows[0], 1.0, DT, PERIOD, rows[1:]
+        )
         ends.append([float(series[0].derivative(k)) for k in range(5)])
     np.testing.assert_allclose(ends[0], ends[1], atol=0.01 * w**4)
     np.testing.assert_allclose(ends[0][:4], ends[1][:4], atol=1e-4 * w**3)
@@ -77,15 +102,27 @@ def test_with_a_preview_no_derivative_steps_at_a_sample():
 
 @pytest.mark.parametrize("jump", [0.5, -3.0])
 def test_a_jump_to_come_is_not_smoothed(jump):
-    """Neither of the rate at the next sample, which has no jerk before it, nor of the acceleration at the one after."""
+    """Neither of the rate at the next sample, which has no jerk before it, nor of the
+    acceleration at the one after.
+    """
     sample, t = (0.2, 0.3, 0.5), 0.015
     after = (0.2 + 0.3 * PERIOD, 0.3 + 0.5 * PERIOD + jump, 0.5)
     seen = (Channel(value=0.2, rate=0.3, acceleration=0.5),)
-    series, _, _ = extrapolate(seen, t - DT, [sample], 1.0, DT, PERIOD, [[after], [after]])
-    np.testing.assert_allclose([float(series[0].derivative(k)) for k in range(5)], parabola(sample, t), rtol=1e-12)
+    series, _, _ = extrapolate(
+        seen, t - DT, [sample], 1.0, DT, PERIOD, [[after], [after]]
+    )
+    np.testing.assert_allclose(
+        [float(series[0].derivative(k)) for k in range(5)],
+        parabola(sample, t),
+        rtol=1e-12,
+    )
     smooth = (0.2, 0.3 + 0.5 * PERIOD, 0.5)
-    series, _, _ = extrapolate(seen, t - DT, [sample], 1.0, DT, PERIOD, [[smooth], [(0.2, jump, 5.0)]])
-    np.testing.assert_allclose([float(series[0].derivative(k)) for k in (3, 4)], [0.0, 0.0], atol=1e-9)
+    series, _, _ = extrapolate(
+        seen, t - DT, [sample], 1.0, DT, PERIOD, [[smooth], [(0.2, jump, 5.0)]]
+    )
+    np.testing.assert_allclose(
+        [float(series[0].derivative(k)) for k in (3, 4)], [0.0, 0.0], atol=1e-9
+    )
 
 
 def test_a_signal_of_structure_alone_keeps_it():
@@ -99,12 +136,16 @@ def test_a_sample_that_no_other_follows_is_carried_for_one_period_and_no_further
     sample = (1.5, 0.7, -2.0)
     found, _, age = held(sample, ticks)
     assert age == pytest.approx(PERIOD, rel=1e-12)
-    np.testing.assert_allclose(found[-1], parabola(sample, PERIOD), rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(
+        found[-1], parabola(sample, PERIOD), rtol=1e-12, atol=1e-15
+    )
 
 
 def test_the_stepped_law_stops_there_too():
     controller = make_controller("ct_ladder", MODEL)
-    still = dict.fromkeys(("joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps"), (0.0, 0.0))
+    still = dict.fromkeys(
+        ("joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps"), (0.0, 0.0)
+    )
     sample = Reference(
         position=Vec3(0.3, 0.0, 1.0),
         velocity=Vec3(1.0, 0.0, 0.0),
@@ -112,7 +153,10 @@ def test_the_stepped_law_stops_there_too():
         joints=(0.1, 0.2),
         **still,
     ).dense()
-    memory, par = controller.memory, dataclasses.replace(controller.par, reference_period=PERIOD)
+    memory, par = (
+        controller.memory,
+        dataclasses.replace(controller.par, reference_period=PERIOD),
+    )
     for _ in range(12):
         now, channels, age = _present(memory, sample, DT, par)
         memory = dataclasses.replace(memory, channels=channels, age=age, started=1.0)
@@ -120,7 +164,9 @@ def test_the_stepped_law_stops_there_too():
 
 
 def test_what_is_counted_of_one_motion_is_bounded():
-    """Three samples fix jerk and snap; a memory whose numbers grow without end would not be one of a fixed state."""
+    """Three samples fix jerk and snap; a memory whose numbers grow without end would
+    not be one of a fixed state.
+    """
     p = np.polynomial.Polynomial([0.2, -0.3, 0.5, 0.4])
     channels, age, started = (Channel(),), 0.0, 0.0
     for k in range(9):
@@ -131,7 +177,9 @@ def test_what_is_counted_of_one_motion_is_bounded():
 
 
 def observers_lag(bandwidth):
-    """How late an observer with both poles at exp(-bandwidth dt) finds a force that grows evenly, s: step by step."""
+    """How late an observer with both poles at exp(-bandwidth dt) finds a force that
+    grows evenly, s: step by step.
+    """
     b = np.exp(-bandwidth * DT)
     v = seen = found = force = 0.0
     for k in range(240):
@@ -144,8 +192,12 @@ def observers_lag(bandwidth):
 
 
 @pytest.mark.parametrize("bandwidth", [34.0, 60.0])
-def test_a_motion_is_heard_exactly_as_late_as_the_observer_finds_what_it_needs(bandwidth):
-    """Two stages at the observer's poles: rates and loads that grow evenly, beside the efforts found under them."""
+def test_a_motion_is_heard_exactly_as_late_as_the_observer_finds_what_it_needs(
+    bandwidth,
+):
+    """Two stages at the observer's poles: rates and loads that grow evenly, beside the
+    efforts found under them.
+    """
     joint = make_centroidal(MODEL).par.parts.adaptation.start(2).joints[0]
     share = low_pass_share(bandwidth, DT)
     for k in range(240):
@@ -155,4 +207,6 @@ def test_a_motion_is_heard_exactly_as_late_as_the_observer_finds_what_it_needs(b
         lag = 239 * DT - getattr(joint.twice, name) / slope
         assert lag == pytest.approx(observers_lag(bandwidth), rel=1e-9)
         # the first of the two stages is half as late
-        assert 239 * DT - getattr(joint.once, name) / slope == pytest.approx(0.5 * lag, rel=1e-9)
+        assert 239 * DT - getattr(joint.once, name) / slope == pytest.approx(
+            0.5 * lag, rel=1e-9
+        )

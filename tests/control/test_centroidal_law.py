@@ -1,4 +1,6 @@
-"""The centroidal law as a whole: every engine, every vehicle, limits, its observer, its maker."""
+"""The centroidal law as a whole: every engine, every vehicle, limits, its observer, its
+maker.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,12 @@ LAWS = {
     "tip": make_centroidal(MODEL, mode="tip"),
     "late": make_centroidal(MODEL, mode="tip", delay=0.010),
     "unmoved": make_centroidal(
-        MODEL, mode="tip", adaptation=1.0, preview=0.0, lag=(0.0, 0.0), accelerometer=(0.0, 0.0)
+        MODEL,
+        mode="tip",
+        adaptation=1.0,
+        preview=0.0,
+        lag=(0.0, 0.0),
+        accelerometer=(0.0, 0.0),
     ),
 }
 
@@ -56,15 +63,21 @@ def floats(flown):
 
 
 def close(found, expected):
-    """Engines differ by last digits of sin and cos; speeds near the clip are roots of small differences."""
+    """Engines differ by last digits of sin and cos; speeds near the clip are roots of
+    small differences.
+    """
     np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-5)
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_numpy_lanes_equal_a_loop(name):
     flown = LAWS[name]
-    batch = second(flown, stacked([m for m, _ in INPUTS]), stacked([r for _, r in INPUTS]))
-    found = np.stack([np.broadcast_to(leaf, (len(INPUTS),)) for leaf in leaves(batch)], axis=1)
+    batch = second(
+        flown, stacked([m for m, _ in INPUTS]), stacked([r for _, r in INPUTS])
+    )
+    found = np.stack(
+        [np.broadcast_to(leaf, (len(INPUTS),)) for leaf in leaves(batch)], axis=1
+    )
     close(found, floats(flown))
 
 
@@ -72,11 +85,25 @@ def test_jax_agrees_with_floats():
     jax = pytest.importorskip("jax")
     flown = LAWS["unmoved"]
     with jax_doubles():
-        measured, reference = (stacked(records) for records in zip(*INPUTS, strict=True))
-        values = [jax.numpy.asarray(leaf) for leaf in (*leaves(measured), *leaves(reference))]
+        measured, reference = (
+            stacked(records) for records in zip(*INPUTS, strict=True)
+        )
+        values = [
+            jax.numpy.asarray(leaf) for leaf in (*leaves(measured), *leaves(reference))
+        ]
         split = len(leaves(measured))
-        result = second(flown, rebuild(measured, iter(values[:split])), rebuild(reference, iter(values[split:])))
-        found = np.stack([np.broadcast_to(np.asarray(leaf), (len(INPUTS),)) for leaf in leaves(result)], axis=1)
+        result = second(
+            flown,
+            rebuild(measured, iter(values[:split])),
+            rebuild(reference, iter(values[split:])),
+        )
+        found = np.stack(
+            [
+                np.broadcast_to(np.asarray(leaf), (len(INPUTS),))
+                for leaf in leaves(result)
+            ],
+            axis=1,
+        )
     close(found, floats(flown))
 
 
@@ -85,17 +112,33 @@ def test_casadi_agrees_with_floats():
 
     flown = LAWS["tip"]
     measured, reference = INPUTS[0]
-    symbols = [casadi.SX.sym(f"x{i}") for i in range(len(leaves(measured)) + len(leaves(reference)))]
+    symbols = [
+        casadi.SX.sym(f"x{i}")
+        for i in range(len(leaves(measured)) + len(leaves(reference)))
+    ]
     split = len(leaves(measured))
-    result = second(flown, rebuild(measured, iter(symbols[:split])), rebuild(reference, iter(symbols[split:])))
-    compiled = casadi.Function("law", [casadi.vertcat(*symbols)], [casadi.vertcat(*leaves(result))])
-    close(np.array([np.array(compiled([*leaves(m), *leaves(r)])).ravel() for m, r in INPUTS]), floats(flown))
+    result = second(
+        flown,
+        rebuild(measured, iter(symbols[:split])),
+        rebuild(reference, iter(symbols[split:])),
+    )
+    compiled = casadi.Function(
+        "law", [casadi.vertcat(*symbols)], [casadi.vertcat(*leaves(result))]
+    )
+    close(
+        np.array(
+            [np.array(compiled([*leaves(m), *leaves(r)])).ravel() for m, r in INPUTS]
+        ),
+        floats(flown),
+    )
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_traced_law_equals_floats_bit_for_bit(name):
     flown = LAWS[name]
-    program = trace(lambda memory, m, r: step(flown, memory, m, r), flown.memory, *INPUTS[0])
+    program = trace(
+        lambda memory, m, r: step(flown, memory, m, r), flown.memory, *INPUTS[0]
+    )
     memory = flown.memory
     for pair in INPUTS:
         traced, plain = program(memory, *pair), step(flown, memory, *pair)
@@ -106,17 +149,24 @@ def test_a_traced_law_equals_floats_bit_for_bit(name):
 def test_gains_masses_and_gravity_may_be_inputs_of_a_traced_program():
     flown = LAWS["late"]
     program = trace(
-        lambda par, memory, m, r: flown.law(memory, m, r, 0.005, par=par), flown.par, flown.memory, *INPUTS[0]
+        lambda par, memory, m, r: flown.law(memory, m, r, 0.005, par=par),
+        flown.par,
+        flown.memory,
+        *INPUTS[0],
     )
     model = Model(vehicle=MODEL.vehicle.with_payload(0.05), gravity=9.7)
-    other = dataclasses.replace(make_centroidal(MODEL, mode="tip", delay=0.010, adaptation=0.3).par, model=model)
+    other = dataclasses.replace(
+        make_centroidal(MODEL, mode="tip", delay=0.010, adaptation=0.3).par, model=model
+    )
     for par in (flown.par, other):
         plain = flown.law(flown.memory, *INPUTS[1], 0.005, par=par)
         close(leaves(program(par, flown.memory, *INPUTS[1])), leaves(plain))
 
 
 def test_a_hovering_vehicle_is_told_to_hover():
-    """Thrust is the weight, the joints hold the arm, after the motors' model has settled."""
+    """Thrust is the weight, the joints hold the arm, after the motors' model has
+    settled.
+    """
     case = hovering(joints=(0.3, -0.5))
     pair = (case.measurement(), case.reference())
     flown = make_centroidal(MODEL)
@@ -124,16 +174,21 @@ def test_a_hovering_vehicle_is_told_to_hover():
     memory = flown.memory
     for _ in range(600):
         memory, command = program(memory, *pair)
-    # a measurement that stays at rest whatever is commanded leaves what the trim's transient has put into the observer
-    # and the adaptation; with the command both hold the vehicle
+    # a measurement that stays at rest whatever is commanded leaves what the trim's
+    # transient has put into the observer and the adaptation; with the command both hold
+    # the vehicle
     held, fed = memory.observed, memory.parts.adaptation.feedforward
     assert np.abs(leaves(held.force)).max() < 0.02
     assert np.abs(held.efforts).max() < 1e-3
     weight = MODEL.vehicle.mass * G
-    thrust = sum(r.thrust_coefficient * w * w for r, w in zip(MODEL.vehicle.rotors, command.rotor_speeds, strict=True))
+    thrust = sum(
+        r.thrust_coefficient * w * w
+        for r, w in zip(MODEL.vehicle.rotors, command.rotor_speeds, strict=True)
+    )
     assert thrust + held.force.z + fed.force.z == pytest.approx(weight, rel=1e-4)
     th1, th2 = 0.3, -0.5
-    # link 1: 40 g at 75 mm and all of link 2 at 150 mm; link 2: 40 g at 75 mm, 10 g at 150 mm
+    # link 1: 40 g at 75 mm and all of link 2 at 150 mm; link 2: 40 g at 75 mm, 10 g at
+    # 150 mm
     lower = G * (0.04 * 0.075 + 0.01 * 0.15) * np.sin(th1 + th2)
     upper = lower + G * (0.04 * 0.075 + 0.05 * 0.15) * np.sin(th1)
     efforts = np.add(np.add(command.efforts, held.efforts), fed.efforts)
@@ -142,7 +197,9 @@ def test_a_hovering_vehicle_is_told_to_hover():
 
 @pytest.mark.parametrize("name", LAWS)
 def test_no_command_is_ever_nan(name):
-    """Free fall wanted, upside down, spinning, far away, and rotors that the model thinks stopped."""
+    """Free fall wanted, upside down, spinning, far away, and rotors that the model
+    thinks stopped.
+    """
     flown = LAWS[name]
     odd = [
         changed(hovering(), a_d=(0.0, 0.0, -G)),
@@ -166,7 +223,9 @@ def test_the_quaternion_and_its_opposite_are_one_attitude():
     flown = LAWS["tip"]
     memory, _ = step(flown, flown.memory, *INPUTS[0])
     measured, reference = INPUTS[1]
-    opposite = dataclasses.replace(measured, quaternion=Quaternion(*(-c for c in measured.quaternion)))
+    opposite = dataclasses.replace(
+        measured, quaternion=Quaternion(*(-c for c in measured.quaternion))
+    )
     one, other = (step(flown, memory, m, reference) for m in (measured, opposite))
     assert leaves(one[1]) == pytest.approx(leaves(other[1]), rel=1e-12)
 
@@ -176,16 +235,21 @@ def test_the_disturbance_is_frozen_while_the_rotors_are_at_their_limit():
     flown = LAWS["joint"]
     memory, _ = step(flown, flown.memory, hovering().measurement(), case.reference())
     for _ in range(50):
-        memory, command = step(flown, memory, hovering().measurement(), case.reference())
+        memory, command = step(
+            flown, memory, hovering().measurement(), case.reference()
+        )
     assert memory.free[0] == 0.0
     assert min(command.rotor_speeds) > 830.0
-    # the vehicle stays where it is although all rotors roar; without the freeze the force would be minus the thrust
+    # the vehicle stays where it is although all rotors roar; without the freeze the
+    # force would be minus the thrust
     assert abs(memory.observed.force.z) < 2.0
 
 
 @pytest.fixture(scope="module")
 def windy():
-    """Hover for eight seconds in a force of known size at a known point, with a model that is the truth."""
+    """Hover for eight seconds in a force of known size at a known point, with a model
+    that is the truth.
+    """
     loaded = planned("case2")
     truth = loaded.plant.vehicle.with_joints(damping=0.0)
     force = ForceWind(force_W=Vec3(0.6, -0.4, 0.3), point_B=Vec3(0.03, -0.02, 0.0))
@@ -206,7 +270,9 @@ def test_the_observer_finds_a_constant_force_and_its_torque(windy):
     observed, learned = windy.memory.observed, windy.memory.parts.adaptation
     # a trace of the start is still taken for a load
     assert abs(learned.tip_mass) < 1e-4
-    assert leaves(observed.force + learned.feedforward.force) == pytest.approx((0.6, -0.4, 0.3), abs=1e-4)
+    assert leaves(observed.force + learned.feedforward.force) == pytest.approx(
+        (0.6, -0.4, 0.3), abs=1e-4
+    )
     # the force turned into the tilted body, at its point
     from scipy.spatial.transform import Rotation
 
@@ -215,7 +281,10 @@ def test_the_observer_finds_a_constant_force_and_its_torque(windy):
     assert leaves(observed.torque + learned.feedforward.torque) == pytest.approx(
         np.cross([0.03, -0.02, 0.0], push), abs=1e-5
     )
-    efforts = [a + b for a, b in zip(observed.efforts, learned.feedforward.efforts, strict=True)]
+    efforts = [
+        a + b
+        for a, b in zip(observed.efforts, learned.feedforward.efforts, strict=True)
+    ]
     assert efforts == pytest.approx((0.0, 0.0), abs=1e-5)
     assert windy.base[0, -1] < 0.01
 
@@ -232,7 +301,10 @@ VEHICLES = [
 def test_any_vehicle_flies(name, mode):
     vehicle = skyarm.load_vehicle(name)
     joints = [
-        Sine(amplitude=0.01 if link.joint.kind == "prismatic" else 0.2, frequency_hz=0.3) for link in vehicle.links
+        Sine(
+            amplitude=0.01 if link.joint.kind == "prismatic" else 0.2, frequency_hz=0.3
+        )
+        for link in vehicle.links
     ]
     heading = Sine(amplitude=0.3, frequency_hz=0.1)
     scenario = Scenario(
@@ -246,12 +318,18 @@ def test_any_vehicle_flies(name, mode):
     )
     log = run(scenario)
     assert log.status == "completed"
-    error = log.tool - log.tool_reference if mode == "tip" else log.position - log.position_reference
+    error = (
+        log.tool - log.tool_reference
+        if mode == "tip"
+        else log.position - log.position_reference
+    )
     assert np.linalg.norm(error[log.time >= 2.0], axis=1).mean() < 2e-3
 
 
 def test_an_arm_beside_the_tips_is_no_lever():
-    """Ten centimetres off at the start: another arm and the torso's slide must not swing to move the tip."""
+    """Ten centimetres off at the start: another arm and the torso's slide must not
+    swing to move the tip.
+    """
     vehicle = skyarm.load_vehicle("octo_coaxial_two_arms")
     scenario = Scenario(
         name="beside",
@@ -270,15 +348,21 @@ def test_an_arm_beside_the_tips_is_no_lever():
 
 @pytest.mark.parametrize("mode", ["joint", "tip"])
 def test_a_weak_joint_hangs_low_and_the_base_stays(mode):
-    """The arm needs 0.07 N m and has 0.03: the body torque is that of the motion which is left."""
-    vehicle = skyarm.load_vehicle("hummingbird_arm2_rotors").with_joints(effort_limit=0.03)
+    """The arm needs 0.07 N m and has 0.03: the body torque is that of the motion which
+    is left.
+    """
+    vehicle = skyarm.load_vehicle("hummingbird_arm2_rotors").with_joints(
+        effort_limit=0.03
+    )
     log = run(
         Scenario(
             name="weak",
             duration=4.0,
             plant=Truth(vehicle=vehicle),
             controller=make_centroidal(Model(vehicle=vehicle), mode=mode),
-            reference=hover((0.0, 0.0, 2.0), joints=(Sine(amplitude=0.4, frequency_hz=0.3),) * 2),
+            reference=hover(
+                (0.0, 0.0, 2.0), joints=(Sine(amplitude=0.4, frequency_hz=0.3),) * 2
+            ),
             ground=False,
         )
     )
@@ -289,7 +373,9 @@ def test_a_weak_joint_hangs_low_and_the_base_stays(mode):
 
 def test_dry_friction_that_the_model_knows_costs_little():
     """Against a model without it: the observer has to learn each reversal."""
-    vehicle = skyarm.load_vehicle("hummingbird_arm2_rotors").with_joints(damping=0.005, coulomb=0.003, coulomb_rate=0.3)
+    vehicle = skyarm.load_vehicle("hummingbird_arm2_rotors").with_joints(
+        damping=0.005, coulomb=0.003, coulomb_rate=0.3
+    )
     found = []
     for model in (vehicle, vehicle.with_joints(damping=0.0, coulomb=0.0)):
         log = run(
@@ -298,7 +384,9 @@ def test_dry_friction_that_the_model_knows_costs_little():
                 duration=4.0,
                 plant=Truth(vehicle=vehicle),
                 controller=make_centroidal(Model(vehicle=model)),
-                reference=hover((0.0, 0.0, 2.0), joints=(Sine(amplitude=0.3, frequency_hz=0.5),) * 2),
+                reference=hover(
+                    (0.0, 0.0, 2.0), joints=(Sine(amplitude=0.3, frequency_hz=0.5),) * 2
+                ),
                 ground=False,
             )
         )
@@ -307,21 +395,32 @@ def test_dry_friction_that_the_model_knows_costs_little():
 
 
 def test_the_trim_stays_within_its_bound_whatever_is_sent(monkeypatch):
-    """A vehicle that someone else holds: the modelled rotors never do what is wanted."""
+    """A vehicle that someone else holds: the modelled rotors never do what is
+    wanted.
+    """
     monkeypatch.setattr(torques, "TRIM_RATE", 50.0)
     flown = make_centroidal(MODEL)
     case = hovering()
     memory = flown.memory
-    program = trace(lambda memory, m, r: step(flown, memory, m, r), memory, case.measurement(), case.reference())
+    program = trace(
+        lambda memory, m, r: step(flown, memory, m, r),
+        memory,
+        case.measurement(),
+        case.reference(),
+    )
     bound = [TRIM * highest for highest in flown.par.mixer.highest]
     far = changed(case, p_d=(0.0, 0.0, 0.3))
     worst = 0.0
     for _ in range(400):
         memory, command = program(memory, case.measurement(), far.reference())
-        stopped = dataclasses.replace(command, rotor_speeds=(0.0,) * len(command.rotor_speeds))
+        stopped = dataclasses.replace(
+            command, rotor_speeds=(0.0,) * len(command.rotor_speeds)
+        )
         memory = dataclasses.replace(memory, sent=stopped)
         assert all(abs(t) <= top for t, top in zip(memory.trim, bound, strict=True))
-        worst = max(worst, *(abs(t) / top for t, top in zip(memory.trim, bound, strict=True)))
+        worst = max(
+            worst, *(abs(t) / top for t, top in zip(memory.trim, bound, strict=True))
+        )
     assert worst == pytest.approx(1.0)
 
 
@@ -356,7 +455,12 @@ def test_tip_mode_needs_an_end_effector():
 
 def test_the_exported_c_file_names_every_gain():
     text = export_c(make_centroidal(MODEL, mode="tip"), name="law", period=0.005).text
-    for word in ("base_position", "tip_damping", "observer_force", "accelerometer_force"):
+    for word in (
+        "base_position",
+        "tip_damping",
+        "observer_force",
+        "accelerometer_force",
+    ):
         assert word in text
 
 
@@ -378,17 +482,26 @@ def test_the_law_is_found_by_name():
 
 
 def test_a_measurement_of_integers_is_one_of_numbers():
-    """An estimator of one's own may give 0 for what it does not know: the observer's memory holds numbers."""
+    """An estimator of one's own may give 0 for what it does not know: the observer's
+    memory holds numbers.
+    """
     scenario = skyarm.load_scenario("slide_up")
     model, n = scenario.controller.par.model, scenario.plant.vehicle.n
     still = measurement_of(first_state(scenario), model.gravity * Vec3(0.0, 0.0, 1.0))
 
     def flown(zero):
-        given = replace(still, velocity=Vec3(zero, zero, zero), rate=Vec3(zero, zero, zero), joint_rates=(zero,) * n)
+        given = replace(
+            still,
+            velocity=Vec3(zero, zero, zero),
+            rate=Vec3(zero, zero, zero),
+            joint_rates=(zero,) * n,
+        )
         memory, commands = scenario.controller.memory, []
         for k in range(4):
             wanted = scenario.reference.at(0.005 * k)
-            memory, command = scenario.controller.law(memory, given, wanted, 0.005, par=scenario.controller.par)
+            memory, command = scenario.controller.law(
+                memory, given, wanted, 0.005, par=scenario.controller.par
+            )
             commands.append(command)
         return commands, leaves(memory)
 

@@ -47,7 +47,13 @@ from skyarm.dynamics.actuators import Command, speed_after
 from skyarm.dynamics.kinematics import frame_pose, link_poses
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples
-from support.vehicles import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
+from support.vehicles import (
+    TWINS,
+    RandomState,
+    random_state,
+    random_vehicle,
+    rotation_matrix,
+)
 
 TRUTH = skyarm.load_vehicle("hummingbird_arm2_rotors")
 
@@ -72,13 +78,22 @@ def test_com_and_tip_derivatives_are_those_of_pinocchio_along_a_motion(joints):
     def at(t):
         q = sum(c[k] * t**k for k in range(5))
         state = RandomState(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), q, still)
-        return np.concatenate([twin.center_of_mass(state), twin.frame(state, vehicle.end_effector)[0]])
+        return np.concatenate(
+            [twin.center_of_mass(state), twin.frame(state, vehicle.end_effector)[0]]
+        )
 
     expected = differentiated([at(t) for t in NODES])
     found = posture(vehicle, [Taylor(column) for column in c.T.tolist()], 4)
     for k in range(5):
-        ours = np.concatenate([array(derivative(found.com, k)), array(derivative(found.tip, k))])
-        np.testing.assert_allclose(ours, expected[k], rtol=1e-6, atol=1e-5 * max(1.0, np.abs(expected[k]).max()))
+        ours = np.concatenate(
+            [array(derivative(found.com, k)), array(derivative(found.tip, k))]
+        )
+        np.testing.assert_allclose(
+            ours,
+            expected[k],
+            rtol=1e-6,
+            atol=1e-5 * max(1.0, np.abs(expected[k]).max()),
+        )
 
 
 def test_desired_rate_and_acceleration_are_those_of_the_turning_attitude():
@@ -86,7 +101,10 @@ def test_desired_rate_and_acceleration_are_those_of_the_turning_attitude():
     yaw = np.array([0.4, 0.8, -0.5])
 
     def rotation(t):
-        f, psi = force[0] + force[1] * t + force[2] * t * t, yaw[0] + yaw[1] * t + yaw[2] * t * t
+        f, psi = (
+            force[0] + force[1] * t + force[2] * t * t,
+            yaw[0] + yaw[1] * t + yaw[2] * t * t,
+        )
         b3 = f / np.linalg.norm(f)
         b2 = np.cross(b3, [np.cos(psi), np.sin(psi), 0.0])
         b2 = b2 / np.linalg.norm(b2)
@@ -97,13 +115,19 @@ def test_desired_rate_and_acceleration_are_those_of_the_turning_attitude():
     S = R.T @ first
     rate = np.array([S[2, 1], S[0, 2], S[1, 0]])
     A = R.T @ second - S @ S
-    found = attitude(Vec3(*(Taylor(column) for column in force.T.tolist())), Taylor(yaw.tolist()))
+    found = attitude(
+        Vec3(*(Taylor(column) for column in force.T.tolist())), Taylor(yaw.tolist())
+    )
     np.testing.assert_allclose([array(row) for row in found.R.rows], R, atol=1e-12)
     np.testing.assert_allclose(array(found.rate), rate, atol=1e-9)
-    np.testing.assert_allclose(array(found.acceleration), [A[2, 1], A[0, 2], A[1, 0]], atol=1e-7)
+    np.testing.assert_allclose(
+        array(found.acceleration), [A[2, 1], A[0, 2], A[1, 0]], atol=1e-7
+    )
 
 
-@pytest.mark.parametrize("force", [(0.0, 0.0, 0.0), (0.0, 0.0, -9.0), (50.0, -3.0, 1.0), (1e9, 0.0, -1e9)])
+@pytest.mark.parametrize(
+    "force", [(0.0, 0.0, 0.0), (0.0, 0.0, -9.0), (50.0, -3.0, 1.0), (1e9, 0.0, -1e9)]
+)
 def test_the_commanded_tilt_is_bounded_for_any_force(force):
     held = reachable(Vec3(*(Taylor((f, 1.0, -1.0)) for f in force)), 1.2, 0.5)
     x, y, z = (c.c[0] for c in held)
@@ -119,19 +143,30 @@ def test_a_small_tilt_is_not_touched_by_its_bound():
     assert [c.c for c in reachable(force, 1.2, 0.5)] == [c.c for c in force]
 
 
-@pytest.mark.parametrize(("speed", "wanted"), [(480.0, 500.0), (480.0, 455.0), (300.0, 301.0), (500.0, 500.0)])
+@pytest.mark.parametrize(
+    ("speed", "wanted"),
+    [(480.0, 500.0), (480.0, 455.0), (300.0, 301.0), (500.0, 500.0)],
+)
 def test_the_inverted_lag_reaches_the_wanted_speed_within_one_period(speed, wanted):
     rotor = TRUTH.rotors[0]
     command = command_for(rotor, speed, wanted, 0.005, 1.0)
     assert speed_after(rotor, speed, command, 0.005) == pytest.approx(wanted, abs=1e-9)
     tau = rotor.time_constant_up if wanted > speed else rotor.time_constant_down
-    assert speed + (command - speed) * (1.0 - np.exp(-0.005 / tau)) == pytest.approx(wanted, abs=1e-9)
+    assert speed + (command - speed) * (1.0 - np.exp(-0.005 / tau)) == pytest.approx(
+        wanted, abs=1e-9
+    )
     assert command_for(rotor, speed, wanted, 0.005, 0.0) == wanted
 
 
-@pytest.mark.parametrize(("speed", "wanted"), [(100.0, 830.0), (800.0, 10.0), (480.0, 2000.0)])
+@pytest.mark.parametrize(
+    ("speed", "wanted"), [(100.0, 830.0), (800.0, 10.0), (480.0, 2000.0)]
+)
 def test_the_inverted_lag_stays_within_what_the_rotor_can_do(speed, wanted):
-    assert 0.0 <= command_for(TRUTH.rotors[0], speed, wanted, 0.005, 1.0) <= TRUTH.rotors[0].max_speed
+    assert (
+        0.0
+        <= command_for(TRUTH.rotors[0], speed, wanted, 0.005, 1.0)
+        <= TRUTH.rotors[0].max_speed
+    )
 
 
 def held(value, rate, acceleration):
@@ -146,11 +181,15 @@ def held(value, rate, acceleration):
 
 
 def published(signal, ticks, jump=None):
-    """Series of x at each control tick from samples every 20 ms of ``signal(t) -> value, rate, acceleration``."""
+    """Series of x at each control tick from samples every 20 ms of ``signal(t) ->
+    value, rate, acceleration``.
+    """
     channels, age, started, found = (Channel(),) * 4, 0.0, 0.0, []
     for k in range(ticks):
         held_samples = samples(held(*signal((k // 4) * 0.02)))
-        series, channels, age = extrapolate(channels, age, held_samples, started, 0.005, 0.02)
+        series, channels, age = extrapolate(
+            channels, age, held_samples, started, 0.005, 0.02
+        )
         started = 1.0
         found.append([series[0].derivative(i) for i in range(5)])
     return np.array(found)
@@ -167,19 +206,27 @@ def test_held_samples_of_a_quartic_are_continued_exactly():
 
 def test_a_sine_is_continued_far_better_than_held():
     w = 2.0 * np.pi * 0.5
-    found = published(lambda t: (np.sin(w * t), w * np.cos(w * t), -w * w * np.sin(w * t)), 400)
+    found = published(
+        lambda t: (np.sin(w * t), w * np.cos(w * t), -w * w * np.sin(w * t)), 400
+    )
     t = 0.005 * np.arange(400)
     assert np.abs(found[12:, 0] - np.sin(w * t)[12:]).max() < 1e-6
     assert np.abs(np.sin(w * 0.02 * (np.arange(400) // 4)) - np.sin(w * t)).max() > 0.04
 
 
 def test_a_jump_does_not_kick_jerk_and_snap():
-    """At 0.4 s a rest becomes a cosine: acceleration and value jump, the rate does not."""
+    """At 0.4 s a rest becomes a cosine: acceleration and value jump, the rate does
+    not.
+    """
     w = 3.0
 
     def signal(t):
         s = t - 0.4
-        return (0.0, 0.0, 0.0) if s < -1e-9 else (np.cos(w * s), -w * np.sin(w * s), -w * w * np.cos(w * s))
+        return (
+            (0.0, 0.0, 0.0)
+            if s < -1e-9
+            else (np.cos(w * s), -w * np.sin(w * s), -w * w * np.cos(w * s))
+        )
 
     found = published(signal, 200)
     assert np.abs(found[80:84, 3:]).max() == 0.0
@@ -195,19 +242,26 @@ def test_a_constant_reference_stays_constant():
 
 def planned(rates):
     """A plan of which only the references' rates matter."""
-    zero, series = Vec3(0.0, 0.0, 0.0), tuple(Taylor((0.0, rate, 0.0)) for rate in rates)
+    zero, series = (
+        Vec3(0.0, 0.0, 0.0),
+        tuple(Taylor((0.0, rate, 0.0)) for rate in rates),
+    )
     return Planned(R=Mat3.identity(), rate=zero, alpha=zero, proper=zero, joints=series)
 
 
 def test_torques_give_the_wished_accelerations_to_pinocchios_free_vehicle():
-    """The real thrust and the unknown force go in; base torque and joint torques are what the demand needs."""
+    """The real thrust and the unknown force go in; base torque and joint torques are
+    what the demand needs.
+    """
     pytest.importorskip("pinocchio")
     for joints in (0, 2, 5):
         rng = np.random.default_rng([9, joints])
         vehicle = random_vehicle(rng, joints)
         state, n = random_state(rng, joints), joints
         unknown = Disturbance(
-            force=vec(rng.normal(size=3)), torque=vec(rng.normal(size=3)), efforts=tuple(rng.normal(size=n).tolist())
+            force=vec(rng.normal(size=3)),
+            torque=vec(rng.normal(size=3)),
+            efforts=tuple(rng.normal(size=n).tolist()),
         )
         demand = AccelerationDemand(
             thrust=float(10.0 * rng.normal()),
@@ -240,7 +294,9 @@ def test_torques_give_the_wished_accelerations_to_pinocchios_free_vehicle():
 def flying():
     return State(
         position=Vec3(0.1, -0.2, 1.0),
-        quaternion=Quaternion(*np.roll(Rotation.from_euler("xyz", [0.2, -0.3, 0.5]).as_quat(), 1).tolist()),
+        quaternion=Quaternion(
+            *np.roll(Rotation.from_euler("xyz", [0.2, -0.3, 0.5]).as_quat(), 1).tolist()
+        ),
         velocity=Vec3(0.3, 0.1, -0.2),
         rate=Vec3(0.6, -0.9, 0.3),
         joints=(0.4, -0.7),
@@ -258,7 +314,10 @@ def test_the_prediction_is_what_mujoco_does_in_that_time():
     vehicle = TRUTH.with_joints(damping=0.0)
     vehicle = dataclasses.replace(
         vehicle,
-        rotors=tuple(dataclasses.replace(r, drag_coefficient=0, rolling_moment_coefficient=0) for r in vehicle.rotors),
+        rotors=tuple(
+            dataclasses.replace(r, drag_coefficient=0, rolling_moment_coefficient=0)
+            for r in vehicle.rotors
+        ),
     )
     push = Vec3(0.8, -0.5, 0.3)
     command = Command(rotor_speeds=(520.0, 440.0, 480.0, 500.0), efforts=(0.02, -0.01))
@@ -270,9 +329,12 @@ def test_the_prediction_is_what_mujoco_does_in_that_time():
     plant = MujocoPlant(Truth(vehicle=vehicle, gravity=9.8), wind, "euler", 1e-5)
     from skyarm.records.leaves import leaves
 
-    x = plant.advance(tuple(leaves(flying())), tuple(leaves(command)), tuple(leaves(wind)), 0.005)
+    x = plant.advance(
+        tuple(leaves(flying())), tuple(leaves(command)), tuple(leaves(wind)), 0.005
+    )
     ours = np.array(leaves(found))
-    # one step against 500: accelerations of 100 rad/s^2 that change by some percent within 5 ms
+    # one step against 500: accelerations of 100 rad/s^2 that change by some percent
+    # within 5 ms
     np.testing.assert_allclose(ours[:7], x[:7], atol=2e-5)
     np.testing.assert_allclose(ours[7:17], x[7:17], atol=1e-2)
     np.testing.assert_allclose(ours[17:], x[17:], rtol=1e-12)
@@ -283,57 +345,103 @@ def test_link_orientations_of_a_level_base_are_absolute_angles_for_parallel_axes
     par = make_centroidal(Model(vehicle=vehicle), mode="tip").par
     joints = moving(th, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
     zero = [Vec3(0.0, 0.0, 0.0)] * 5
-    wanted = goal(vehicle, zero, Taylor.constant(0.0, 4), joints, posture(vehicle, joints, 4))
+    wanted = goal(
+        vehicle, zero, Taylor.constant(0.0, 4), joints, posture(vehicle, joints, 4)
+    )
     c, s = np.cos(pitch), np.sin(pitch)
     R = Mat3(Vec3(c, 0.0, s), Vec3(0.0, 1.0, 0.0), Vec3(-s, 0.0, c))
     poses = link_poses(vehicle, th)
     change = level_joints(vehicle, par.tip, wanted, R, poses)
-    # the error is the sine of the angle; the posture's weight is 1e-5 of the orientations'
+    # the error is the sine of the angle; the posture's weight is 1e-5 of the
+    # orientations'
     np.testing.assert_allclose(change, [-np.sin(pitch), 0.0], atol=1e-4)
     error = orientation_error(R @ poses[0].R, wanted.links[0])
     np.testing.assert_allclose(array(error), [0.0, -np.sin(pitch), 0.0], atol=1e-12)
 
 
 def test_goal_rates_are_those_of_the_turning_links():
-    """Angular velocity and acceleration of every link of a level base, by SciPy's rotations of a random arm."""
+    """Angular velocity and acceleration of every link of a level base, by SciPy's
+    rotations of a random arm.
+    """
     rng = np.random.default_rng(3)
     vehicle = random_vehicle(rng, 4)
     c, yaw = rng.normal(size=(3, 4)), np.array([0.3, 0.7, -0.4])
 
     def rotations(t):
         q = tuple((c[0] + c[1] * t + 0.5 * c[2] * t * t).tolist())
-        turn = Rotation.from_euler("z", yaw[0] + yaw[1] * t + 0.5 * yaw[2] * t * t).as_matrix()
-        return np.array([turn @ np.array([array(row) for row in pose.R.rows]) for pose in link_poses(vehicle, q)])
+        turn = Rotation.from_euler(
+            "z", yaw[0] + yaw[1] * t + 0.5 * yaw[2] * t * t
+        ).as_matrix()
+        return np.array(
+            [
+                turn @ np.array([array(row) for row in pose.R.rows])
+                for pose in link_poses(vehicle, q)
+            ]
+        )
 
     joints = moving(*c.tolist(), (0.0,) * 4, (0.0,) * 4)
     level = posture(vehicle, joints, 4)
-    found = goal(vehicle, [Vec3(0.0, 0.0, 0.0)] * 5, Taylor.of_derivatives([*yaw.tolist(), 0.0, 0.0]), joints, level)
+    found = goal(
+        vehicle,
+        [Vec3(0.0, 0.0, 0.0)] * 5,
+        Taylor.of_derivatives([*yaw.tolist(), 0.0, 0.0]),
+        joints,
+        level,
+    )
     values = differentiated([rotations(t).ravel() for t in NODES], 2)
     R, first, second = (value.reshape(4, 3, 3) for value in values)
     for i in range(4):
         S = first[i] @ R[i].T
         A = second[i] @ R[i].T - S @ S
-        np.testing.assert_allclose(array(found.rates[i]), [S[2, 1], S[0, 2], S[1, 0]], atol=1e-8)
-        np.testing.assert_allclose(array(found.accelerations[i]), [A[2, 1], A[0, 2], A[1, 0]], atol=1e-6)
-        np.testing.assert_allclose([array(row) for row in found.links[i].rows], R[i], atol=1e-12)
+        np.testing.assert_allclose(
+            array(found.rates[i]), [S[2, 1], S[0, 2], S[1, 0]], atol=1e-8
+        )
+        np.testing.assert_allclose(
+            array(found.accelerations[i]), [A[2, 1], A[0, 2], A[1, 0]], atol=1e-6
+        )
+        np.testing.assert_allclose(
+            [array(row) for row in found.links[i].rows], R[i], atol=1e-12
+        )
 
 
 @pytest.mark.parametrize("joints", [2, 4, 7])
-def test_joint_accelerations_give_the_tip_and_the_links_what_they_were_asked_for(joints):
-    """A motion of Pinocchio's vehicle, differentiated by interpolation, is recovered from its own tip and links."""
+def test_joint_accelerations_give_the_tip_and_the_links_what_they_were_asked_for(
+    joints,
+):
+    """A motion of Pinocchio's vehicle, differentiated by interpolation, is recovered
+    from its own tip and links.
+    """
     pytest.importorskip("pinocchio")
     rng = np.random.default_rng([11, joints])
     vehicle = random_vehicle(rng, joints)
     twin, par = TWINS["pinocchio"](vehicle), make_exact_gains()
     first = Rotation.from_rotvec(rng.normal(size=3))
-    w, alpha, p, q = rng.normal(size=3), rng.normal(size=3), rng.normal(size=(3, 3)), rng.normal(size=(3, joints))
+    w, alpha, p, q = (
+        rng.normal(size=3),
+        rng.normal(size=3),
+        rng.normal(size=(3, 3)),
+        rng.normal(size=(3, joints)),
+    )
 
     def at(t):
-        x, y, z, s = (first * Rotation.from_rotvec(w * t + 0.5 * alpha * t * t)).as_quat()
+        x, y, z, s = (
+            first * Rotation.from_rotvec(w * t + 0.5 * alpha * t * t)
+        ).as_quat()
         turned = np.array([s, x, y, z])
-        state = RandomState(p[0] + p[1] * t + 0.5 * p[2] * t * t, turned, q[0] + q[1] * t + 0.5 * q[2] * t * t, still)
+        state = RandomState(
+            p[0] + p[1] * t + 0.5 * p[2] * t * t,
+            turned,
+            q[0] + q[1] * t + 0.5 * q[2] * t * t,
+            still,
+        )
         frames = [twin.frame(state, f"tip{i}") for i in range(joints)]
-        return np.concatenate([twin.center_of_mass(state), frames[-1][0], *(frame[1].ravel() for frame in frames)])
+        return np.concatenate(
+            [
+                twin.center_of_mass(state),
+                frames[-1][0],
+                *(frame[1].ravel() for frame in frames),
+            ]
+        )
 
     still = np.zeros(6 + joints)
     values = differentiated([at(t) for t in NODES], 2)
@@ -352,7 +460,9 @@ def test_joint_accelerations_give_the_tip_and_the_links_what_they_were_asked_for
         alpha=vec(alpha),
         joints=tuple(q[0].tolist()),
         joint_rates=tuple(q[1].tolist()),
-        posture=posture(vehicle, moving(q[0].tolist(), q[1].tolist(), (0.0,) * joints), 2),
+        posture=posture(
+            vehicle, moving(q[0].tolist(), q[1].tolist(), (0.0,) * joints), 2
+        ),
         tip=tip[0],
         tip_velocity=tip[1],
         com_acceleration=vec(com_acceleration),
@@ -375,14 +485,25 @@ def make_exact_gains():
 
 
 @pytest.mark.parametrize("change", [0.0, 2.0])
-def test_the_forces_derivatives_are_those_along_the_motion_that_the_thrust_makes(change):
-    """The centre of mass under f b3 + d, d as it is known to change: integrated by SciPy, differentiated."""
+def test_the_forces_derivatives_are_those_along_the_motion_that_the_thrust_makes(
+    change,
+):
+    """The centre of mass under f b3 + d, d as it is known to change: integrated by
+    SciPy, differentiated.
+    """
     rng = np.random.default_rng(8)
     par = make_centroidal(Model(vehicle=TRUTH, gravity=9.8)).par
     mass, d, w = float(TRUTH.mass), rng.normal(size=3), rng.normal(size=3)
     c = rng.normal(size=(5, 3)) * 0.3
-    kp, kv, weight = array(par.base.position), array(par.base.velocity), np.array([0.0, 0.0, 9.8])
-    rate, bend = change * np.array([0.5, -0.4, 0.3]), change * np.array([-2.0, 1.0, 3.0])
+    kp, kv, weight = (
+        array(par.base.position),
+        array(par.base.velocity),
+        np.array([0.0, 0.0, 9.8]),
+    )
+    rate, bend = (
+        change * np.array([0.5, -0.4, 0.3]),
+        change * np.array([-2.0, 1.0, 3.0]),
+    )
     first = Rotation.from_rotvec([0.1, -0.2, 0.3])
 
     def b3(t):
@@ -409,14 +530,23 @@ def test_the_forces_derivatives_are_those_along_the_motion_that_the_thrust_makes
     start = np.concatenate([reference(0.0, 0) + 0.05, reference(0.0, 1) - 0.2])
     paths = [
         solve_ivp(
-            slope, (0.0, sign * 0.02), start, rtol=1e-12, atol=1e-13, dense_output=True, method="DOP853", max_step=0.005
+            slope,
+            (0.0, sign * 0.02),
+            start,
+            rtol=1e-12,
+            atol=1e-13,
+            dense_output=True,
+            method="DOP853",
+            max_step=0.005,
         ).sol
         for sign in (-1.0, 1.0)
     ]
     # the bound of the pull bends within some 50 ms
     times = 0.1 * NODES
     along = [paths[int(t > 0.0)](t) for t in times]
-    expected = differentiated([force(t, y[:3], y[3:]) for t, y in zip(times, along, strict=True)], 2, 0.1)
+    expected = differentiated(
+        [force(t, y[:3], y[3:]) for t, y in zip(times, along, strict=True)], 2, 0.1
+    )
     found = thrust(
         par,
         mass,
@@ -428,14 +558,23 @@ def test_the_forces_derivatives_are_those_along_the_motion_that_the_thrust_makes
         disturbance=(vec(d), vec(rate), vec(bend)),
     )
     for k, tolerance in enumerate((1e-9, 1e-6, 1e-4)):
-        np.testing.assert_allclose(array(derivative(found.force, k)), expected[k], rtol=tolerance, atol=tolerance)
+        np.testing.assert_allclose(
+            array(derivative(found.force, k)),
+            expected[k],
+            rtol=tolerance,
+            atol=tolerance,
+        )
     f = array(derivative(found.force, 0)) @ b3(0.0)
     assert found.along == pytest.approx(f, rel=1e-12)
-    np.testing.assert_allclose(array(found.acceleration), (f * b3(0.0) + d) / mass - weight, atol=1e-12)
+    np.testing.assert_allclose(
+        array(found.acceleration), (f * b3(0.0) + d) / mass - weight, atol=1e-12
+    )
 
 
 def test_the_shift_moves_with_the_tilting_tip():
-    """Offset, rate and acceleration of a turning vehicle with a moving arm, by interpolation of the offset itself."""
+    """Offset, rate and acceleration of a turning vehicle with a moving arm, by
+    interpolation of the offset itself.
+    """
     rng = np.random.default_rng(12)
     vehicle = random_vehicle(rng, 3)
     level, arm = rng.normal(size=(3, 3)), rng.normal(size=(3, 3))
@@ -446,7 +585,9 @@ def test_the_shift_moves_with_the_tilting_tip():
         (0.4, 0.5, -0.6),
     )
     zero = (0.0,) * 3
-    postures = [posture(vehicle, moving(*rows.tolist(), zero, zero), 4) for rows in (level, arm)]
+    postures = [
+        posture(vehicle, moving(*rows.tolist(), zero, zero), 4) for rows in (level, arm)
+    ]
 
     def tip_of(rows, t):
         q = tuple((rows[0] + rows[1] * t + 0.5 * rows[2] * t * t).tolist())
@@ -457,39 +598,62 @@ def test_the_shift_moves_with_the_tilting_tip():
         leaning = first * Rotation.from_rotvec(w * t + 0.5 * alpha * t * t)
         return turn.apply(tip_of(level, t)) - leaning.apply(tip_of(arm, t))
 
-    still = DesiredAttitude(Mat3(*(vec(row) for row in first.as_matrix())), vec(w), vec(alpha))
+    still = DesiredAttitude(
+        Mat3(*(vec(row) for row in first.as_matrix())), vec(w), vec(alpha)
+    )
     series = Taylor.of_derivatives([*yaw, 0.0, 0.0])
     expected = differentiated([offset(t) for t in NODES], 2)
     found = needed_shift(postures[0].tip, series, postures[1].tip, still)
     for k in range(3):
-        np.testing.assert_allclose(array(found[k]), expected[k], atol=1e-6 * max(1.0, np.abs(expected[k]).max()))
+        np.testing.assert_allclose(
+            array(found[k]),
+            expected[k],
+            atol=1e-6 * max(1.0, np.abs(expected[k]).max()),
+        )
 
 
 def test_without_gains_the_rate_error_does_not_change():
-    """Lee's feed-forward: w - R^T R_d w_d stays what it is while both attitudes turn and accelerate."""
+    """Lee's feed-forward: w - R^T R_d w_d stays what it is while both attitudes turn
+    and accelerate.
+    """
     rng = np.random.default_rng(4)
-    first, goal_ = Rotation.from_rotvec([0.3, -0.2, 0.1]), Rotation.from_rotvec([-0.4, 0.5, 0.2])
+    first, goal_ = (
+        Rotation.from_rotvec([0.3, -0.2, 0.1]),
+        Rotation.from_rotvec([-0.4, 0.5, 0.2]),
+    )
     w, w_d, a_d = rng.normal(size=(3, 3))
     rows = [Mat3(*(vec(row) for row in turn.as_matrix())) for turn in (first, goal_)]
     zero = Vec3(0.0, 0.0, 0.0)
     gains = BaseGains(position=zero, velocity=zero, attitude=zero, rate=zero)
-    alpha = array(angular_acceleration(gains, DesiredAttitude(rows[1], vec(w_d), vec(a_d)), rows[0], vec(w)))
+    alpha = array(
+        angular_acceleration(
+            gains, DesiredAttitude(rows[1], vec(w_d), vec(a_d)), rows[0], vec(w)
+        )
+    )
 
     def error(t):
         now = first * Rotation.from_rotvec(w * t + 0.5 * alpha * t * t)
         then = goal_ * Rotation.from_rotvec(w_d * t + 0.5 * a_d * t * t)
         return w + alpha * t - (now.inv() * then).apply(w_d + a_d * t)
 
-    np.testing.assert_allclose(differentiated([error(t) for t in NODES], 1)[1], 0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        differentiated([error(t) for t in NODES], 1)[1], 0.0, atol=1e-9
+    )
 
 
 def test_the_attitude_law_turns_back_and_brakes():
-    rows = Mat3(*(vec(row) for row in Rotation.from_rotvec([0.1, 0.0, 0.0]).as_matrix()))
+    rows = Mat3(
+        *(vec(row) for row in Rotation.from_rotvec([0.1, 0.0, 0.0]).as_matrix())
+    )
     level = DesiredAttitude(Mat3.identity(), Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
     gains = make_centroidal(Model(vehicle=TRUTH)).par.base
     leaning = array(angular_acceleration(gains, level, rows, Vec3(0.0, 0.0, 0.0)))
-    turning = array(angular_acceleration(gains, level, Mat3.identity(), Vec3(0.0, 0.5, 0.0)))
-    np.testing.assert_allclose(leaning, [-gains.attitude.x * np.sin(0.1), 0.0, 0.0], atol=1e-12)
+    turning = array(
+        angular_acceleration(gains, level, Mat3.identity(), Vec3(0.0, 0.5, 0.0))
+    )
+    np.testing.assert_allclose(
+        leaning, [-gains.attitude.x * np.sin(0.1), 0.0, 0.0], atol=1e-12
+    )
     np.testing.assert_allclose(turning, [0.0, -0.5 * gains.rate.y, 0.0], atol=1e-12)
 
 
@@ -507,24 +671,37 @@ def level_flight(vehicle, joint_rates):
     )
 
 
-NONE = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
+NONE = Disturbance(
+    force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0)
+)
 
 
 def test_known_friction_is_given_back_viscous_at_the_present_rate_dry_at_the_desired():
     dry = TRUTH.with_joints(damping=0.02, coulomb=0.03, coulomb_rate=0.1)
     smooth = TRUTH.with_joints(damping=0.0, coulomb=0.0)
-    demand = AccelerationDemand(thrust=6.0, alpha=Vec3(0.0, 0.0, 0.0), joints=(1.0, -2.0), planned=planned((0.1, -0.2)))
+    demand = AccelerationDemand(
+        thrust=6.0,
+        alpha=Vec3(0.0, 0.0, 0.0),
+        joints=(1.0, -2.0),
+        planned=planned((0.1, -0.2)),
+    )
     now = level_flight(TRUTH, (1.5, -0.4))
-    (torque, efforts), (bare_torque, bare) = (needed(Model(vehicle=v), now, demand, NONE) for v in (dry, smooth))
+    (torque, efforts), (bare_torque, bare) = (
+        needed(Model(vehicle=v), now, demand, NONE) for v in (dry, smooth)
+    )
     given = np.array(efforts) - np.array(bare)
     # 0.02 qd + 0.03 tanh(qd_d / 0.1)
-    np.testing.assert_allclose(given, [0.03 + 0.03 * np.tanh(1.0), -0.008 - 0.03 * np.tanh(2.0)], rtol=1e-10)
+    np.testing.assert_allclose(
+        given, [0.03 + 0.03 * np.tanh(1.0), -0.008 - 0.03 * np.tanh(2.0)], rtol=1e-10
+    )
     assert array(torque) == pytest.approx(array(bare_torque), abs=1e-15)
 
 
 @pytest.mark.parametrize("joints", [1, 2, 5])
 def test_a_torque_without_what_fell_away_turns_the_base_as_wished(joints):
-    """Joint torques less than wanted, the body torque less by as much as follows: the same angular acceleration."""
+    """Joint torques less than wanted, the body torque less by as much as follows: the
+    same angular acceleration.
+    """
     pytest.importorskip("pinocchio")
     rng = np.random.default_rng([13, joints])
     vehicle, state = random_vehicle(rng, joints), random_state(rng, joints)
@@ -535,7 +712,9 @@ def test_a_torque_without_what_fell_away_turns_the_base_as_wished(joints):
     less[3:6] -= lost
     less[6:] -= missing
     one, other = (twin.forward_dynamics(state, each, 9.81) for each in (force, less))
-    np.testing.assert_allclose(other[3:6], one[3:6], atol=1e-8 * (1.0 + np.abs(one).max()))
+    np.testing.assert_allclose(
+        other[3:6], one[3:6], atol=1e-8 * (1.0 + np.abs(one).max())
+    )
     assert np.abs(other[6:] - one[6:]).max() > 1e-3
 
 
@@ -551,11 +730,15 @@ def test_the_tip_follows_base_errors_longer_than_its_reach(length):
     still = TipGoal(tip=(zero, zero, zero), links=(), rates=(), accelerations=())
     found = move_goal(still, [Vec3(length, 0.0, 0.0), zero, zero], 0.12).tip
     expected = length**5 / (length**4 + 0.12**4)
-    np.testing.assert_allclose(array(found[0]), [expected, 0.0, 0.0], rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(
+        array(found[0]), [expected, 0.0, 0.0], rtol=1e-12, atol=1e-15
+    )
 
 
 def asked_of_two_arms(gains, pull, preferred):
-    """Joint accelerations of the resting octorotor whose right tip is asked for ``pull``, m/s^2."""
+    """Joint accelerations of the resting octorotor whose right tip is asked for
+    ``pull``, m/s^2.
+    """
     vehicle, zero = skyarm.load_vehicle("octo_coaxial_two_arms"), Vec3(0.0, 0.0, 0.0)
     still = (0.0,) * vehicle.n
     arms = posture(vehicle, moving(still, still, still), 2)
@@ -572,21 +755,33 @@ def asked_of_two_arms(gains, pull, preferred):
         com_acceleration=zero,
     )
     links = tuple(pose.R for pose in link_poses(vehicle, still))
-    wanted = TipGoal(tip=(tip, zero, vec(pull)), links=links, rates=(zero,) * 5, accelerations=(zero,) * 5)
-    return np.array(joint_accelerations(vehicle, gains, wanted, now, preferred), dtype=float)
+    wanted = TipGoal(
+        tip=(tip, zero, vec(pull)),
+        links=links,
+        rates=(zero,) * 5,
+        accelerations=(zero,) * 5,
+    )
+    return np.array(
+        joint_accelerations(vehicle, gains, wanted, now, preferred), dtype=float
+    )
 
 
 def test_another_arms_slide_keeps_its_own_reference_whatever_the_tip_is_asked_for():
     gains = make_centroidal(Model(vehicle=TRUTH), mode="tip").par.tip
     preferred = (0.0, 0.0, 0.0, 0.0, 0.7)
-    found = [asked_of_two_arms(gains, pull, preferred)[4] for pull in ([0.0, 0.0, 0.0], [3.0, -5.0, 8.0])]
+    found = [
+        asked_of_two_arms(gains, pull, preferred)[4]
+        for pull in ([0.0, 0.0, 0.0], [3.0, -5.0, 8.0])
+    ]
     assert found == pytest.approx([0.7, 0.7], abs=1e-9)
 
 
 def test_a_slide_that_carries_the_tip_is_damped_by_its_distance():
-    """Of the hanging arm the slide alone moves the tip along z, by 1 less the share of mass that it takes along.
+    """Of the hanging arm the slide alone moves the tip along z, by 1 less the share of
+    mass that it takes along.
 
-    Least squares by hand: (c a + w b) / (c^2 + w) with w = (damping / reach)^2, wanted a, preferred b.
+    Least squares by hand: (c a + w b) / (c^2 + w) with w = (damping / reach)^2, wanted
+    a, preferred b.
     """
     gains = make_centroidal(Model(vehicle=TRUTH), mode="tip").par.tip
     vehicle = skyarm.load_vehicle("octo_coaxial_two_arms")
@@ -597,7 +792,13 @@ def test_a_slide_that_carries_the_tip_is_damped_by_its_distance():
 
 
 def test_the_mean_motion_of_the_arm_is_kept_of_a_vehicle_with_an_arm_alone():
-    models = {name: Model(vehicle=skyarm.load_vehicle(name)) for name in ("tilted_hexarotor", "hummingbird_arm2")}
-    arms = {name: first_following(make_centroidal(model).par).arm for name, model in models.items()}
+    models = {
+        name: Model(vehicle=skyarm.load_vehicle(name))
+        for name in ("tilted_hexarotor", "hummingbird_arm2")
+    }
+    arms = {
+        name: first_following(make_centroidal(model).par).arm
+        for name, model in models.items()
+    }
     assert arms["tilted_hexarotor"] == ()
     assert arms["hummingbird_arm2"].size == 0.0

@@ -1,4 +1,6 @@
-"""States in which a formula divides by zero or has two answers: commands stay finite and sensible."""
+"""States in which a formula divides by zero or has two answers: commands stay finite
+and sensible.
+"""
 
 import dataclasses
 import math
@@ -50,7 +52,9 @@ def finite(command):
 
 @pytest.mark.parametrize("name", [name for name in LAWS if name != "decoupled_pd"])
 def test_without_a_commanded_force_thrust_is_zero_and_the_thrust_axis_stays(name):
-    """A reference in free fall: a_d = 0 has no direction, and the vehicle has no reason to tilt."""
+    """A reference in free fall: a_d = 0 has no direction, and the vehicle has no reason
+    to tilt.
+    """
     case = changed(hovering(euler=(0.3, -0.2, 0.0)), a_d=(0.0, 0.0, -G))
     command = step(controller(name), case.measurement(), case.reference())
     assert finite(command)
@@ -73,7 +77,10 @@ def test_a_vanishing_force_of_any_direction_keeps_the_present_thrust_axis(size):
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)])
 def test_a_force_is_followed_from_a_millionth_of_a_metre_per_second_squared_on(axis):
     R, force = Rotation.from_euler("ZYX", [0.4, 0.3, -0.2]).as_matrix(), -np.array(axis)
-    below, above = (array(desired_attitude(vec(size * force), 0.7, mat(R))) for size in (0.999e-6, 1.001e-6))
+    below, above = (
+        array(desired_attitude(vec(size * force), 0.7, mat(R)))
+        for size in (0.999e-6, 1.001e-6)
+    )
     np.testing.assert_allclose(below[:, 2], R[:, 2], atol=1e-15)
     np.testing.assert_allclose(above[:, 2], axis, atol=1e-15)
 
@@ -94,24 +101,39 @@ def test_thrust_along_the_heading_and_against_it_keeps_left_to_the_left(yaw, sig
 
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_a_target_that_asks_for_thrust_along_the_heading_gives_a_finite_command(name, sign):
-    """Kp e_x pulls along +-x while the reference falls with g: the wanted force lies in the nose's direction."""
+def test_a_target_that_asks_for_thrust_along_the_heading_gives_a_finite_command(
+    name, sign
+):
+    """Kp e_x pulls along +-x while the reference falls with g: the wanted force lies in
+    the nose's direction.
+    """
     case = changed(hovering(), p_d=(3.0 * sign, 0.0, 1.0 - 0.806 * G / 4.0))
     assert finite(step(controller(name), case.measurement(), case.reference()))
 
 
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
-def test_an_attitude_error_of_180_degrees_is_finite_and_turns_about_its_axis(name, axis):
-    half = {"x": (0.0, 1.0, 0.0, 0.0), "y": (0.0, 0.0, 1.0, 0.0), "z": (0.0, 0.0, 0.0, 1.0)}[axis]
-    measured = dataclasses.replace(hovering().measurement(), quaternion=Quaternion(*half))
+def test_an_attitude_error_of_180_degrees_is_finite_and_turns_about_its_axis(
+    name, axis
+):
+    half = {
+        "x": (0.0, 1.0, 0.0, 0.0),
+        "y": (0.0, 0.0, 1.0, 0.0),
+        "z": (0.0, 0.0, 0.0, 1.0),
+    }[axis]
+    measured = dataclasses.replace(
+        hovering().measurement(), quaternion=Quaternion(*half)
+    )
     command = step(controller(name), measured, _reference())
     assert finite(command)
     if name in ("rotors_sim_position", "decoupled_pd"):
         raw = raw_squares(step(unclipped(controller(name)), measured, _reference()))
-        # sin(180 deg) = 0 is no torque; kept from vanishing it is that of one degree, in either sense
+        # sin(180 deg) = 0 is no torque; kept from vanishing it is that of one degree,
+        # in either sense
         torque = np.where([axis == each for each in "xyz"], KR * HALF_TURN, 0.0)
-        np.testing.assert_allclose(np.abs(ALLOCATION[:3] @ raw), torque, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            np.abs(ALLOCATION[:3] @ raw), torque, rtol=1e-9, atol=1e-12
+        )
         assert np.sign(raw.sum()) == (
             1.0 if axis == "z" else -1.0
         )  # thrust along body z, which points down on its back
@@ -126,18 +148,28 @@ def test_a_negated_quaternion_gives_the_same_command_to_the_bit(name):
     for case in cases(10, seed=21):
         measured = case.measurement()
         q = measured.quaternion
-        negated = dataclasses.replace(measured, quaternion=Quaternion(-q.w, -q.x, -q.y, -q.z))
+        negated = dataclasses.replace(
+            measured, quaternion=Quaternion(-q.w, -q.x, -q.y, -q.z)
+        )
         flown = controller(name)
-        assert step(flown, measured, case.reference()) == step(flown, negated, case.reference())
+        assert step(flown, measured, case.reference()) == step(
+            flown, negated, case.reference()
+        )
 
 
 @pytest.mark.parametrize("name", LAWS[2:])
 @pytest.mark.parametrize("turns", [-2, 1, 3])
 def test_joints_and_references_wound_past_a_turn_give_the_same_command(name, turns):
     for case in cases(5, seed=22):
-        wound = changed(case, q=case.q + 2.0 * np.pi * turns, q_d=case.q_d + 2.0 * np.pi * turns)
-        a, b = (step(controller(name, FREE), c.measurement(), c.reference()) for c in (case, wound))
-        # sin and cos of an angle 20 times larger: 20 eps, times the gain of 350 on a difference of angles
+        wound = changed(
+            case, q=case.q + 2.0 * np.pi * turns, q_d=case.q_d + 2.0 * np.pi * turns
+        )
+        a, b = (
+            step(controller(name, FREE), c.measurement(), c.reference())
+            for c in (case, wound)
+        )
+        # sin and cos of an angle 20 times larger: 20 eps, times the gain of 350 on a
+        # difference of angles
         np.testing.assert_allclose(b.efforts, a.efforts, atol=1e-12)
         np.testing.assert_allclose(b.rotor_speeds, a.rotor_speeds, atol=1e-9)
 
@@ -145,34 +177,70 @@ def test_joints_and_references_wound_past_a_turn_give_the_same_command(name, tur
 def test_a_joint_a_turn_past_its_reference_is_unwound():
     """Encoders count turns: the PD error is the plain difference, 2 pi, not zero."""
     case = changed(hovering(), q=(2.0 * np.pi, 0.0), q_d=(0.0, 0.0))
-    efforts = step(controller("decoupled_pd", FREE), case.measurement(), case.reference()).efforts
+    efforts = step(
+        controller("decoupled_pd", FREE), case.measurement(), case.reference()
+    ).efforts
     np.testing.assert_allclose(efforts, (-2.0 * np.pi, 0.0), atol=1e-12)
 
 
 def test_a_tip_without_mass_is_a_vehicle_like_any_other():
     """Both forms fly it, and its static torque is that of the links alone."""
     lower = ARM2.links[1]
-    rod = Body(mass=0.04, com=lower.joint.position * 0.5, inertia=ARM2.links[0].body.inertia, planar=True)
-    bare = dataclasses.replace(ARM2, links=(ARM2.links[0], dataclasses.replace(lower, body=rod)))
+    rod = Body(
+        mass=0.04,
+        com=lower.joint.position * 0.5,
+        inertia=ARM2.links[0].body.inertia,
+        planar=True,
+    )
+    bare = dataclasses.replace(
+        ARM2, links=(ARM2.links[0], dataclasses.replace(lower, body=rod))
+    )
     for tip in (bare, bare.with_payload(0.0)):
         model = Model(vehicle=tip.with_joints(effort_limit=math.inf), gravity=G)
         body = unclipped(controller("hybrid_computed_torque", model))
         euler = dataclasses.replace(body, law=hybrid_computed_torque_euler)
         for case in cases(5, seed=23):
-            a, b = (step(flown, case.measurement(), case.reference()) for flown in (body, euler))
-            np.testing.assert_allclose(raw_squares(a), raw_squares(b), atol=1e-9 * np.abs(raw_squares(a)).max())
-            np.testing.assert_allclose(a.efforts, b.efforts, atol=1e-9 * np.abs(a.efforts).max())
+            a, b = (
+                step(flown, case.measurement(), case.reference())
+                for flown in (body, euler)
+            )
+            np.testing.assert_allclose(
+                raw_squares(a), raw_squares(b), atol=1e-9 * np.abs(raw_squares(a)).max()
+            )
+            np.testing.assert_allclose(
+                a.efforts, b.efforts, atol=1e-9 * np.abs(a.efforts).max()
+            )
         case = hovering(joints=(0.4, -0.9))
         light = dataclasses.replace(el.TABLE_1, me=0.0)
-        static = el.gravity_vector(np.array([0, 0, 1, 0, 0, 0, 0.4, -0.9]), G, parameters=light)[6:]
-        found = step(controller("hybrid_computed_torque", model), case.measurement(), case.reference())
+        static = el.gravity_vector(
+            np.array([0, 0, 1, 0, 0, 0, 0.4, -0.9]), G, parameters=light
+        )[6:]
+        found = step(
+            controller("hybrid_computed_torque", model),
+            case.measurement(),
+            case.reference(),
+        )
         np.testing.assert_allclose(found.efforts, static, rtol=1e-12)
 
 
 USED = {
     "rotors_sim_position": ("position", "quaternion", "velocity", "rate"),
-    "decoupled_pd": ("position", "quaternion", "velocity", "rate", "joints", "joint_rates"),
-    "hybrid_computed_torque": ("position", "quaternion", "velocity", "rate", "joints", "joint_rates"),
+    "decoupled_pd": (
+        "position",
+        "quaternion",
+        "velocity",
+        "rate",
+        "joints",
+        "joint_rates",
+    ),
+    "hybrid_computed_torque": (
+        "position",
+        "quaternion",
+        "velocity",
+        "rate",
+        "joints",
+        "joint_rates",
+    ),
 }
 
 
@@ -186,9 +254,14 @@ def test_a_nan_in_any_measured_number_the_law_uses_gives_a_nan_command(name):
             broken = [NAN if j == i else value for j, value in enumerate(values)]
             kind = type(getattr(measured, field))
             record = tuple(broken) if kind is tuple else kind(*broken)
-            command = step(flown, dataclasses.replace(measured, **{field: record}), case.reference())
+            command = step(
+                flown,
+                dataclasses.replace(measured, **{field: record}),
+                case.reference(),
+            )
             if field in ("joints", "joint_rates"):
-                # the first joint's torque feels both angles in every law, a joint's own rate its own torque
+                # the first joint's torque feels both angles in every law, a joint's own
+                # rate its own torque
                 assert math.isnan(command.efforts[i])
             else:
                 assert all(map(math.isnan, command.rotor_speeds)), field
@@ -218,15 +291,28 @@ def test_the_body_form_is_finite_and_smooth_through_a_pitch_of_90_degrees():
             quaternion=Quaternion(math.cos(half), 0.0, math.sin(half), 0.0),
             rate=Vec3(0.1, 0.2, -0.3),
         )
-        commands.append(leaves(step(flown, measured, hovering(joints=(0.2, 0.1)).reference())))
+        commands.append(
+            leaves(step(flown, measured, hovering(joints=(0.2, 0.1)).reference()))
+        )
     assert np.all(np.isfinite(commands))
     np.testing.assert_allclose(commands[0], commands[2], rtol=1e-5, atol=1e-5)
 
 
 def test_thrust_of_a_vehicle_on_its_side_is_its_share_of_the_wanted_force():
-    """At a pitch of 90 degrees gravity has no part along body z: RotorS's law gives no thrust while it turns up."""
+    """At a pitch of 90 degrees gravity has no part along body z: RotorS's law gives no
+    thrust while it turns up.
+    """
     case = hovering(euler=(0.0, np.pi / 2, 0.0))
-    torque, _ = pushes(MODEL.vehicle, step(controller("rotors_sim_position"), case.measurement(), case.reference()))
+    torque, _ = pushes(
+        MODEL.vehicle,
+        step(controller("rotors_sim_position"), case.measurement(), case.reference()),
+    )
     assert torque[1] < 0.0
-    raw = raw_squares(step(unclipped(controller("rotors_sim_position")), case.measurement(), case.reference()))
+    raw = raw_squares(
+        step(
+            unclipped(controller("rotors_sim_position")),
+            case.measurement(),
+            case.reference(),
+        )
+    )
     assert abs(raw.sum()) < 1e-9 * np.abs(raw).max()

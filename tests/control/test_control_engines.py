@@ -1,4 +1,6 @@
-"""One source, every engine: NumPy lanes, JAX, CasADi and traced programs give what floats give."""
+"""One source, every engine: NumPy lanes, JAX, CasADi and traced programs give what
+floats give.
+"""
 
 import dataclasses
 
@@ -35,15 +37,21 @@ def floats(flown, inputs=INPUTS):
 
 
 def close(found, expected):
-    """Engines differ by last digits of sin and cos; a speed near the clip is the root of a small difference."""
+    """Engines differ by last digits of sin and cos; a speed near the clip is the root
+    of a small difference.
+    """
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_numpy_lanes_equal_a_loop(name):
     flown = controller(name)
-    batch = step(flown, stacked([m for m, _ in INPUTS]), stacked([r for _, r in INPUTS]))
-    found = np.stack([np.broadcast_to(leaf, (len(INPUTS),)) for leaf in leaves(batch)], axis=1)
+    batch = step(
+        flown, stacked([m for m, _ in INPUTS]), stacked([r for _, r in INPUTS])
+    )
+    found = np.stack(
+        [np.broadcast_to(leaf, (len(INPUTS),)) for leaf in leaves(batch)], axis=1
+    )
     close(found, floats(flown))
 
 
@@ -52,8 +60,12 @@ def test_degenerate_lanes_do_not_disturb_their_neighbours(name):
     falling = changed(hovering(), a_d=(0.0, 0.0, -G))
     inputs = [*INPUTS[:2], (falling.measurement(), falling.reference()), *INPUTS[2:4]]
     flown = controller(name)
-    batch = step(flown, stacked([m for m, _ in inputs]), stacked([r for _, r in inputs]))
-    found = np.stack([np.broadcast_to(leaf, (len(inputs),)) for leaf in leaves(batch)], axis=1)
+    batch = step(
+        flown, stacked([m for m, _ in inputs]), stacked([r for _, r in inputs])
+    )
+    found = np.stack(
+        [np.broadcast_to(leaf, (len(inputs),)) for leaf in leaves(batch)], axis=1
+    )
     assert np.all(np.isfinite(found))
     close(found, floats(flown, inputs))
 
@@ -63,11 +75,25 @@ def test_jax_agrees_with_floats(name):
     jax = pytest.importorskip("jax")
     flown = controller(name)
     with jax_doubles():
-        measured, reference = (stacked(records) for records in zip(*INPUTS, strict=True))
-        values = [jax.numpy.asarray(leaf) for leaf in (*leaves(measured), *leaves(reference))]
+        measured, reference = (
+            stacked(records) for records in zip(*INPUTS, strict=True)
+        )
+        values = [
+            jax.numpy.asarray(leaf) for leaf in (*leaves(measured), *leaves(reference))
+        ]
         split = len(leaves(measured))
-        command = step(flown, rebuild(measured, iter(values[:split])), rebuild(reference, iter(values[split:])))
-        found = np.stack([np.broadcast_to(np.asarray(leaf), (len(INPUTS),)) for leaf in leaves(command)], axis=1)
+        command = step(
+            flown,
+            rebuild(measured, iter(values[:split])),
+            rebuild(reference, iter(values[split:])),
+        )
+        found = np.stack(
+            [
+                np.broadcast_to(np.asarray(leaf), (len(INPUTS),))
+                for leaf in leaves(command)
+            ],
+            axis=1,
+        )
     assert found.dtype == np.float64
     close(found, floats(flown))
 
@@ -78,10 +104,19 @@ def test_casadi_agrees_with_floats(name):
 
     flown = controller(name)
     measured, reference = INPUTS[0]
-    symbols = [casadi.SX.sym(f"x{i}") for i in range(len(leaves(measured)) + len(leaves(reference)))]
+    symbols = [
+        casadi.SX.sym(f"x{i}")
+        for i in range(len(leaves(measured)) + len(leaves(reference)))
+    ]
     split = len(leaves(measured))
-    command = step(flown, rebuild(measured, iter(symbols[:split])), rebuild(reference, iter(symbols[split:])))
-    compiled = casadi.Function("law", [casadi.vertcat(*symbols)], [casadi.vertcat(*leaves(command))])
+    command = step(
+        flown,
+        rebuild(measured, iter(symbols[:split])),
+        rebuild(reference, iter(symbols[split:])),
+    )
+    compiled = casadi.Function(
+        "law", [casadi.vertcat(*symbols)], [casadi.vertcat(*leaves(command))]
+    )
     found = [np.array(compiled([*leaves(m), *leaves(r)])).ravel() for m, r in INPUTS]
     close(np.array(found), floats(flown))
 
@@ -105,21 +140,32 @@ def heavier(par: Parameters) -> Parameters:
     )
     joint_gains = JointGains(stiffness=(200.0, 120.0), damping=(11.0, 9.0))
     vehicle = par.model.vehicle.with_payload(0.05)
-    base = dataclasses.replace(vehicle.base, mass=1.1, inertia=vehicle.base.inertia * 1.3)
+    base = dataclasses.replace(
+        vehicle.base, mass=1.1, inertia=vehicle.base.inertia * 1.3
+    )
     model = Model(vehicle=dataclasses.replace(vehicle, base=base), gravity=9.7)
     return dataclasses.replace(par, model=model, gains=gains, joint_gains=joint_gains)
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_gains_masses_and_gravity_may_be_inputs_of_a_traced_program(name):
-    """Parameters are a record of scalars: one program flies every belief and every gain."""
+    """Parameters are a record of scalars: one program flies every belief and every
+    gain.
+    """
     flown = controller(name)
     measured, reference = INPUTS[0]
-    program = trace(lambda par, m, r: flown.law((), m, r, 0.005, par=par)[1], flown.par, measured, reference)
+    program = trace(
+        lambda par, m, r: flown.law((), m, r, 0.005, par=par)[1],
+        flown.par,
+        measured,
+        reference,
+    )
     for par in (flown.par, heavier(flown.par)):
         expected = step(dataclasses.replace(flown, par=par), measured, reference)
         assert leaves(program(par, measured, reference)) == leaves(expected)
-    assert leaves(program(heavier(flown.par), measured, reference)) != leaves(program(flown.par, measured, reference))
+    assert leaves(program(heavier(flown.par), measured, reference)) != leaves(
+        program(flown.par, measured, reference)
+    )
 
 
 @pytest.mark.parametrize("name", LAWS[2:])
@@ -130,10 +176,14 @@ def test_a_lane_of_masses_equals_a_loop_over_them(name):
         base = dataclasses.replace(ARM2.base, mass=mass)
         model = Model(vehicle=dataclasses.replace(ARM2, base=base), gravity=G)
         known = controller(name)
-        return unclipped(dataclasses.replace(known, par=dataclasses.replace(known.par, model=model)))
+        return unclipped(
+            dataclasses.replace(known, par=dataclasses.replace(known.par, model=model))
+        )
 
     batch = raw_squares(step(flown(masses), *INPUTS[0]))
-    single = np.array([raw_squares(step(flown(float(mass)), *INPUTS[0])) for mass in masses]).T
+    single = np.array(
+        [raw_squares(step(flown(float(mass)), *INPUTS[0])) for mass in masses]
+    ).T
     np.testing.assert_allclose(batch, single, atol=1e-12 * np.abs(single).max())
 
 
@@ -145,13 +195,20 @@ def test_a_controllers_mixer_may_come_from_a_traced_vehicle():
         return step(make_controller("rotors_sim_position", model), m, r)
 
     program = trace(law, MODEL, measured, reference)
-    assert leaves(program(MODEL, measured, reference)) == leaves(law(MODEL, measured, reference))
+    assert leaves(program(MODEL, measured, reference)) == leaves(
+        law(MODEL, measured, reference)
+    )
 
 
 def test_the_measured_attitude_is_the_only_place_where_a_quaternion_enters():
     """A unit quaternion off by rounding changes the command by rounding."""
     measured, reference = INPUTS[1]
     q = measured.quaternion
-    stretched = dataclasses.replace(measured, quaternion=Quaternion(*(value * (1.0 + 1e-15) for value in q)))
+    stretched = dataclasses.replace(
+        measured, quaternion=Quaternion(*(value * (1.0 + 1e-15) for value in q))
+    )
     flown = controller("hybrid_computed_torque")
-    close(leaves(step(flown, stretched, reference)), leaves(step(flown, measured, reference)))
+    close(
+        leaves(step(flown, stretched, reference)),
+        leaves(step(flown, measured, reference)),
+    )

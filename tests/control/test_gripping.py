@@ -1,4 +1,6 @@
-"""A tip that grips a handle: a force of either sign along the radius of a believed arc, and nothing to lose."""
+"""A tip that grips a handle: a force of either sign along the radius of a believed arc,
+and nothing to lose.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,11 @@ import skyarm
 from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars import divide, sqrt, where
 from skyarm.control.blocks import force_control as law
-from skyarm.control.blocks.force_control import InteractionGains, first_interaction, wanted_of
+from skyarm.control.blocks.force_control import (
+    InteractionGains,
+    first_interaction,
+    wanted_of,
+)
 from skyarm.control.blocks.tip_force import levers
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.plain import plain
@@ -34,7 +40,9 @@ RADIUS, GRASP, WRONG, STIFFNESS = 0.3, 0.4, 1.06, 4000.0
 
 @dataclass(frozen=True, kw_only=True)
 class Handle(Force):
-    """A handle that goes about an axis along y: a spring to the arc from an instant on, free along it."""
+    """A handle that goes about an axis along y: a spring to the arc from an instant on,
+    free along it.
+    """
 
     pivot: tuple[float, float, float]
     grasp: float = GRASP
@@ -49,17 +57,29 @@ class Handle(Force):
 
 
 def scenario(**push):
-    """The paper's vehicle swings a handle by 40 degrees; it believes a lever that is 6 % too long."""
+    """The paper's vehicle swings a handle by 40 degrees; it believes a lever that is 6
+    % too long.
+    """
     tip = np.array([float(c) for c in frame_pose(ARM, ARM.frame(), JOINTS).p])
     start = np.array([0.0, 0.0, 1.0]) + tip
     down = np.array([0.0, 0.0, -1.0])  # the handle hangs at first, below its axis
     s = np.linspace(0.0, 1.0, 21)
     angle = np.radians(40.0) * (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5)
     pivot = start - WRONG * RADIUS * down
-    path = pivot + WRONG * RADIUS * np.stack([np.sin(angle), 0.0 * angle, -np.cos(angle)], axis=1) - tip
+    path = (
+        pivot
+        + WRONG
+        * RADIUS
+        * np.stack([np.sin(angle), 0.0 * angle, -np.cos(angle)], axis=1)
+        - tip
+    )
 
     def spline(k):
-        return {"kind": "spline", "times": [0.0, *(0.6 + 2.0 * s)], "values": [path[0, k], *path[:, k]]}
+        return {
+            "kind": "spline",
+            "times": [0.0, *(0.6 + 2.0 * s)],
+            "values": [path[0, k], *path[:, k]],
+        }
 
     document = {
         "schema": 1,
@@ -71,27 +91,35 @@ def scenario(**push):
         "reference": {
             "base": {"kind": "signals", "x": spline(0), "z": spline(2)},
             "joints": list(JOINTS),
-            "push": {
-                "force": 0.0,
-                "normal": [0.0, 0.0, -1.0],
-                "grip": {"kind": "constant", "value": 1.0, "start": GRASP},
-                "pivot": pivot.tolist(),
-                "axis": [0.0, 2.0, 0.0],
-            }
-            | push,
+            "push": (
+                {
+                    "force": 0.0,
+                    "normal": [0.0, 0.0, -1.0],
+                    "grip": {"kind": "constant", "value": 1.0, "start": GRASP},
+                    "pivot": pivot.tolist(),
+                    "axis": [0.0, 2.0, 0.0],
+                }
+                | push
+            ),
         },
     }
     handle = Handle(pivot=tuple((start - RADIUS * down).tolist()))
-    return dataclasses.replace(scenario_from(document), forces=(handle,)), np.array(handle.pivot)
+    return dataclasses.replace(scenario_from(document), forces=(handle,)), np.array(
+        handle.pivot
+    )
 
 
 def radial_force(flight, pivot):
-    """N, of the handle on the tip, out of its axis, from 0.2 s after the grasp on; and its angle at the end, deg."""
+    """N, of the handle on the tip, out of its axis, from 0.2 s after the grasp on; and
+    its angle at the end, deg.
+    """
     log = skyarm.run(flight)
     assert log.status == "completed"
     arm = (log.tip - pivot)[:, [0, 2]]
     size = np.linalg.norm(arm, axis=1)
-    return (STIFFNESS * (RADIUS - size))[log.time > GRASP + 0.2], np.degrees(np.arctan2(arm[-1, 0], -arm[-1, 1]))
+    return (STIFFNESS * (RADIUS - size))[log.time > GRASP + 0.2], np.degrees(
+        np.arctan2(arm[-1, 0], -arm[-1, 1])
+    )
 
 
 def test_a_handle_on_a_wrong_arc_is_led_with_the_wanted_radial_force():
@@ -102,19 +130,33 @@ def test_a_handle_on_a_wrong_arc_is_led_with_the_wanted_radial_force():
         assert force.mean() == pytest.approx(wanted, abs=0.03)
         assert np.abs(force - wanted).max() < 0.15
         assert angle == pytest.approx(40.0 * WRONG, abs=2.0)
-    # by positions the tip pulls at its handle, which is 8 mm from where it is believed to go
+    # by positions the tip pulls at its handle, which is 8 mm from where it is believed
+    # to go
     force, _ = radial_force(scenario(grip=0.0)[0], pivot)
     assert np.abs(force).max() > 0.5
 
 
 def wanted(force, grip=1.0, **beside):
-    return wanted_of((force, 0.1, -1.0, 0.0, 0.0, grip, *beside.get("pivot", ()), *beside.get("axis", ())))
+    return wanted_of(
+        (
+            force,
+            0.1,
+            -1.0,
+            0.0,
+            0.0,
+            grip,
+            *beside.get("pivot", ()),
+            *beside.get("axis", ()),
+        )
+    )
 
 
 def stepped(wish, memory, pull):
     """One period in which the tip is pulled by some force (N, world axes)."""
     at = levers(ARM, Mat3.identity(), JOINTS)
-    return law.interact(GAINS, memory, wish, at.disturbance(Vec3(*pull)), at, 0.5, 0.99, DT)
+    return law.interact(
+        GAINS, memory, wish, at.disturbance(Vec3(*pull)), at, 0.5, 0.99, DT
+    )
 
 
 def test_a_tip_that_grips_touches_at_once_and_loses_nothing():
@@ -138,28 +180,49 @@ def test_a_tip_that_grips_touches_at_once_and_loses_nothing():
 
 
 def test_the_integral_of_a_grip_is_bounded_by_the_size_of_the_force():
-    found = [law.integrate_force_error(GAINS, 0.0, -2.0, a, 1.0, 1.0, 0.0, 10.0, signed=True) for a in (10.0, -10.0)]
+    found = [
+        law.integrate_force_error(GAINS, 0.0, -2.0, a, 1.0, 1.0, 0.0, 10.0, signed=True)
+        for a in (10.0, -10.0)
+    ]
     assert found == pytest.approx([-1.3, 1.3])
 
 
 def test_the_normal_points_out_of_the_axis_while_the_tip_grips():
     arc = {"pivot": (1.0, 0.0, 0.0), "axis": (0.0, 0.0, 1.0)}
     tip = Vec3(1.3, 0.4, 7.0)
-    assert [*wanted(0.0, **arc).about_the_pivot(tip).normal] == pytest.approx([0.6, 0.8, 0.0])
-    for told in (wanted(0.0, grip=0.0, **arc), wanted(0.0), wanted_of((1.0, 0.1, -1.0, 0.0, 0.0))):
+    assert [*wanted(0.0, **arc).about_the_pivot(tip).normal] == pytest.approx(
+        [0.6, 0.8, 0.0]
+    )
+    for told in (
+        wanted(0.0, grip=0.0, **arc),
+        wanted(0.0),
+        wanted_of((1.0, 0.1, -1.0, 0.0, 0.0)),
+    ):
         assert [*told.about_the_pivot(tip).normal] == [-1.0, 0.0, 0.0]
     on_the_axis = wanted(0.0, **arc).about_the_pivot(Vec3(1.0, 0.0, 3.0))
     assert [*on_the_axis.normal] == [-1.0, 0.0, 0.0]
-    near, beside = (wanted(0.0, **arc).about_the_pivot(Vec3(1.0, y, 3.0)).normal for y in (0.9e-3, 1.1e-3))
-    assert ([*near], [*beside]) == ([-1.0, 0.0, 0.0], pytest.approx([0.0, 1.0, 0.0], abs=1e-6))
+    near, beside = (
+        wanted(0.0, **arc).about_the_pivot(Vec3(1.0, y, 3.0)).normal
+        for y in (0.9e-3, 1.1e-3)
+    )
+    assert ([*near], [*beside]) == (
+        [-1.0, 0.0, 0.0],
+        pytest.approx([0.0, 1.0, 0.0], abs=1e-6),
+    )
     # as exported code has it where there is no axis
     none = wanted(0.0, pivot=(0.0,) * 3, axis=(0.0,) * 3)
     assert [*none.about_the_pivot(tip).normal] == [-1.0, 0.0, 0.0]
 
 
 def test_only_what_presses_slides():
-    assert [wanted(force, grip).presses for force, grip in ((1.0, 0.0), (1.0, 1.0), (0.0, 0.0))] == [True, False, False]
-    assert [wanted(force, grip).requests_contact for force, grip in ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0))] == [
+    assert [
+        wanted(force, grip).presses
+        for force, grip in ((1.0, 0.0), (1.0, 1.0), (0.0, 0.0))
+    ] == [True, False, False]
+    assert [
+        wanted(force, grip).requests_contact
+        for force, grip in ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
+    ] == [
         True,
         True,
         False,
@@ -169,14 +232,18 @@ def test_only_what_presses_slides():
 def test_a_grip_is_kept_moved_and_read():
     trajectory = scenario()[0].reference
     assert restore(plain(trajectory)) == trajectory
-    assert trajectory.at(1.0).push[5:] == pytest.approx((1.0, *trajectory.push.pivot, 0.0, 1.0, 0.0))
+    assert trajectory.at(1.0).push[5:] == pytest.approx(
+        (1.0, *trajectory.push.pivot, 0.0, 1.0, 0.0)
+    )
     assert trajectory.shifted(1.0).at(1.0).push[5] == 0.0
     assert GRASP in trajectory.switch_times()
 
 
 def test_the_table_on_the_page_is_that_of_a_grip():
     page = Path(__file__).resolve().parents[2] / "docs" / "pressing.md"
-    (text,) = re.findall(r"```toml\n([^`]*?grip = .*?)```", page.read_text("utf-8"), re.DOTALL)
+    (text,) = re.findall(
+        r"```toml\n([^`]*?grip = .*?)```", page.read_text("utf-8"), re.DOTALL
+    )
     push = push_from(tomllib.loads(text)["reference"]["push"], "reference.push")
     assert [push.at(t)[5] for t in (0.9, 1.0)] == [0.0, 1.0]
     assert push.at(1.0)[6:] == (0.5, 0.8, 1.27, 0.0, 0.0, 1.0)
@@ -185,7 +252,9 @@ def test_the_table_on_the_page_is_that_of_a_grip():
 def test_the_slide_on_the_page_is_that_of_the_example():
     root = Path(__file__).resolve().parents[2]
     (text,) = re.findall(
-        r"```toml\n(\[reference\.base\][^`]*)```", (root / "docs/pressing.md").read_text("utf-8"), re.DOTALL
+        r"```toml\n(\[reference\.base\][^`]*)```",
+        (root / "docs/pressing.md").read_text("utf-8"),
+        re.DOTALL,
     )
     assert text in (root / "examples/press_and_slide.toml").read_text("utf-8")
 
@@ -203,6 +272,8 @@ def test_the_slide_on_the_page_is_that_of_the_example():
     ],
 )
 def test_other_grips_are_refused_in_one_line(table, field):
-    with pytest.raises(ValueError, match=rf"reference\.push\.?{field}|{field}") as refusal:
+    with pytest.raises(
+        ValueError, match=rf"reference\.push\.?{field}|{field}"
+    ) as refusal:
         push_from({"force": 0.0, "normal": [1, 0, 0], **table}, "reference.push")
     assert "\n" not in str(refusal.value)

@@ -1,4 +1,6 @@
-"""At half a turn the sine of the angle vanishes, and errors of attitude do not: upside down, or to turn round."""
+"""At half a turn the sine of the angle vanishes, and errors of attitude do not: upside
+down, or to turn round.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +14,28 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.algebra import Mat3, Quaternion, Vec3
-from skyarm.control.blocks.attitude import OVERTURNED, BaseGains, DesiredAttitude, angular_acceleration
+from skyarm.control.blocks.attitude import (
+    OVERTURNED,
+    BaseGains,
+    DesiredAttitude,
+    angular_acceleration,
+)
 from skyarm.control.blocks.geometric import HALF_TURN, attitude_error
 from skyarm.control.safety.recovery import STRAIGHT, steep_error
 
 DEGREE = math.radians(1.0)
-AXES = [np.array(axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (0, 1, -1), (-3, 2, 5), (1, -4, 2))]
+AXES = [
+    np.array(axis)
+    for axis in (
+        (1, 0, 0),
+        (0, 1, 0),
+        (0, 0, 1),
+        (1, 1, 0),
+        (0, 1, -1),
+        (-3, 2, 5),
+        (1, -4, 2),
+    )
+]
 ZERO = Vec3(0.0, 0.0, 0.0)
 
 
@@ -26,8 +44,15 @@ def mat(R):
 
 
 def turned(axis, short, wanted):
-    """An attitude that is ``short`` (rad) of half a turn from a wanted one, about an axis."""
-    return wanted @ Rotation.from_rotvec((math.pi - short) * axis / np.linalg.norm(axis)).as_matrix()
+    """An attitude that is ``short`` (rad) of half a turn from a wanted one, about an
+    axis.
+    """
+    return (
+        wanted
+        @ Rotation.from_rotvec(
+            (math.pi - short) * axis / np.linalg.norm(axis)
+        ).as_matrix()
+    )
 
 
 def half_turn(axis):
@@ -42,13 +67,20 @@ def test_one_degree_counts_as_half_a_turn():
 
 @pytest.mark.parametrize("axis", AXES)
 @pytest.mark.parametrize("near", [HALF_TURN, OVERTURNED])
-def test_the_error_near_half_a_turn_is_as_long_as_at_the_border_along_the_axis(axis, near):
+def test_the_error_near_half_a_turn_is_as_long_as_at_the_border_along_the_axis(
+    axis, near
+):
     wanted = Rotation.random(random_state=1).as_matrix()
     for short in (1e-9, 1e-3 * near, 0.5 * near, 0.99 * near):
         for each in (axis, -axis):
             R = turned(each, short, wanted)
             found = np.array(list(attitude_error(mat(R), mat(wanted), near)))
-            np.testing.assert_allclose(found, expected(R, wanted, near), rtol=0.0, atol=1e-12 + 1e-6 * (short < 1e-8))
+            np.testing.assert_allclose(
+                found,
+                expected(R, wanted, near),
+                rtol=0.0,
+                atol=1e-12 + 1e-6 * (short < 1e-8),
+            )
             assert found @ each > 0.0
             assert 0.995 * near < np.linalg.norm(found) < 1.26 * near
 
@@ -60,16 +92,24 @@ def test_at_half_a_turn_either_sense_of_the_axis_will_do(axis):
     assert np.linalg.norm(found) == pytest.approx(0.1, rel=1e-12)
 
 
-@pytest.mark.parametrize("side", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 1, 0), (1, 0, -1), (0, 1, -1)])
+@pytest.mark.parametrize(
+    "side", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 1, 0), (1, 0, -1), (0, 1, -1)]
+)
 def test_of_two_equal_columns_the_choice_is_one(side):
-    """Where the sine is zero to the bit, compiled laws and Python have to turn the same way."""
+    """Where the sine is zero to the bit, compiled laws and Python have to turn the same
+    way.
+    """
     found = np.array(list(attitude_error(half_turn(np.array(side)), Mat3.identity())))
-    np.testing.assert_allclose(found, HALF_TURN * np.array(side) / np.linalg.norm(side), atol=1e-15)
+    np.testing.assert_allclose(
+        found, HALF_TURN * np.array(side) / np.linalg.norm(side), atol=1e-15
+    )
 
 
 def test_beyond_that_the_error_is_the_papers_to_the_bit():
     for seed in range(40):
-        R, wanted = (Rotation.random(random_state=2 * seed + k).as_matrix() for k in range(2))
+        R, wanted = (
+            Rotation.random(random_state=2 * seed + k).as_matrix() for k in range(2)
+        )
         R = turned(AXES[seed % 7], 1.001 * HALF_TURN, wanted) if seed % 2 else R
         sine = (mat(wanted).T @ mat(R)).vee_antisymmetric()
         assert attitude_error(mat(R), mat(wanted)) == sine
@@ -90,23 +130,34 @@ def test_where_the_attitude_is_reached_nothing_is_divided_by_zero():
 def test_the_steep_error_stays_steep_up_to_half_a_turn(short):
     axis = np.array([0.36, -0.48, 0.8])
     R = turned(axis, short * HALF_TURN, np.eye(3))
-    found = np.array(list(steep_error(half_turn(axis) if short == 0.0 else mat(R), Mat3.identity())))
+    found = np.array(
+        list(steep_error(half_turn(axis) if short == 0.0 else mat(R), Mat3.identity()))
+    )
     size = 2.0 * np.linalg.norm(expected(R, np.eye(3))) / max(short, 1.0) / HALF_TURN
     np.testing.assert_allclose(np.abs(found), size * np.abs(axis), rtol=3e-5)
     assert 1.99 < np.linalg.norm(found) < 2.51
 
 
 def test_the_centroidal_law_is_kept_from_vanishing_over_eleven_degrees():
-    gains = BaseGains(position=ZERO, velocity=ZERO, attitude=Vec3(1.0, 2.0, 3.0), rate=ZERO)
+    gains = BaseGains(
+        position=ZERO, velocity=ZERO, attitude=Vec3(1.0, 2.0, 3.0), rate=ZERO
+    )
     level = DesiredAttitude(Mat3.identity(), ZERO, ZERO)
     for axis, gain in zip(AXES[:3], (1.0, 2.0, 3.0), strict=True):
-        alpha = np.array(list(angular_acceleration(gains, level, half_turn(axis), ZERO)))
+        alpha = np.array(
+            list(angular_acceleration(gains, level, half_turn(axis), ZERO))
+        )
         np.testing.assert_allclose(np.abs(alpha), 0.2 * gain * axis, atol=1e-14)
 
 
 def flown(controller, turn, reference=None, duration=4.0):
-    """A flight of the paper's vehicle high above the ground, from an attitude ``turn`` (w x y z)."""
-    above = {"base": {"kind": "hover", "position": [0.0, 0.0, 100.0]}, **(reference or {})}
+    """A flight of the paper's vehicle high above the ground, from an attitude ``turn``
+    (w x y z).
+    """
+    above = {
+        "base": {"kind": "hover", "position": [0.0, 0.0, 100.0]},
+        **(reference or {}),
+    }
     return skyarm.run(
         skyarm.scenario_from(
             {
@@ -124,32 +175,46 @@ def flown(controller, turn, reference=None, duration=4.0):
 
 
 @pytest.mark.parametrize(
-    "controller", [{"preset": "centroidal_joint"}, {"law": "hybrid_computed_torque", "safety": True}]
+    "controller",
+    [{"preset": "centroidal_joint"}, {"law": "hybrid_computed_torque", "safety": True}],
 )
 def test_from_upside_down_a_vehicle_falls_no_further_than_from_179_degrees(controller):
     drops = []
     for short in (DEGREE, 1e-10, 0.0):
-        log = flown(controller, [math.sin(0.5 * short), math.cos(0.5 * short), 0.0, 0.0])
+        log = flown(
+            controller, [math.sin(0.5 * short), math.cos(0.5 * short), 0.0, 0.0]
+        )
         assert log.status == "completed"
         assert 1.0 - 2.0 * (log.quaternion[-1, 1:3] ** 2).sum() > 0.9
         drops.append(100.0 - log.position[:, 2].min())
     assert max(drops[1:]) < 1.2 * drops[0]
-    # m; with the sine alone the centroidal law fell 13 m, and from 180 degrees without end
+    # m; with the sine alone the centroidal law fell 13 m, and from 180 degrees without
+    # end
     assert drops[0] < 8.0
 
 
-@pytest.mark.parametrize(("law", "within"), [("centroidal_tip", 3.0), ("li2024_tuned", 4.5)])
+@pytest.mark.parametrize(
+    ("law", "within"), [("centroidal_tip", 3.0), ("li2024_tuned", 4.5)]
+)
 def test_a_heading_of_pi_is_turned_to(law, within):
-    """With the sine alone ``yaw = pi`` was never reached, and pi - 0.0016 after 3.4 and 5.0 s."""
+    """With the sine alone ``yaw = pi`` was never reached, and pi - 0.0016 after 3.4 and
+    5.0 s.
+    """
     yaw = {"yaw": {"kind": "constant", "value": math.pi, "start": 0.5}}
-    name = {"preset": law} if law.startswith("centroidal") else {"law": law.removesuffix("_tuned"), "tuned": True}
+    name = (
+        {"preset": law}
+        if law.startswith("centroidal")
+        else {"law": law.removesuffix("_tuned"), "tuned": True}
+    )
     log = flown(name, [1.0, 0.0, 0.0, 0.0], yaw, 5.5)
     off = np.abs(math.pi - np.abs(np.unwrap(log.euler[:, 2])))
     assert off[log.time > 0.5 + within].max() < 0.1
 
 
 def test_the_tuned_ladder_stops_at_its_heading():
-    """Its gains were found on flights without turns, with a seventh of the damping of the heading."""
+    """Its gains were found on flights without turns, with a seventh of the damping of
+    the heading.
+    """
     yaw = {"yaw": {"kind": "constant", "value": 0.5}}
     log = flown({"law": "ct_ladder", "tuned": True}, [1.0, 0.0, 0.0, 0.0], yaw, 7.0)
     assert np.abs(log.euler[log.time > 5.0, 2] - 0.5).max() < math.radians(1.0)

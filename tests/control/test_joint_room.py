@@ -8,7 +8,11 @@ import pytest
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.laws.centroidal.demands import brake_at_limit, towards, within_limits
+from skyarm.control.laws.centroidal.demands import (
+    brake_at_limit,
+    towards,
+    within_limits,
+)
 from skyarm.control.laws.centroidal.make import ends_of, make_centroidal
 from skyarm.control.laws.centroidal.parameters import brace_joints
 from skyarm.control.laws.centroidal.tip_tasks import plan_weight
@@ -39,7 +43,11 @@ def with_limits(lower, upper, stops=False):
 
 def bounded(vehicle, q, rate, told, wanted, gains=GAINS):
     """``told`` is the reference, with its derivatives where it moves."""
-    reference = Taylor.of_derivatives(told) if isinstance(told, tuple) else Taylor((told, 0.0, 0.0))
+    reference = (
+        Taylor.of_derivatives(told)
+        if isinstance(told, tuple)
+        else Taylor((told, 0.0, 0.0))
+    )
     state = State(
         position=ZERO,
         quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
@@ -49,16 +57,23 @@ def bounded(vehicle, q, rate, told, wanted, gains=GAINS):
         joint_rates=(rate,),
         rotor_speeds=(0.0,) * 4,
     )
-    return within_limits(vehicle, ends_of(vehicle), gains, state, (reference,), (wanted,))[0]
+    return within_limits(
+        vehicle, ends_of(vehicle), gains, state, (reference,), (wanted,)
+    )[0]
 
 
 @pytest.mark.parametrize(
-    ("push", "told", "end"), [(1e3, 0.2, 0.6), (-1e3, 0.2, -0.65), (1e3, 1.3, 1.0), (-1e3, -1.9, -1.5)]
+    ("push", "told", "end"),
+    [(1e3, 0.2, 0.6), (-1e3, 0.2, -0.65), (1e3, 1.3, 1.0), (-1e3, -1.9, -1.5)],
 )
 def test_a_joint_that_is_pushed_comes_to_rest_where_it_may_go(push, told, end):
-    """On the way that two equal poles of 30 rad/s take from the first instant at which the bound holds."""
+    """On the way that two equal poles of 30 rad/s take from the first instant at which
+    the bound holds.
+    """
     vehicle, dt = with_limits(-1.5, 1.0), 1e-4
-    assert end == pytest.approx(np.clip(told + SHARE * ((1.0 if push > 0.0 else -1.5) - told), -1.5, 1.0))
+    assert end == pytest.approx(
+        np.clip(told + SHARE * ((1.0 if push > 0.0 else -1.5) - told), -1.5, 1.0)
+    )
     q, rate, path, met = 0.1, 0.0, [], None
     for k in range(6000):
         asked = bounded(vehicle, q, rate, told, push)
@@ -81,7 +96,9 @@ def swinging(t, size, w=2.0 * np.pi):
 
 
 def test_a_reference_that_moves_within_the_limits_is_followed_as_it_is():
-    """0.9 rad at 1 Hz in limits of 1 rad: 42 mrad off where its room counted as at rest."""
+    """0.9 rad at 1 Hz in limits of 1 rad: 42 mrad off where its room counted as at
+    rest.
+    """
     vehicle, dt, q, rate = with_limits(-1.0, 1.0), 1e-3, 0.0, swinging(0.0, 0.9)[1]
     off = []
     for k in range(2000):
@@ -95,8 +112,12 @@ def test_a_reference_that_moves_within_the_limits_is_followed_as_it_is():
 
 
 @pytest.mark.parametrize(("size", "stops"), [(0.6, False), (0.6, True), (1.3, False)])
-def test_a_joint_that_is_pushed_along_a_moving_reference_comes_to_where_it_may_go(size, stops):
-    """Its share of the way from the reference to the limit; never beyond that, where the reference is beyond it too."""
+def test_a_joint_that_is_pushed_along_a_moving_reference_comes_to_where_it_may_go(
+    size, stops
+):
+    """Its share of the way from the reference to the limit; never beyond that, where
+    the reference is beyond it too.
+    """
     vehicle, dt, q, rate = with_limits(-1.0, 1.0, stops), 1e-3, 0.0, 0.0
     share = WITH_STOP if stops else SHARE
     for k in range(2000):
@@ -112,10 +133,14 @@ def test_a_joint_that_is_pushed_along_a_moving_reference_comes_to_where_it_may_g
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize(("way", "rate"), [(0.02, 0.61), (0.02, 2.0), (0.3, 30.0)])
 def test_a_joint_too_fast_for_its_pole_stops_at_its_limit(side, way, rate):
-    """By d'' = d'^2 / d, whose solution is d e^(-t d'/d); two poles of 30 rad/s pass the limit."""
+    """By d'' = d'^2 / d, whose solution is d e^(-t d'/d); two poles of 30 rad/s pass
+    the limit.
+    """
     vehicle, dt = with_limits(-1.0, 1.0), 1e-5
     q, now = side * (1.0 - way), side * rate
-    assert side * bounded(vehicle, q, now, side, side * 1e3) == pytest.approx(-rate * rate / way, rel=1e-9)
+    assert side * bounded(vehicle, q, now, side, side * 1e3) == pytest.approx(
+        -rate * rate / way, rel=1e-9
+    )
     for k in range(4000):
         now += bounded(vehicle, q, now, side, side * 1e3) * dt
         q += now * dt
@@ -125,12 +150,17 @@ def test_a_joint_too_fast_for_its_pole_stops_at_its_limit(side, way, rate):
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_joint_at_its_limit_loses_its_rate_by_six_of_its_poles_at_most(side):
-    """Of 30 rad/s each; one that comes back, or rests, is asked for no more than before."""
+    """Of 30 rad/s each; one that comes back, or rests, is asked for no more than
+    before.
+    """
     vehicle = with_limits(-1.0, 1.0)
     for place in (0.999, 1.0, 1.01):
         asked = bounded(vehicle, side * place, side * 0.5, side, side * 1e3)
         assert side * asked == pytest.approx(-180.0 * 0.5)
-    rests, back = (side * bounded(vehicle, side * 1.01, side * rate, side, side * 1e3) for rate in (0.0, -0.5))
+    rests, back = (
+        side * bounded(vehicle, side * 1.01, side * rate, side, side * 1e3)
+        for rate in (0.0, -0.5)
+    )
     assert rests == pytest.approx(-900.0 * 0.01)
     assert back == pytest.approx(-900.0 * 0.01 + 60.0 * 0.5)
 
@@ -142,9 +172,14 @@ def test_the_barrier_moves_with_its_share_of_the_references_motion():
 
 
 def test_a_joint_as_fast_as_its_pole_allows_is_not_braked():
-    """At d' = -k d the barrier itself stops it at the limit; above it is braked by d'^2 / d."""
+    """At d' = -k d the barrier itself stops it at the limit; above it is braked by
+    d'^2 / d.
+    """
     way, pole = 0.5, 4.0
-    assert [brake_at_limit(7.0, way, speed, pole) for speed in (2.0, 2.5)] == [7.0, -(2.5**2) / way]
+    assert [brake_at_limit(7.0, way, speed, pole) for speed in (2.0, 2.5)] == [
+        7.0,
+        -(2.5**2) / way,
+    ]
 
 
 def test_the_way_to_a_limit_counts_as_a_nanometre_at_least():
@@ -159,24 +194,35 @@ def test_a_loop_of_little_damping_bounds_by_its_stiffness(arm):
     gains = JointGains(stiffness=(arm[0],), damping=(arm[1],))
     vehicle = with_limits(-1.5, 1.5)
     assert bounded(vehicle, 0.1, 0.0, 0.0, 5.0, gains) == 5.0
-    assert bounded(vehicle, 0.1, 0.0, 0.0, 1e4, gains) == pytest.approx(900.0 * (0.75 - 0.1))
+    assert bounded(vehicle, 0.1, 0.0, 0.0, 1e4, gains) == pytest.approx(
+        900.0 * (0.75 - 0.1)
+    )
 
 
 @pytest.mark.parametrize("push", [1e4, -1e4])
 def test_a_joint_without_limits_comes_to_rest_beside_its_moving_reference(push):
-    """2.2 rad from a swing, on either side and from 0.4 rad on alike: it does not spin."""
+    """2.2 rad from a swing, on either side and from 0.4 rad on alike: it does not
+    spin.
+    """
     vehicle, dt, q, rate = with_limits(-np.inf, np.inf), 1e-3, 0.4 * np.sign(push), 0.0
     for k in range(2000):
         rate += bounded(vehicle, q, rate, swinging(k * dt, 0.6), push) * dt
         q += rate * dt
         if k > 500:
-            assert q == pytest.approx(swinging((k + 1) * dt, 0.6)[0] + np.sign(push) * TURN, abs=0.02)
-    one, other = (bounded(vehicle, sign * 5.0, sign * 7.0, sign * 0.3, sign * 1e3) for sign in (1.0, -1.0))
+            assert q == pytest.approx(
+                swinging((k + 1) * dt, 0.6)[0] + np.sign(push) * TURN, abs=0.02
+            )
+    one, other = (
+        bounded(vehicle, sign * 5.0, sign * 7.0, sign * 0.3, sign * 1e3)
+        for sign in (1.0, -1.0)
+    )
     assert one == -other < 0.0
 
 
 def test_a_motion_within_the_room_keeps_its_bits_and_one_limit_bounds_one_side():
-    wide, free, above = (with_limits(*pair) for pair in ((-1.5, 1.5), (-np.inf, np.inf), (-np.inf, 1.0)))
+    wide, free, above = (
+        with_limits(*pair) for pair in ((-1.5, 1.5), (-np.inf, np.inf), (-np.inf, 1.0))
+    )
     for q, wanted in ((0.1, 3.3), (-0.3, -7.7), (0.4, 0.0)):
         assert bounded(wide, q, 0.5, 0.1, wanted) == wanted
     assert (ends_of(free), ends_of(above)) == (((False, False),), ((False, True),))
@@ -191,38 +237,69 @@ def test_a_motion_within_the_room_keeps_its_bits_and_one_limit_bounds_one_side()
         (0.9, 0.0, 1.3, 1e3),
         (-5.0, -50.0, 0.0, -1e3),
     ):
-        assert bounded(below, -q, -rate, -told, -wanted) == -bounded(above, q, rate, told, wanted)
+        assert bounded(below, -q, -rate, -told, -wanted) == -bounded(
+            above, q, rate, told, wanted
+        )
     # at rest, where it may go, nothing is asked: further where a stop holds it
     for stops, share in ((False, SHARE), (True, WITH_STOP)):
         vehicle = with_limits(-1.5, 1.5, stops)
-        assert bounded(vehicle, 1.5 * share, 0.0, 0.0, 1e3) == pytest.approx(0.0, abs=1e-9)
+        assert bounded(vehicle, 1.5 * share, 0.0, 0.0, 1e3) == pytest.approx(
+            0.0, abs=1e-9
+        )
 
 
 def test_joints_are_bounded_and_those_without_limits_are_braced():
     model, free = Model(vehicle=ARM1), Model(vehicle=with_limits(-np.inf, np.inf))
     presses = {"mode": "tip", "interaction": (0.5, 0.25)}
     braces = [make_centroidal(each, mode="tip").par.braces for each in (model, free)]
-    assert [*braces, make_centroidal(free, **presses).par.braces] == [False, True, False]
+    assert [*braces, make_centroidal(free, **presses).par.braces] == [
+        False,
+        True,
+        False,
+    ]
     assert make_centroidal(model, mode="tip").par.joint_ends == ((True, True),)
     assert make_centroidal(free, mode="tip").par.joint_ends == ((False, False),)
     assert make_centroidal(model).par.joint_ends == ((True, True),)
-    assert make_centroidal(Model(vehicle=skyarm.load_vehicle("hummingbird"))).par.joint_ends == ()
+    assert (
+        make_centroidal(
+            Model(vehicle=skyarm.load_vehicle("hummingbird"))
+        ).par.joint_ends
+        == ()
+    )
 
 
-@pytest.mark.parametrize(("up", "share"), [(-3.0, 1.0), (0.04, 1.0), (0.15, 1.9), (0.25, 2.8), (3.0, 3.2)])
+@pytest.mark.parametrize(
+    ("up", "share"), [(-3.0, 1.0), (0.04, 1.0), (0.15, 1.9), (0.25, 2.8), (3.0, 3.2)]
+)
 def test_joints_are_braced_by_the_upward_force_over_the_weight(up, share):
-    """Stiffness as the power 1.5 of the damping; the base's gains and, without an accelerometer, the observer stay."""
+    """Stiffness as the power 1.5 of the damping; the base's gains and, without an
+    accelerometer, the observer stay.
+    """
     model = Model(vehicle=with_limits(-np.inf, np.inf))
     par = make_centroidal(model, mode="tip", accelerometer=(0.0, 0.0)).par
     weight = par.model.vehicle.mass * par.model.gravity
     found = brace_joints(par, Vec3(40.0, -7.0, up * weight), (0.0,), 0.0)
-    gains = (found.tip.position, found.tip.velocity, *found.joint_gains.stiffness, *found.joint_gains.damping)
-    own = (par.tip.position, par.tip.velocity, *par.joint_gains.stiffness, *par.joint_gains.damping)
-    assert gains == pytest.approx([a * b for a, b in zip(own, (share**1.5, share) * 2, strict=True)])
+    gains = (
+        found.tip.position,
+        found.tip.velocity,
+        *found.joint_gains.stiffness,
+        *found.joint_gains.damping,
+    )
+    own = (
+        par.tip.position,
+        par.tip.velocity,
+        *par.joint_gains.stiffness,
+        *par.joint_gains.damping,
+    )
+    assert gains == pytest.approx(
+        [a * b for a, b in zip(own, (share**1.5, share) * 2, strict=True)]
+    )
     assert (found.base, found.observer) == (par.base, par.observer)
     hears = make_centroidal(model, mode="tip").par
     wider = brace_joints(hears, Vec3(0.0, 0.0, up * weight), (0.0,), 0.0).observer
-    assert wider.joints == pytest.approx(np.clip(1.0 + 3.0 * (up - 0.15), 1.0, 2.0) * hears.observer.joints)
+    assert wider.joints == pytest.approx(
+        np.clip(1.0 + 3.0 * (up - 0.15), 1.0, 2.0) * hears.observer.joints
+    )
     assert dataclasses.replace(wider, joints=hears.observer.joints) == hears.observer
 
 
@@ -230,14 +307,16 @@ def test_joints_are_braced_by_the_upward_force_over_the_weight(up, share):
 def test_late_commands_leave_less_room_to_brace_joints(late, share):
     par = make_centroidal(Model(vehicle=with_limits(-np.inf, np.inf)), mode="tip").par
     weight = par.model.vehicle.mass * par.model.gravity
-    assert brace_joints(par, Vec3(0.0, 0.0, 0.25 * weight), (0.0,), late).tip.velocity == pytest.approx(
-        share * par.tip.velocity
-    )
+    assert brace_joints(
+        par, Vec3(0.0, 0.0, 0.25 * weight), (0.0,), late
+    ).tip.velocity == pytest.approx(share * par.tip.velocity)
 
 
 @pytest.mark.parametrize(("periods", "braced"), [(0, True), (2, True), (4, False)])
 def test_the_law_braces_joints_of_commands_that_act_within_20_ms(periods, braced):
-    """A step under 3 N from below: the same command as of a law without braces, where they are 20 ms late."""
+    """A step under 3 N from below: the same command as of a law without braces, where
+    they are 20 ms late.
+    """
     model = Model(vehicle=with_limits(-np.inf, np.inf))
     law = make_centroidal(model, mode="tip", delay=0.005 * periods, age=0.0)
     observed = dataclasses.replace(law.memory.observed, force=Vec3(0.0, 0.0, 3.0))
@@ -245,7 +324,13 @@ def test_the_law_braces_joints_of_commands_that_act_within_20_ms(periods, braced
     reading = dataclasses.replace(blank_measurement(1, 4), joints=(0.2,))
     reference = Reference(joints=(0.1,), joint_rates=(0.0,), joint_accelerations=(0.0,))
     one, other = (
-        law.law(memory, reading, reference, 0.005, par=dataclasses.replace(law.par, braces=each))[1]
+        law.law(
+            memory,
+            reading,
+            reference,
+            0.005,
+            par=dataclasses.replace(law.par, braces=each),
+        )[1]
         for each in (True, False)
     )
     assert (one != other) == braced
@@ -255,19 +340,27 @@ def test_the_law_braces_joints_of_commands_that_act_within_20_ms(periods, braced
 def test_a_bent_arm_is_braced_less_by_the_square_of_its_lever(angle):
     """60 mm long: at its damping times three half is left."""
     par = make_centroidal(Model(vehicle=with_limits(-np.inf, np.inf)), mode="tip").par
-    weight, bend = par.model.vehicle.mass * par.model.gravity, (3.0 * par.tip.damping) ** 2
+    weight, bend = (
+        par.model.vehicle.mass * par.model.gravity,
+        (3.0 * par.tip.damping) ** 2,
+    )
     found = brace_joints(par, Vec3(0.0, 0.0, weight), (angle,), 0.0)
     straight = bend / (bend + (0.06 * np.sin(angle)) ** 2)
-    assert found.tip.velocity == pytest.approx((1.0 + 2.2 * straight) * par.tip.velocity)
+    assert found.tip.velocity == pytest.approx(
+        (1.0 + 2.2 * straight) * par.tip.velocity
+    )
 
 
 def test_a_push_from_below_folds_the_arm_by_less_than_half_a_turn():
     """2 N at the tip of the paper's arm for 4 s: 126 mm without bracing."""
     hover = setting_of(PAPER).hover
     force = SignalVector(z=Windowed(Constant(2.0), 4.0, 8.0))
-    pushed = dataclasses.replace(hover,
-        forces=(Disturbance(force=force, frame=hover.plant.vehicle.end_effector),), noise=NOISE,
-        delays=Delays(measurement=0.005), duration=9.0,
+    pushed = dataclasses.replace(
+        hover,
+        forces=(Disturbance(force=force, frame=hover.plant.vehicle.end_effector),),
+        noise=NOISE,
+        delays=Delays(measurement=0.005),
+        duration=9.0,
     )
     law = make_centroidal(hover.controller.par.model, mode="tip", delay=0.005)
     log = skyarm.run(dataclasses.replace(pushed, controller=law))
@@ -287,7 +380,9 @@ def test_a_reference_beyond_a_limit_is_followed_up_to_it():
             "endings": [{"kind": "joint_limits"}],
             "reference": {
                 "base": {"kind": "hover", "position": [0.0, 0.0, 2.0]},
-                "joints": [{"kind": "ramp", "start": 0.2, "duration": 0.8, "height": 0.8}],
+                "joints": [
+                    {"kind": "ramp", "start": 0.2, "duration": 0.8, "height": 0.8}
+                ],
             },
         }
     )
@@ -300,7 +395,10 @@ def test_a_reference_beyond_a_limit_is_followed_up_to_it():
 
 def test_an_arm_that_slides_between_limits_has_more_damping_at_the_tip():
     """Where no option says so and no interaction presses with it."""
-    octo, arm = (Model(vehicle=skyarm.load_vehicle(name)) for name in ("octo_coaxial_two_arms", "hexarotor_arm6"))
+    octo, arm = (
+        Model(vehicle=skyarm.load_vehicle(name))
+        for name in ("octo_coaxial_two_arms", "hexarotor_arm6")
+    )
 
     def tip(model, **options):
         found = make_centroidal(model, mode="tip", **options).par.tip
@@ -311,25 +409,43 @@ def test_an_arm_that_slides_between_limits_has_more_damping_at_the_tip():
     told = {"tip": usual}, {"interaction": (0.3, 0.1)}
     assert [tip(octo, **options) for options in told] == [usual, usual]
     vehicle = octo.vehicle
-    free = [dataclasses.replace(link, joint=dataclasses.replace(link.joint, lower=-np.inf, upper=np.inf))
-            if not link.joint.turns else link for link in vehicle.links]
-    assert tip(Model(vehicle=dataclasses.replace(vehicle, links=tuple(free))))[1] == usual[1]
+    free = [
+        (
+            dataclasses.replace(
+                link, joint=dataclasses.replace(link.joint, lower=-np.inf, upper=np.inf)
+            )
+            if not link.joint.turns
+            else link
+        )
+        for link in vehicle.links
+    ]
+    assert (
+        tip(Model(vehicle=dataclasses.replace(vehicle, links=tuple(free))))[1]
+        == usual[1]
+    )
 
 
 def test_an_arm_takes_back_no_more_of_the_bases_error_than_it_slides():
-    octo, arm = (Model(vehicle=skyarm.load_vehicle(name)) for name in ("octo_coaxial_two_arms", "hexarotor_arm6"))
+    octo, arm = (
+        Model(vehicle=skyarm.load_vehicle(name))
+        for name in ("octo_coaxial_two_arms", "hexarotor_arm6")
+    )
     laws = [make_centroidal(model, mode="tip") for model in (octo, arm)]
     assert [law.par.tip.reach for law in laws] == [pytest.approx(0.07), 0.12]
     assert make_centroidal(octo, mode="tip", reach=0.1).par.tip.reach == 0.1
 
 
 def test_a_finger_beside_the_tip_is_no_slide_of_the_arm():
-    """On the last link of the paper's arm, of 20 mm; where it carries the tip it counts, down to the option's least."""
+    """On the last link of the paper's arm, of 20 mm; where it carries the tip it
+    counts, down to the option's least.
+    """
     arm = skyarm.load_vehicle("hummingbird_arm2")
     last = arm.links[-1]
 
     def gains(stroke, tip_link):
-        joint = dataclasses.replace(last.joint, name="finger", kind="prismatic", lower=0.0, upper=stroke)
+        joint = dataclasses.replace(
+            last.joint, name="finger", kind="prismatic", lower=0.0, upper=stroke
+        )
         finger = dataclasses.replace(last, name="finger", parent=1, joint=joint)
         frames = tuple(dataclasses.replace(each, link=tip_link) for each in arm.frames)
         held = dataclasses.replace(arm, links=(*arm.links, finger), frames=frames)
@@ -346,9 +462,14 @@ def test_links_far_off_their_plan_outweigh_the_tip() -> None:
     directions = [Vec3(0.0, 1.0, 0.0)] * vehicle.n
 
     def weight(*angles: float) -> float:
-        return float(plan_weight(vehicle, directions, [Vec3(0.3, angle, 0.2) for angle in angles]))
+        return float(
+            plan_weight(
+                vehicle, directions, [Vec3(0.3, angle, 0.2) for angle in angles]
+            )
+        )
 
-    # errors about other axes are no joint's: a planar arm on a base that rolls keeps its tip in place
+    # errors about other axes are no joint's: a planar arm on a base that rolls keeps
+    # its tip in place
     assert weight(0.0, 0.0) == 1.0
     assert weight(0.07, -0.07) == pytest.approx(1.0 + 2.0 / 3.0)
     assert weight(0.3, 0.1) == pytest.approx(weight(-0.1, -0.3))

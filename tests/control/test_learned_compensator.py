@@ -1,4 +1,6 @@
-"""The learned compensator: the network is what NumPy says, its training repeats and learns, and it flies."""
+"""The learned compensator: the network is what NumPy says, its training repeats and
+learns, and it flies.
+"""
 
 import dataclasses
 import json
@@ -42,20 +44,48 @@ from support.engines import Loaded, needs_cc
 from support.laws import ARM2, MODEL, cases, hovering, pushes
 from support.logs import Errors, synthetic_log
 
-TRAINING = runpy.run_path(str(Path(__file__).parents[2] / "examples/learned_compensator/train.py"))
-NAMES = ("Budget", "Trainer", "random_scenario", "residuals", "samples", "learn", "training_record", "write_network")
-Budget, Trainer, random_scenario, residuals, samples, learn, training_record, write_network = map(TRAINING.get, NAMES)
+TRAINING = runpy.run_path(
+    str(Path(__file__).parents[2] / "examples/learned_compensator/train.py")
+)
+NAMES = (
+    "Budget",
+    "Trainer",
+    "random_scenario",
+    "residuals",
+    "samples",
+    "learn",
+    "training_record",
+    "write_network",
+)
+(
+    Budget,
+    Trainer,
+    random_scenario,
+    residuals,
+    samples,
+    learn,
+    training_record,
+    write_network,
+) = map(TRAINING.get, NAMES)
 TINY = Budget(flights=3, rounds=1, duration=0.6, hidden=8, epochs=20, batch=16, seed=5)
 
 
 def learned(**options):
-    return make_controller("learned_compensator", MODEL, gains=HUMMINGBIRD, joint_gains=ACCELERATION, **options)
+    return make_controller(
+        "learned_compensator",
+        MODEL,
+        gains=HUMMINGBIRD,
+        joint_gains=ACCELERATION,
+        **options,
+    )
 
 
 def numpy_forward(network, x):
     """The network by matrices."""
     z = (x - np.array(network.means)) * np.array(network.factors)
-    *hidden, last = [(np.array(layer.weights), np.array(layer.offsets)) for layer in network.layers]
+    *hidden, last = [
+        (np.array(layer.weights), np.array(layer.offsets)) for layer in network.layers
+    ]
     for W, b in hidden:
         z = np.tanh(W @ z + b)
     limits = np.array(network.limits)
@@ -65,14 +95,18 @@ def numpy_forward(network, x):
 def inputs(count, seed=0):
     network, _ = shipped_network()
     rng = np.random.default_rng(seed)
-    return np.array(network.means) + rng.normal(size=(count, len(network.means))) / np.array(network.factors)
+    return np.array(network.means) + rng.normal(
+        size=(count, len(network.means))
+    ) / np.array(network.factors)
 
 
 def test_the_shipped_network_is_what_its_matrices_say():
     network, _ = shipped_network()
     for x in inputs(20):
         # 1e-13: sums of a hundred products in another order
-        np.testing.assert_allclose(network(x.tolist()), numpy_forward(network, x), rtol=1e-11, atol=1e-13)
+        np.testing.assert_allclose(
+            network(x.tolist()), numpy_forward(network, x), rtol=1e-11, atol=1e-13
+        )
 
 
 def test_answers_beyond_what_training_saw_are_limited():
@@ -89,23 +123,41 @@ def test_the_file_says_how_it_was_made_and_reads_back_as_written():
     text = write_network(network, training)
     assert read_network(text) == (network, training)
     assert len(text) < 200_000
-    assert all(e < r for e, r in zip(training["held_out_rms_error"][:3], training["held_out_rms"][:3], strict=True))
+    assert all(
+        e < r
+        for e, r in zip(
+            training["held_out_rms_error"][:3],
+            training["held_out_rms"][:3],
+            strict=True,
+        )
+    )
 
 
 @pytest.mark.parametrize("text", ["[]", '{"schema": 1}', '{"schema": 2}', "nothing"])
 def test_another_file_is_refused(text):
-    with pytest.raises(ValueError, match=r"schema|must be a file that the training wrote|Expecting value"):
+    with pytest.raises(
+        ValueError,
+        match=r"schema|must be a file that the training wrote|Expecting value",
+    ):
         read_network(text)
 
 
 def test_with_a_silent_network_it_is_the_paper_s_law():
     silent = dataclasses.replace(shipped_network()[0], limits=(0.0,) * 8)
     ours = learned(network=silent)
-    paper = make_controller("hybrid_computed_torque", MODEL, gains=HUMMINGBIRD, joint_gains=ACCELERATION)
+    paper = make_controller(
+        "hybrid_computed_torque", MODEL, gains=HUMMINGBIRD, joint_gains=ACCELERATION
+    )
     for case in cases(10, seed=2):
-        _, command = ours.law(ours.memory, case.measurement(), case.reference(), 0.005, par=ours.par)
-        _, expected = hybrid_computed_torque((), case.measurement(), case.reference(), 0.005, par=paper.par)
-        np.testing.assert_allclose(leaves(command), leaves(expected), rtol=1e-9, atol=1e-12)
+        _, command = ours.law(
+            ours.memory, case.measurement(), case.reference(), 0.005, par=ours.par
+        )
+        _, expected = hybrid_computed_torque(
+            (), case.measurement(), case.reference(), 0.005, par=paper.par
+        )
+        np.testing.assert_allclose(
+            leaves(command), leaves(expected), rtol=1e-9, atol=1e-12
+        )
 
 
 def test_what_pushes_already_is_taken_off_torque_thrust_and_efforts():
@@ -114,20 +166,34 @@ def test_what_pushes_already_is_taken_off_torque_thrust_and_efforts():
         told = (0.0, 0.0, 0.7, 0.02, -0.03, 0.004, 0.05, -0.02)
         alone = compensate(case.measurement(), case.reference(), (0.0,) * 8, ours.par)
         helped = compensate(case.measurement(), case.reference(), told, ours.par)
-        (torque, thrust), (torque_0, thrust_0) = pushes(ARM2, helped), pushes(ARM2, alone)
+        (torque, thrust), (torque_0, thrust_0) = (
+            pushes(ARM2, helped),
+            pushes(ARM2, alone),
+        )
         np.testing.assert_allclose(torque - torque_0, [-0.02, 0.03, -0.004], atol=1e-9)
         assert thrust - thrust_0 == pytest.approx(-0.7)
-        np.testing.assert_allclose(np.subtract(helped.efforts, alone.efforts), [-0.05, 0.02], atol=1e-12)
+        np.testing.assert_allclose(
+            np.subtract(helped.efforts, alone.efforts), [-0.05, 0.02], atol=1e-12
+        )
 
 
 def test_the_answer_is_followed_by_a_first_order_filter():
     always = shipped_network()[0]
     top = dataclasses.replace(always.layers[-1], offsets=(1e6,) * 8)
-    ours = learned(network=dataclasses.replace(always, layers=(*always.layers[:-1], top)), answer=7.0)
+    ours = learned(
+        network=dataclasses.replace(always, layers=(*always.layers[:-1], top)),
+        answer=7.0,
+    )
     case, memory = cases(1, seed=4)[0], ours.memory
     for _ in range(10):
-        memory, _ = ours.law(memory, case.measurement(), case.reference(), 0.005, par=ours.par)
-    np.testing.assert_allclose(memory.answer, np.array(always.limits) * (1.0 - math.exp(-7.0 * 0.05)), rtol=1e-9)
+        memory, _ = ours.law(
+            memory, case.measurement(), case.reference(), 0.005, par=ours.par
+        )
+    np.testing.assert_allclose(
+        memory.answer,
+        np.array(always.limits) * (1.0 - math.exp(-7.0 * 0.05)),
+        rtol=1e-9,
+    )
 
 
 def test_the_history_is_the_filtered_motion_and_its_rise_the_acceleration():
@@ -138,11 +204,19 @@ def test_the_history_is_the_filtered_motion_and_its_rise_the_acceleration():
     for k in range(400):
         now = dataclasses.replace(case, v=acceleration * k * 0.005)
         seen = features(now.measurement(), now.reference(), history)
-        history = with_command(ARM2, with_motion(history, now.measurement(), 0.005), command, 0.005)
-    # a ramp runs ahead of its filter by acceleration over HISTORY, up to half a period of sampling
-    expected = case.R.T @ acceleration * (HISTORY * 0.005 / (1.0 - math.exp(-HISTORY * 0.005)))
+        history = with_command(
+            ARM2, with_motion(history, now.measurement(), 0.005), command, 0.005
+        )
+    # a ramp runs ahead of its filter by acceleration over HISTORY, up to half a period
+    # of sampling
+    expected = (
+        case.R.T @ acceleration * (HISTORY * 0.005 / (1.0 - math.exp(-HISTORY * 0.005)))
+    )
     np.testing.assert_allclose(seen[place : place + 3], expected, rtol=1e-6)
-    thrust = sum(r.thrust_coefficient * w**2 for r, w in zip(ARM2.rotors, command.rotor_speeds, strict=True))
+    thrust = sum(
+        r.thrust_coefficient * w**2
+        for r, w in zip(ARM2.rotors, command.rotor_speeds, strict=True)
+    )
     assert seen[names.index("force_B z")] == pytest.approx(thrust)
     np.testing.assert_allclose(seen[-2:], command.efforts)
     np.testing.assert_allclose(seen[3:6], case.R.T @ [0.0, 0.0, 1.0], atol=1e-12)
@@ -159,7 +233,11 @@ def test_machine_code_and_python_of_the_law_are_one():
     kernel = Kernel(loop, Lanes(1, contract=False), logging=True)
     start, numbers = np.array(leaves(ours.memory))[:, None], np.array([leaves(row)] * 3)
     carry, log = kernel.run(start, np.zeros((0, 1)), numbers)
-    program = trace(lambda memory, m, r: ours.law(memory, m, r, 0.005, par=ours.par), ours.memory, *row)
+    program = trace(
+        lambda memory, m, r: ours.law(memory, m, r, 0.005, par=ours.par),
+        ours.memory,
+        *row,
+    )
     memory = tuple(leaves(ours.memory))
     for _ in range(3):
         result = program.flat((*memory, *leaves(row)))
@@ -174,29 +252,54 @@ def test_machine_code_and_python_of_the_law_are_one():
 def test_in_c_it_has_the_bits_of_the_law_in_python_over_several_steps(tmp_path):
     ours, some = learned(), cases(5, seed=3)
     text = export_c(ours, name="law", period=0.005).text
-    assert not re.search(r"^    double \w+(\[\d+\])*;$", text.split("struct law_parameters")[1].split("};")[0], re.M)
-    in_c, memory = Loaded(text, tmp_path, ("-O1", "-std=c99", "-ffp-contract=off")), ours.memory
+    assert not re.search(
+        r"^    double \w+(\[\d+\])*;$",
+        text.split("struct law_parameters")[1].split("};")[0],
+        re.M,
+    )
+    in_c, memory = (
+        Loaded(text, tmp_path, ("-O1", "-std=c99", "-ffp-contract=off")),
+        ours.memory,
+    )
     for case in some:
         found = in_c(case.measurement(), case.reference())
-        memory, command = ours.law(memory, case.measurement(), case.reference(), 0.005, par=ours.par)
+        memory, command = ours.law(
+            memory, case.measurement(), case.reference(), 0.005, par=ours.par
+        )
         # tanh and exp are libm's in both
-        np.testing.assert_allclose(found, [float(x) for x in leaves(command)], rtol=1e-12)
+        np.testing.assert_allclose(
+            found, [float(x) for x in leaves(command)], rtol=1e-12
+        )
 
 
 def test_another_arm_is_refused():
-    with pytest.raises(ControllerError, match=r"takes 39 inputs, a vehicle of 6 joints gives 63; train one"):
-        make_controller("learned_compensator", Model(vehicle=load_vehicle("hexarotor_arm6")))
+    with pytest.raises(
+        ControllerError,
+        match=r"takes 39 inputs, a vehicle of 6 joints gives 63; train one",
+    ):
+        make_controller(
+            "learned_compensator", Model(vehicle=load_vehicle("hexarotor_arm6"))
+        )
 
 
 def test_the_shipped_network_is_refused_for_an_untrained_vehicle_unless_it_is_given():
-    heavy = dataclasses.replace(ARM2, base=dataclasses.replace(ARM2.base, mass=3.0 * ARM2.base.mass))
+    heavy = dataclasses.replace(
+        ARM2, base=dataclasses.replace(ARM2.base, mass=3.0 * ARM2.base.mass)
+    )
     first, second = ARM2.links
     joint = dataclasses.replace(second.joint, position=Vec3(0.0, 0.0, -0.4))
-    long = dataclasses.replace(ARM2, links=(first, dataclasses.replace(second, joint=joint)))
-    for vehicle, words in ((heavy, r"masses \[2.148, .*trained with \[0.716"), (long, r"places .*trained with \[0.0")):
+    long = dataclasses.replace(
+        ARM2, links=(first, dataclasses.replace(second, joint=joint))
+    )
+    for vehicle, words in (
+        (heavy, r"masses \[2.148, .*trained with \[0.716"),
+        (long, r"places .*trained with \[0.0"),
+    ):
         with pytest.raises(ControllerError, match=words):
             make_controller("learned_compensator", Model(vehicle=vehicle))
-        make_controller("learned_compensator", Model(vehicle=vehicle), network=shipped_network()[0])
+        make_controller(
+            "learned_compensator", Model(vehicle=vehicle), network=shipped_network()[0]
+        )
     for name in ("hummingbird_arm2", "hummingbird_arm2_rotors"):
         make_controller("learned_compensator", Model(vehicle=load_vehicle(name)))
 
@@ -216,10 +319,17 @@ def test_what_the_model_leaves_out_of_a_flight_is_the_push_that_was_given():
     controller = load_scenario("case3").controller
     scenario = random_scenario(np.random.default_rng(1), controller, 1.0, 0)
     belief = scenario.plant.vehicle
-    wind = dataclasses.replace(scenario.wind, air_velocity_W=scenario.wind.force_W * 0.0, gust=None)
-    still = tuple(dataclasses.replace(r, drag_coefficient=0.0, rolling_moment_coefficient=0.0) for r in belief.rotors)
+    wind = dataclasses.replace(
+        scenario.wind, air_velocity_W=scenario.wind.force_W * 0.0, gust=None
+    )
+    still = tuple(
+        dataclasses.replace(r, drag_coefficient=0.0, rolling_moment_coefficient=0.0)
+        for r in belief.rotors
+    )
     truth = dataclasses.replace(belief, rotors=still).with_joints(damping=0.0)
-    flown = dataclasses.replace(scenario, wind=wind, plant=dataclasses.replace(scenario.plant, vehicle=truth))
+    flown = dataclasses.replace(
+        scenario, wind=wind, plant=dataclasses.replace(scenario.plant, vehicle=truth)
+    )
     log = run(flown)
     found = residuals(Model(vehicle=truth, gravity=9.8), log)
     turned = Rotation.from_quat(log.quaternion[:-1][:, [1, 2, 3, 0]]).inv()
@@ -231,8 +341,14 @@ def test_what_the_model_leaves_out_of_a_flight_is_the_push_that_was_given():
 
 @pytest.mark.thorough
 def test_a_noisy_flight_is_seen_through_every_channel_of_the_bench_s_noise():
-    log = run(random_scenario(np.random.default_rng(2), load_scenario("case3").controller, 8.0, 0))
-    clean, noisy = samples(MODEL, [log, log], [False, True], np.random.default_rng(3))[0]
+    log = run(
+        random_scenario(
+            np.random.default_rng(2), load_scenario("case3").controller, 8.0, 0
+        )
+    )
+    clean, noisy = samples(MODEL, [log, log], [False, True], np.random.default_rng(3))[
+        0
+    ]
     # NumPy's view of the true flight
     turned = Rotation.from_quat(log.quaternion[:-1][:, [1, 2, 3, 0]]).inv()
     names = list(feature_names(2))
@@ -242,19 +358,28 @@ def test_a_noisy_flight_is_seen_through_every_channel_of_the_bench_s_noise():
         "rate_B y": log.rate[:-1, 1],
         "joint 2": log.joints[:-1, 1],
         "joint_rate 1": log.joint_rates[:-1, 0],
-        "position_error_B z": turned.apply(log.position[:-1] - log.position_held[:-1])[:, 2],
+        "position_error_B z": turned.apply(log.position[:-1] - log.position_held[:-1])[
+            :, 2
+        ],
     }
     for name, truth in truths.items():
         np.testing.assert_allclose(clean[:, names.index(name)], truth, atol=1e-12)
     # 1600 draws: a deviation is known to 1.8 %
-    for name, sigma in (("up_B x", 0.002), ("rate_B y", 0.01), ("joint 2", 0.001), ("joint_rate 1", 0.01)):
+    for name, sigma in (
+        ("up_B x", 0.002),
+        ("rate_B y", 0.01),
+        ("joint 2", 0.001),
+        ("joint_rate 1", 0.01),
+    ):
         off = (noisy - clean)[:, names.index(name)]
         assert off.std() == pytest.approx(sigma, rel=0.08), name
         assert abs(off.mean()) < 5.0 * off.std() / math.sqrt(len(off))
     # a wrong attitude turns a vector; its length shows the vector's own noise
     for group, sigma in (("position_error_B", 0.001), ("velocity_B", 0.01)):
         at = names.index(f"{group} x")
-        off = np.linalg.norm(noisy[:, at : at + 3], axis=1) - np.linalg.norm(clean[:, at : at + 3], axis=1)
+        off = np.linalg.norm(noisy[:, at : at + 3], axis=1) - np.linalg.norm(
+            clean[:, at : at + 3], axis=1
+        )
         assert off.std() == pytest.approx(sigma, rel=0.08), group
 
 
@@ -262,7 +387,9 @@ BETA = (0.9, 0.999)
 
 
 def loss(parts, x, y):
-    """Mean squared error of a perceptron with tanh between its layers; complex numbers may pass."""
+    """Mean squared error of a perceptron with tanh between its layers; complex numbers
+    may pass.
+    """
     value = x.astype(complex)
     for i in range(0, len(parts), 2):
         value = value @ parts[i] + parts[i + 1]
@@ -286,26 +413,36 @@ def gradient(parts, x, y):
 
 @pytest.mark.parametrize("sizes", [(3, 4, 5, 2)])
 def test_steps_are_those_of_adam_as_published(sizes):
-    """Kingma, Ba 2015, algorithm 1, with the gradient by complex steps: five steps on changing batches."""
+    """Kingma, Ba 2015, algorithm 1, with the gradient by complex steps: five steps on
+    changing batches.
+    """
     rng = np.random.default_rng(3)
     trainer = Trainer(sizes, np.random.default_rng(4))
     parts = [part.copy() for part in trainer.parts]
     m, v = ([np.zeros_like(part) for part in parts] for _ in range(2))
     for t in range(1, 6):
-        x, y, rate = rng.normal(size=(7, sizes[0])), rng.normal(size=(7, sizes[-1])), 0.1 / t
+        x, y, rate = (
+            rng.normal(size=(7, sizes[0])),
+            rng.normal(size=(7, sizes[-1])),
+            0.1 / t,
+        )
         g = gradient(parts, x, y)
         told = loss(parts, x, y).real
         for i, slope in enumerate(g):
             m[i] = BETA[0] * m[i] + (1.0 - BETA[0]) * slope
             v[i] = BETA[1] * v[i] + (1.0 - BETA[1]) * slope**2
-            parts[i] = parts[i] - rate * (m[i] / (1.0 - BETA[0] ** t)) / (np.sqrt(v[i] / (1.0 - BETA[1] ** t)) + 1e-8)
+            parts[i] = parts[i] - rate * (m[i] / (1.0 - BETA[0] ** t)) / (
+                np.sqrt(v[i] / (1.0 - BETA[1] ** t)) + 1e-8
+            )
         assert trainer.step(x, y, rate) == pytest.approx(told, rel=1e-12)
         for ours, theirs in zip(trainer.parts, parts, strict=True):
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-9)
 
 
 def test_what_a_model_leaves_out_is_found_sample_by_sample():
-    """At each instant alone, rotated by SciPy: force and torque that the rotors' thrust and drag do not give."""
+    """At each instant alone, rotated by SciPy: force and torque that the rotors' thrust
+    and drag do not give.
+    """
     vehicle = load_vehicle("hummingbird_arm2")
     rng = np.random.default_rng(8)
     log, count = synthetic_log("case1", "rigid_body", "CT", seconds=0.03), 6
@@ -327,11 +464,25 @@ def test_what_a_model_leaves_out_is_found_sample_by_sample():
     for k in range(count - 1):
         slope = (velocity[k + 1] - velocity[k]) / 0.005
         needed = arrays.inverse_dynamics(
-            vehicle, log.position[k], log.quaternion[k], log.joints[k], velocity[k], slope, gravity=9.81
+            vehicle,
+            log.position[k],
+            log.quaternion[k],
+            log.joints[k],
+            velocity[k],
+            slope,
+            gravity=9.81,
         )
         push, turn = np.zeros(3), np.zeros(3)
-        for rotor, speed in zip(vehicle.rotors, 0.5 * (log.rotor_speeds[k] + log.rotor_speeds[k + 1]), strict=True):
-            thrust = np.array([*rotor.axis], dtype=float) * float(rotor.thrust_coefficient) * speed**2
+        for rotor, speed in zip(
+            vehicle.rotors,
+            0.5 * (log.rotor_speeds[k] + log.rotor_speeds[k + 1]),
+            strict=True,
+        ):
+            thrust = (
+                np.array([*rotor.axis], dtype=float)
+                * float(rotor.thrust_coefficient)
+                * speed**2
+            )
             push += thrust
             spin = float(rotor.moment_coefficient * rotor.thrust_coefficient) * speed**2
             turn += np.cross(np.array([*rotor.position], dtype=float), thrust)
@@ -349,6 +500,9 @@ def test_training_learns_and_repeats_bit_for_bit():
         second.network, training_record(TINY, second)
     )
     assert (
-        json.loads(write_network(first.network, training_record(TINY, first)))["training"]["samples"] == first.samples
+        json.loads(write_network(first.network, training_record(TINY, first)))[
+            "training"
+        ]["samples"]
+        == first.samples
     )
     assert learn(dataclasses.replace(TINY, seed=6)).network != first.network

@@ -1,4 +1,6 @@
-"""Noise of velocity and accelerometer, found on signals whose noise is known, and a Kalman filter's poles."""
+"""Noise of velocity and accelerometer, found on signals whose noise is known, and a
+Kalman filter's poles.
+"""
 
 import dataclasses
 import math
@@ -12,7 +14,15 @@ from scipy.stats import chi2
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.control.laws.centroidal.make import make_centroidal
-from skyarm.control.laws.centroidal.noise_estimate import FELT, QUICKEST, SEEN, SLOWEST, NoiseGains, NoiseMemory, White
+from skyarm.control.laws.centroidal.noise_estimate import (
+    FELT,
+    QUICKEST,
+    SEEN,
+    SLOWEST,
+    NoiseGains,
+    NoiseMemory,
+    White,
+)
 from skyarm.control.model import Model
 from skyarm.scenario.scenario_record import Delays
 from skyarm.simulate.loop import run_in_python
@@ -26,7 +36,9 @@ MODEL = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
 
 
 def fed(noise, lacking=0.0, *, bandwidth=27.0, dt=DT, gains=GAINS):
-    """Memories of the estimate along noise (n, 3) and accelerations that the model lacks, by an observer of our own."""
+    """Memories of the estimate along noise (n, 3) and accelerations that the model
+    lacks, by an observer of our own.
+    """
     noise = np.asarray(noise, dtype=float)
     velocity = np.cumsum(np.broadcast_to(lacking, noise.shape) * dt, axis=0)
     b, seen, pushed = math.exp(-bandwidth * dt), velocity[0] + noise[0], np.zeros(3)
@@ -36,7 +48,9 @@ def fed(noise, lacking=0.0, *, bandwidth=27.0, dt=DT, gains=GAINS):
         if k:
             seen, pushed = measured - b * b * off, pushed + (1.0 - b) ** 2 / dt * off
         told = SimpleNamespace(innovation=Vec3(*off), known=1.0, beside=())
-        held = SimpleNamespace(told=told, observed=SimpleNamespace(velocity=Vec3(*seen)))
+        held = SimpleNamespace(
+            told=told, observed=SimpleNamespace(velocity=Vec3(*seen))
+        )
         memory = gains.after(memory, held, Vec3(*measured), dt)
         found.append(memory)
     return found
@@ -54,30 +68,44 @@ def variance(memories):
     return np.mean([each.velocity.variance for each in memories[len(memories) // 2 :]])
 
 
-@pytest.mark.parametrize(("bandwidth", "dt"), [(27.0, 0.005), (8.0, 0.005), (60.0, 0.005), (27.0, 0.0025)])
+@pytest.mark.parametrize(
+    ("bandwidth", "dt"), [(27.0, 0.005), (8.0, 0.005), (60.0, 0.005), (27.0, 0.0025)]
+)
 def test_the_noise_is_found_by_an_observer_of_any_bandwidth(bandwidth, dt):
-    """(1 - b)^2, 1.6 % at 27 rad/s, of a reading's noise is in the disturbance that the next change is less by."""
+    """(1 - b)^2, 1.6 % at 27 rad/s, of a reading's noise is in the disturbance that the
+    next change is less by.
+    """
     found = variance(fed(white(0.1, dt=dt), bandwidth=bandwidth, dt=dt))
-    assert found == pytest.approx(0.01 * (1.0 + (1.0 - math.exp(-bandwidth * dt)) ** 2), rel=0.05)
+    assert found == pytest.approx(
+        0.01 * (1.0 + (1.0 - math.exp(-bandwidth * dt)) ** 2), rel=0.05
+    )
 
 
 def test_the_bandwidth_is_that_of_the_kalman_filter():
-    """Of v' = d, d' = w, by the Riccati equation: poles of one damping ratio, whose size falls with the noise."""
+    """Of v' = d, d' = w, by the Riccati equation: poles of one damping ratio, whose
+    size falls with the noise.
+    """
     A, C = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[1.0, 0.0]])
 
     def pole(size):
-        P = solve_continuous_are(A.T, C.T, np.diag([0.0, 1.0]), np.array([[size * size * DT]]))
+        P = solve_continuous_are(
+            A.T, C.T, np.diag([0.0, 1.0]), np.array([[size * size * DT]])
+        )
         return abs(np.linalg.eigvals(A - P @ C.T @ C / (size * size * DT))[0])
 
     least = GAINS.density / math.sqrt(DT)
     for size in (0.05, 0.1, 0.2):
-        assert of_variance(size * size).share(GAINS.density, DT) == pytest.approx(pole(size) / pole(least), rel=1e-9)
+        assert of_variance(size * size).share(GAINS.density, DT) == pytest.approx(
+            pole(size) / pole(least), rel=1e-9
+        )
 
 
 def test_of_noise_the_density_counts():
     """Four times the readings with twice the noise of each say as much."""
     slow, fast = of_variance(0.01), of_variance(0.04)
-    assert slow.share(GAINS.density, DT) == pytest.approx(fast.share(GAINS.density, DT / 4.0))
+    assert slow.share(GAINS.density, DT) == pytest.approx(
+        fast.share(GAINS.density, DT / 4.0)
+    )
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01])
@@ -86,8 +114,16 @@ def test_the_benchs_noise_and_what_the_model_lacks_take_no_bandwidth(noise, lack
     """Bit for bit: whatever lasts longer than a period is no noise."""
     t = np.arange(1600)[:, None] * DT
     turbulent = np.cumsum(np.random.default_rng(1).normal(size=(1600, 3)), axis=0) * 0.3
-    accelerations = {"nothing": 0.0, "steady": 5.0, "swinging": 5.0 * np.sin(30.0 * t), "turbulent": turbulent}
-    assert {each.velocity.share(GAINS.density, DT) for each in fed(white(noise), accelerations[lacking])} == {1.0}
+    accelerations = {
+        "nothing": 0.0,
+        "steady": 5.0,
+        "swinging": 5.0 * np.sin(30.0 * t),
+        "turbulent": turbulent,
+    }
+    assert {
+        each.velocity.share(GAINS.density, DT)
+        for each in fed(white(noise), accelerations[lacking])
+    } == {1.0}
 
 
 def test_a_false_reading_is_no_noise():
@@ -134,51 +170,84 @@ def test_the_noise_of_an_accelerometer_is_found_beside_forces_that_last(sigma):
 
 
 @pytest.mark.parametrize(
-    ("seen", "felt"), [(1.0, 1.0), (4.0, 1.0), (1.0, 6.0), (0.5, 0.1), (3.0, 3.0), (30.0, 1.0), (1.0, 90.0)]
+    ("seen", "felt"),
+    [
+        (1.0, 1.0),
+        (4.0, 1.0),
+        (1.0, 6.0),
+        (0.5, 0.1),
+        (3.0, 3.0),
+        (30.0, 1.0),
+        (1.0, 90.0),
+    ],
 )
 def test_the_poles_of_the_accelerometer_go_with_both_noises(seen, felt):
-    """Its force's as the root of its noise, the one against the velocity as the ratio of both (Riccati), in bounds."""
+    """Its force's as the root of its noise, the one against the velocity as the ratio
+    of both (Riccati), in bounds.
+    """
     par = make_centroidal(MODEL, mode="tip").par
     memory = NoiseMemory(
-        velocity=of_variance((seen * SEEN) ** 2 / DT), accelerometer=of_variance((felt * FELT) ** 2 / DT)
+        velocity=of_variance((seen * SEEN) ** 2 / DT),
+        accelerometer=of_variance((felt * FELT) ** 2 / DT),
     )
     observer = par.parts.noise.adjust_gains(memory, par, DT).observer
     more, worse = max(seen, 1.0), max(felt, 1.0)
     assert observer.accelerometer.force == pytest.approx(40.0 * worse**-0.5)
     # v' = a + n_a, measured with n_v: the pole is the ratio of the densities
-    P = solve_continuous_are(np.zeros((1, 1)), np.ones((1, 1)), [[(worse * FELT) ** 2]], [[(more * SEEN) ** 2]])[0, 0]
+    P = solve_continuous_are(
+        np.zeros((1, 1)),
+        np.ones((1, 1)),
+        [[(worse * FELT) ** 2]],
+        [[(more * SEEN) ** 2]],
+    )[0, 0]
     ratio = P / (more * SEEN) ** 2 / (FELT / SEEN)
-    assert observer.accelerometer.velocity == pytest.approx(np.clip(8.0 * ratio, SLOWEST, QUICKEST))
+    assert observer.accelerometer.velocity == pytest.approx(
+        np.clip(8.0 * ratio, SLOWEST, QUICKEST)
+    )
 
 
 @pytest.mark.parametrize("times", [0.5, 1.0, 4.0])
 def test_an_accelerometer_may_part_from_a_noisy_velocity_by_as_many_deviations(times):
-    """The accepted difference goes with the velocity's deviation beyond the bench's, whatever the accelerometer's."""
+    """The accepted difference goes with the velocity's deviation beyond the bench's,
+    whatever the accelerometer's.
+    """
     par = make_centroidal(MODEL).par
     gains, noise = par.parts.noise, (times * SEEN) ** 2 / DT
     for felt in (0.0, (3.0 * FELT) ** 2 / DT):
-        memory = NoiseMemory(velocity=of_variance(noise), accelerometer=of_variance(felt))
+        memory = NoiseMemory(
+            velocity=of_variance(noise), accelerometer=of_variance(felt)
+        )
         found = gains.adjust_gains(memory, par, DT).observer.accelerometer
-        assert found.agreement == pytest.approx(par.observer.accelerometer.agreement * max(times, 1.0))
+        assert found.agreement == pytest.approx(
+            par.observer.accelerometer.agreement * max(times, 1.0)
+        )
 
 
 def test_an_observer_that_takes_velocities_whole_keeps_its_bandwidth():
     """Nothing is left of a reading: each change of it is one of the model's force."""
-    assert fed(white(0.1, 1.0), bandwidth=1e6)[-1].velocity.share(GAINS.density, DT) < 1.0
+    assert (
+        fed(white(0.1, 1.0), bandwidth=1e6)[-1].velocity.share(GAINS.density, DT) < 1.0
+    )
 
 
 def test_the_observer_alone_answers():
     par = make_centroidal(MODEL, mode="tip").par
     memory = NoiseMemory(velocity=of_variance(0.01), accelerometer=White())
     slower = par.parts.noise.adjust_gains(memory, par, DT)
-    assert slower.observer.force == pytest.approx(27.0 * memory.velocity.share(GAINS.density, DT))
+    assert slower.observer.force == pytest.approx(
+        27.0 * memory.velocity.share(GAINS.density, DT)
+    )
     assert dataclasses.replace(slower, observer=par.observer) == par
     heard = par.observer.accelerometer
-    assert dataclasses.replace(slower.observer, force=27.0, accelerometer=heard, jump=0.3) == par.observer
+    assert (
+        dataclasses.replace(slower.observer, force=27.0, accelerometer=heard, jump=0.3)
+        == par.observer
+    )
 
 
 @pytest.mark.parametrize(
-    ("deviation", "jump"), [(0.0, 0.3), (0.05, 0.3), (0.1, 27.0**0.5 * 0.1), (0.4, 27.0**0.5 * 0.4)]
+    ("deviation", "jump"),
+    [(0.0, 0.3), (0.05, 0.3), (0.1, 27.0**0.5 * 0.1), (0.4, 27.0**0.5 * 0.4)],
 )
 def test_noise_is_no_leap(deviation, jump):
     """Three deviations of three axes are no blow: 97 % of white noise is below."""
@@ -191,7 +260,12 @@ def test_noise_is_no_leap(deviation, jump):
 
 
 @pytest.mark.parametrize(
-    ("name", "share"), [("hummingbird_arm2", 1.0), ("crazyflie_arm1", 0.625), ("hexarotor12_arm5", 0.3125)]
+    ("name", "share"),
+    [
+        ("hummingbird_arm2", 1.0),
+        ("crazyflie_arm1", 0.625),
+        ("hexarotor12_arm5", 0.3125),
+    ],
 )
 def test_of_slower_motors_the_noise_is_answered_sooner(name, share):
     """Mean time constants of 18.75, 30 and 60 ms."""
@@ -199,12 +273,21 @@ def test_of_slower_motors_the_noise_is_answered_sooner(name, share):
     assert noise.density == pytest.approx(0.0018 * share)
 
 
-def noisy_circle(times, vehicle="hummingbird_arm2_rotors", duration=8.0, specific_force=0.0, **law):
+def noisy_circle(
+    times, vehicle="hummingbird_arm2_rotors", duration=8.0, specific_force=0.0, **law
+):
     setting = setting_of(vehicle, duration)
-    noise = dataclasses.replace(NOISE, **{f.name: getattr(NOISE, f.name) * times for f in dataclasses.fields(NOISE)})
+    noise = dataclasses.replace(
+        NOISE,
+        **{f.name: getattr(NOISE, f.name) * times for f in dataclasses.fields(NOISE)},
+    )
     noise = dataclasses.replace(noise, specific_force=specific_force)
-    circle = Trial(name="slow", title="", unit="", values=(0.0,), base="slow_circle", arm="gentle")
-    flight = dataclasses.replace(circle.scenario(setting, 0.0), noise=noise, delays=Delays(measurement=DT))
+    circle = Trial(
+        name="slow", title="", unit="", values=(0.0,), base="slow_circle", arm="gentle"
+    )
+    flight = dataclasses.replace(
+        circle.scenario(setting, 0.0), noise=noise, delays=Delays(measurement=DT)
+    )
     made = make_centroidal(flight.controller.par.model, mode="tip", delay=DT, **law)
     return dataclasses.replace(flight, controller=made)
 
@@ -226,7 +309,9 @@ def test_ten_times_the_benchs_noise_is_flown(specific_force):
 
 
 def test_a_shaken_accelerometer_alone_is_flown():
-    """Forty times 0.05 m/s^2 with the bench's other noise; 6 mm at ten times with poles that stay."""
+    """Forty times 0.05 m/s^2 with the bench's other noise; 6 mm at ten times with poles
+    that stay.
+    """
     assert scores(noisy_circle(1.0, specific_force=2.0), (11, 12))[0] < 0.004
 
 
@@ -242,6 +327,10 @@ def test_lanes_and_floats_fly_it_to_the_same_bits():
     floats = run_in_python(scenario)
     path = "controller.parts.noise.density"
     batch = skyarm.Batch(scenario, [path], bit_exact=True, log_every=1, effort=0)
-    x = np.asarray(batch.fly({path: np.array([0.0018, 1.0])}, seed=scenario.seed).log.state.position.x)
+    x = np.asarray(
+        batch.fly(
+            {path: np.array([0.0018, 1.0])}, seed=scenario.seed
+        ).log.state.position.x
+    )
     assert np.array_equal(x[0], floats.position[:, 0])
     assert not np.array_equal(x[1], floats.position[:, 0])

@@ -9,7 +9,11 @@ import pytest
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.laws.centroidal.contact.admittance import AdmittanceMemory, Detection, detect
+from skyarm.control.laws.centroidal.contact.admittance import (
+    AdmittanceMemory,
+    Detection,
+    detect,
+)
 
 DT, GAINS, ZERO = 0.005, Detection(), Vec3(0.0, 0.0, 0.0)
 FIRST = AdmittanceMemory(bias=no_disturbance(1))
@@ -17,8 +21,12 @@ CALM = dataclasses.replace(FIRST, age=5.0)
 
 
 def step(memory, told, observed=(0.0, 0.0, 0.0), felt=None, gains=GAINS):
-    d = Disturbance(force=Vec3(*observed), torque=Vec3(*observed) * 0.1, efforts=(observed[0],))
-    memory = dataclasses.replace(memory, force=Vec3(*told), sensed=() if felt is None else felt)
+    d = Disturbance(
+        force=Vec3(*observed), torque=Vec3(*observed) * 0.1, efforts=(observed[0],)
+    )
+    memory = dataclasses.replace(
+        memory, force=Vec3(*told), sensed=() if felt is None else felt
+    )
     memory = detect(gains, memory, d, Vec3(*told), DT)
     return memory, memory.force * memory.detected
 
@@ -33,7 +41,9 @@ def test_a_force_counts_in_full_above_the_threshold_and_while_patience_lasts():
     assert [*outside] == [0.1, 0.0, 0.0]
     memory, outside = step(step(memory, (0.1, 0.0, 0.0))[0], (0.1, 0.0, 0.0))
     assert (memory.detected, [*outside]) == (0.0, [0.0] * 3)
-    assert step(CALM, (0.1, 0.0, 0.0), gains=Detection(threshold=0.05))[0].detected == 1.0
+    assert (
+        step(CALM, (0.1, 0.0, 0.0), gains=Detection(threshold=0.05))[0].detected == 1.0
+    )
 
 
 def test_nothing_counts_before_the_bias_has_settled():
@@ -42,7 +52,9 @@ def test_nothing_counts_before_the_bias_has_settled():
         memory, outside = step(memory, (1.0, 0.0, 0.0), (1.0, 0.0, -2.0))
         found.append(outside.x)
     assert found.index(1.0) in (399, 400, 401)  # 2 s
-    assert memory.bias.force.z == pytest.approx(-2.0 * (1.0 - np.exp(-3.0 * 2.0)), rel=0.01)
+    assert memory.bias.force.z == pytest.approx(
+        -2.0 * (1.0 - np.exp(-3.0 * 2.0)), rel=0.01
+    )
 
 
 def test_the_bias_is_that_of_free_flight_and_wind_beside_a_force():
@@ -60,8 +72,10 @@ def test_the_bias_is_that_of_free_flight_and_wind_beside_a_force():
 def test_the_bias_of_a_sensor_is_learned_in_its_own_axes_while_nothing_is_heard():
     memory = dataclasses.replace(CALM, sensor_bias=ZERO)
     share = 1.0 - np.exp(-0.5 * DT)
-    assert [*step(memory, (0.0, 0.0, 0.0), felt=Vec3(0.3, 0.0, 0.1))[0].sensor_bias] == pytest.approx(
-        [0.3 * share, 0.0, 0.1 * share]
-    )
-    assert [*step(memory, (1.0, 0.0, 0.0), felt=Vec3(1.3, 0.0, 0.1))[0].sensor_bias] == [0.0] * 3
+    assert [
+        *step(memory, (0.0, 0.0, 0.0), felt=Vec3(0.3, 0.0, 0.1))[0].sensor_bias
+    ] == pytest.approx([0.3 * share, 0.0, 0.1 * share])
+    assert [
+        *step(memory, (1.0, 0.0, 0.0), felt=Vec3(1.3, 0.0, 0.1))[0].sensor_bias
+    ] == [0.0] * 3
     assert step(CALM, (0.0, 0.0, 0.0))[0].sensor_bias == ()

@@ -1,6 +1,8 @@
-"""The predictive law in flights that change: a push that comes and goes, another belief, snapshots gone back to.
+"""The predictive law in flights that change: a push that comes and goes, another
+belief, snapshots gone back to.
 
-Where the predictive law was lost: near free fall, in arm swings, pushes and unknown delay.
+Where the predictive law was lost: near free fall, in arm swings, pushes and unknown
+delay.
 """
 
 from __future__ import annotations
@@ -28,23 +30,40 @@ from support.laws import MODEL, cases
 
 DT = 0.005
 PUSH = (1.0, 0.1, -1.0, 0.0, 0.0)
-TASK = tomllib.loads((files("skyarm.scenario") / "library/press_and_hold.toml").read_text())
-PATH = {"kind": "phases", "position": [0.2, 0.0, 0.83], "phases": [{"kind": "hold", "duration": 20.0}]}
+TASK = tomllib.loads(
+    (files("skyarm.scenario") / "library/press_and_hold.toml").read_text()
+)
+PATH = {
+    "kind": "phases",
+    "position": [0.2, 0.0, 0.83],
+    "phases": [{"kind": "hold", "duration": 20.0}],
+}
 HOLD = {"tip": {**TASK["reference"]["tip"], "path": PATH}}
 
 
 def held(duration, *changes):
     """A tip that waits before the wall of the shipped task, until something changes."""
     told = [{"at": at, "path": path, "value": value} for at, path, value in changes]
-    more = {"controller": {"law": "nmpc"}, "reference": HOLD, "duration": duration, "changes": told}
+    more = {
+        "controller": {"law": "nmpc"},
+        "reference": HOLD,
+        "duration": duration,
+        "changes": told,
+    }
     return skyarm.scenario_from(copy.deepcopy({**TASK, **more}))
 
 
 def steps(controller, references, memory=None):
     """Memories and commands of a law that sees one measurement again and again."""
-    memory, found, seen = memory or controller.memory, [], cases(1, seed=5)[0].measurement()
+    memory, found, seen = (
+        memory or controller.memory,
+        [],
+        cases(1, seed=5)[0].measurement(),
+    )
     for reference in references:
-        memory, command = controller.law(memory, seen, reference, DT, par=controller.par)
+        memory, command = controller.law(
+            memory, seen, reference, DT, par=controller.par
+        )
         found.append((memory, command))
     return found
 
@@ -86,10 +105,16 @@ def test_what_the_engine_was_made_for_is_what_the_law_is_told_now(change):
     free, _ = free_and_pressing()
     own = make_controller("nmpc", MODEL)
     vehicle = MODEL.vehicle
-    heavier = dataclasses.replace(vehicle, base=dataclasses.replace(vehicle.base, mass=1.5 * vehicle.base.mass))
+    heavier = dataclasses.replace(
+        vehicle, base=dataclasses.replace(vehicle.base, mass=1.5 * vehicle.base.mass)
+    )
     other = {
-        "weights": lambda: make_controller("nmpc", MODEL, weights=dataclasses.replace(own.par.weights, tool=5.0)),
-        "belief": lambda: make_controller("nmpc", dataclasses.replace(MODEL, vehicle=heavier)),
+        "weights": lambda: make_controller(
+            "nmpc", MODEL, weights=dataclasses.replace(own.par.weights, tool=5.0)
+        ),
+        "belief": lambda: make_controller(
+            "nmpc", dataclasses.replace(MODEL, vehicle=heavier)
+        ),
         "stages": lambda: make_controller("nmpc", MODEL, stages=9),
     }[change]()
     ((before, _),) = steps(own, [free])
@@ -123,11 +148,16 @@ def test_a_copied_memory_shares_the_engine_and_nothing_of_the_flight():
     assert other.plan is not memory.plan
     # what flies on with an engine leaves nothing in it
     steps(own, [free, pressing, pressing], memory)
-    assert steps(own, [pressing] * 3, memory)[-1][1] == steps(own, [pressing] * 3, other)[-1][1]
+    assert (
+        steps(own, [pressing] * 3, memory)[-1][1]
+        == steps(own, [pressing] * 3, other)[-1][1]
+    )
 
 
 def test_a_session_goes_back_to_a_snapshot_of_it():
-    session = skyarm.Session(skyarm.load_scenario("case3_wind", controller="nmpc", duration=0.4))
+    session = skyarm.Session(
+        skyarm.load_scenario("case3_wind", controller="nmpc", duration=0.4)
+    )
     for _ in range(30):
         session.step()
     snapshot = session.snapshot()
@@ -163,19 +193,35 @@ def test_a_plant_that_changes_in_flight_leaves_the_law_its_memory():
     assert heavier.position[-1, 2] < session.log.position[-1, 2] - 1e-4
 
 
-NOISE = SensorNoise(position=0.001, velocity=0.01, attitude=0.002, rate=0.01, joints=0.001, joint_rates=0.01)
+NOISE = SensorNoise(
+    position=0.001,
+    velocity=0.01,
+    attitude=0.002,
+    rate=0.01,
+    joints=0.001,
+    joint_rates=0.01,
+)
 BASE = skyarm.load_scenario("case3")
 STILL = (Constant(0.0), Constant(0.0))
 CALM = (Sine(amplitude=0.2, frequency_hz=0.5), Sine(amplitude=0.15, frequency_hz=0.5))
 
 
 def flight(duration, z=None, joints=STILL, controller=None, **more):
-    """A flight of the paper's vehicle at 1.5 m; the law is told of a measurement's delay, of a command's never."""
+    """A flight of the paper's vehicle at 1.5 m; the law is told of a measurement's
+    delay, of a command's never.
+    """
     trajectory = Trajectory(z=z or Constant(1.5), joints=joints)
     delay = more["delays"].measurement if "delays" in more else 0.0
-    law = controller or make_controller("nmpc", BASE.controller.par.model, delay_periods=round(delay / 0.005))
+    law = controller or make_controller(
+        "nmpc", BASE.controller.par.model, delay_periods=round(delay / 0.005)
+    )
     window = Windows(steady=Window(0.5 * duration, duration))
-    changed = {"reference": trajectory, "duration": duration, "wind": ForceWind(), "windows": window}
+    changed = {
+        "reference": trajectory,
+        "duration": duration,
+        "wind": ForceWind(),
+        "windows": window,
+    }
     return skyarm.run(dataclasses.replace(BASE, controller=law, **changed, **more))
 
 
@@ -188,11 +234,16 @@ def off(log):
 def tilt(log):
     """Largest tilt, degrees."""
     q = log.quaternion
-    return math.degrees(np.arccos(np.clip(1.0 - 2.0 * (q[:, 1] ** 2 + q[:, 2] ** 2), -1.0, 1.0)).max())
+    return math.degrees(
+        np.arccos(np.clip(1.0 - 2.0 * (q[:, 1] ** 2 + q[:, 2] ** 2), -1.0, 1.0)).max()
+    )
 
 
 def swinging(frequency, amplitude=1.0):
-    return tuple(Sine(amplitude=amplitude, frequency_hz=frequency, phase=phase) for phase in (0.0, 0.9))
+    return tuple(
+        Sine(amplitude=amplitude, frequency_hz=frequency, phase=phase)
+        for phase in (0.0, 0.9)
+    )
 
 
 def test_an_arm_that_swings_fast_is_foreseen():
@@ -202,7 +253,9 @@ def test_an_arm_that_swings_fast_is_foreseen():
 
 
 def test_commands_20_ms_late_that_nobody_told_are_flown():
-    log = flight(1.2, joints=CALM, noise=NOISE, delays=Delays(measurement=0.005, command=0.02))
+    log = flight(
+        1.2, joints=CALM, noise=NOISE, delays=Delays(measurement=0.005, command=0.02)
+    )
     assert log.status == "completed"
     assert off(log) < 0.02
 
@@ -229,7 +282,9 @@ def test_swings_of_1_rad_are_flown(frequency):
 @pytest.mark.thorough
 @pytest.mark.parametrize("delay", [0.01, 0.02, 0.03])
 def test_unknown_delays_of_commands_are_flown(delay):
-    log = flight(6.0, joints=CALM, noise=NOISE, delays=Delays(measurement=0.005, command=delay))
+    log = flight(
+        6.0, joints=CALM, noise=NOISE, delays=Delays(measurement=0.005, command=delay)
+    )
     assert log.status == "completed"
     assert off(log) < 0.004
 
@@ -245,7 +300,13 @@ class Pushes(Force):
     def wrenches(self, memory, t, motion, rotor_speeds):
         point, body = motion.frame()
         on = where(t - floor(t) < 0.5, 1.0, 0.0) * where(t >= 1.0, 1.0, 0.0)
-        return (Wrench(force_W=Vec3(self.x * on, self.y * on, self.z * on), point=point, body=body),)
+        return (
+            Wrench(
+                force_W=Vec3(self.x * on, self.y * on, self.z * on),
+                point=point,
+                body=body,
+            ),
+        )
 
 
 @pytest.mark.thorough
@@ -264,6 +325,8 @@ def test_wind_from_any_side_leaves_the_tip_where_it_was(angle):
     from skyarm.studies.compare.suite import turn_wind
 
     base = skyarm.load_scenario("case3_wind", controller="nmpc", duration=15.0)
-    log = skyarm.run(dataclasses.replace(base, wind=turn_wind(base.wind, math.radians(angle))))
+    log = skyarm.run(
+        dataclasses.replace(base, wind=turn_wind(base.wind, math.radians(angle)))
+    )
     late = log.time > 10.0
     assert np.linalg.norm(log.tool - log.tool_reference, axis=1)[late].mean() < 0.0008

@@ -1,8 +1,11 @@
-"""What the predictive law remembers from call to call, seen by an engine of hand-made parts that only takes notes.
+"""What the predictive law remembers from call to call, seen by an engine of hand-made
+parts that only takes notes.
 
-The whole numbers of the predictive law: the ends of their ranges are taken, one beyond is refused by name.
+The whole numbers of the predictive law: the ends of their ranges are taken, one beyond
+is refused by name.
 
-The belief that a predictive controller moves, and what it wants of it, against Pinocchio and SciPy.
+The belief that a predictive controller moves, and what it wants of it, against
+Pinocchio and SciPy.
 """
 
 from __future__ import annotations
@@ -19,10 +22,28 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.predictive import preview
-from skyarm.control.laws.predictive.cost import Weights, input_residuals, state_residuals
-from skyarm.control.laws.predictive.law import PredictiveMemory, engine_key, make_predictive_controller, nmpc
-from skyarm.control.laws.predictive.observer import Observation, ObserverState, first_lateness
-from skyarm.control.laws.predictive.prediction import StageInputs, accelerations, advance, motors
+from skyarm.control.laws.predictive.cost import (
+    Weights,
+    input_residuals,
+    state_residuals,
+)
+from skyarm.control.laws.predictive.law import (
+    PredictiveMemory,
+    engine_key,
+    make_predictive_controller,
+    nmpc,
+)
+from skyarm.control.laws.predictive.observer import (
+    Observation,
+    ObserverState,
+    first_lateness,
+)
+from skyarm.control.laws.predictive.prediction import (
+    StageInputs,
+    accelerations,
+    advance,
+    motors,
+)
 from skyarm.control.laws.predictive.solver import Bounds, MotionPlan
 from skyarm.dynamics.actuators import Command
 from skyarm.records.leaves import leaves
@@ -36,10 +57,17 @@ NX, NU = 21, 6
 
 
 class Notes(Observation):
-    """Observer and solver that write down what they are given; the estimate carries the state in its own numbers."""
+    """Observer and solver that write down what they are given; the estimate carries the
+    state in its own numbers.
+    """
 
     def __init__(self, stages):
-        self.steps, self.dt, self.joints, self.motors = np.full(stages, DT), DT, 2, motors(ARM2.rotors, DT)
+        self.steps, self.dt, self.joints, self.motors = (
+            np.full(stages, DT),
+            DT,
+            2,
+            motors(ARM2.rotors, DT),
+        )
         self.seen, self.since, self.problems = [], [], []
 
     def at(self, before, command, reading):
@@ -56,23 +84,45 @@ class Notes(Observation):
         u = np.zeros((count, NU))
         # no two commands of a flight are alike
         u[:, NU - 1] = 0.01 * len(self.problems) + 0.0001 * np.arange(count)
-        return MotionPlan(np.tile(problem.start, (count + 1, 1)), u, np.zeros((count, NU, NX)), cost=0.0)
+        return MotionPlan(
+            np.tile(problem.start, (count + 1, 1)),
+            u,
+            np.zeros((count, NU, NX)),
+            cost=0.0,
+        )
 
 
 def engine(par):
     notes = Notes(par.stages)
     bounds = Bounds(np.full(2, 0.5), np.full(4, 838.0))
-    made = SimpleNamespace(solver=notes, observation=notes, bounds=bounds, contact=None, key=engine_key(par, DT, False))
-    made.stance, made.most, made.stabiliser = lambda _thrusts, values: np.zeros((len(values), 3)), 1.0, None
+    made = SimpleNamespace(
+        solver=notes,
+        observation=notes,
+        bounds=bounds,
+        contact=None,
+        key=engine_key(par, DT, False),
+    )
+    made.stance, made.most, made.stabiliser = (
+        lambda _thrusts, values: np.zeros((len(values), 3)),
+        1.0,
+        None,
+    )
     return made, notes
 
 
 def reading(k, delay):
-    """A measurement in period k, which shows the instant k - delay, but never one before the start."""
+    """A measurement in period k, which shows the instant k - delay, but never one
+    before the start.
+    """
     shown = max(k - delay, 0)
     base = cases(1, seed=4)[0].measurement()
     silent = (float("nan"),) * 4  # rotors that tell nothing of a command's delay
-    return dataclasses.replace(base, time=shown * DT, position=Vec3(float(shown), 0.0, 1.0), rotor_speeds=silent)
+    return dataclasses.replace(
+        base,
+        time=shown * DT,
+        position=Vec3(float(shown), 0.0, 1.0),
+        rotor_speeds=silent,
+    )
 
 
 def numbered(k):
@@ -82,7 +132,9 @@ def numbered(k):
 
 @pytest.mark.parametrize("delay", [0, 1, 2, 5])
 def test_the_observer_sees_each_new_measurement_with_the_command_that_led_to_it(delay):
-    """The instant j is shown in period j + delay; the command of period j - 1 acted until then."""
+    """The instant j is shown in period j + delay; the command of period j - 1 acted
+    until then.
+    """
     controller = make_controller("nmpc", MODEL, delay_periods=delay)
     made, notes = engine(controller.par)
     memory = PredictiveMemory(engine=made)
@@ -95,7 +147,11 @@ def test_the_observer_sees_each_new_measurement_with_the_command_that_led_to_it(
         if shown:
             _, command, seen = notes.seen[-1]
             assert seen[0] == pytest.approx(shown * DT)
-            assert command.tolist() == [*(400.0 + shown - 1,) * 4, 0.01 * (shown - 1), -0.01 * (shown - 1)]
+            assert command.tolist() == [
+                *(400.0 + shown - 1,) * 4,
+                0.01 * (shown - 1),
+                -0.01 * (shown - 1),
+            ]
         # what no measurement shows yet: the commands from then on, oldest first
         assert sent == tuple(numbered(j) for j in range(shown, k))
         memory = dataclasses.replace(memory, sent=(*sent, numbered(k)))
@@ -104,15 +160,26 @@ def test_the_observer_sees_each_new_measurement_with_the_command_that_led_to_it(
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("held", [-1.0, 1.0])
 @pytest.mark.parametrize("largest", range(4))
-def test_of_a_quaternions_two_signs_the_observer_sees_the_one_near_its_estimate(largest, held, sign):
-    """Attitudes a few degrees apart, alike in the sign of their largest component alone, each told by either sign."""
+def test_of_a_quaternions_two_signs_the_observer_sees_the_one_near_its_estimate(
+    largest, held, sign
+):
+    """Attitudes a few degrees apart, alike in the sign of their largest component
+    alone, each told by either sign.
+    """
     _, notes = engine(make_controller("nmpc", MODEL).par)
     beside = np.where(np.arange(4) == largest, 0.0, [0.03, -0.02, 0.025, -0.03])
-    last, now = ((np.eye(4)[largest] + part) / np.hypot(1.0, np.linalg.norm(part)) for part in (beside, -beside))
+    last, now = (
+        (np.eye(4)[largest] + part) / np.hypot(1.0, np.linalg.norm(part))
+        for part in (beside, -beside)
+    )
     estimate = np.zeros(29)
     estimate[3:7] = held * last
-    seen = dataclasses.replace(reading(1, 0), quaternion=Quaternion(*(sign * now).tolist()))
-    notes.update(ObserverState(estimate, first_lateness(np.zeros(4))), numbered(0), seen)
+    seen = dataclasses.replace(
+        reading(1, 0), quaternion=Quaternion(*(sign * now).tolist())
+    )
+    notes.update(
+        ObserverState(estimate, first_lateness(np.zeros(4))), numbered(0), seen
+    )
     ((_, _, row),) = notes.seen
     np.testing.assert_array_equal(row[4:8], held * now)
     # nothing else of the measurement is touched
@@ -122,22 +189,32 @@ def test_of_a_quaternions_two_signs_the_observer_sees_the_one_near_its_estimate(
 
 def hover():
     zeros = (0.0, 0.0)
-    return Reference(position=Vec3(0.0, 0.0, 1.0), joints=zeros, joint_rates=zeros, joint_accelerations=zeros)
+    return Reference(
+        position=Vec3(0.0, 0.0, 1.0),
+        joints=zeros,
+        joint_rates=zeros,
+        joint_accelerations=zeros,
+    )
 
 
 @pytest.mark.parametrize(("delay", "every"), [(0, 1), (0, 3), (2, 3), (4, 2)])
-def test_a_plan_is_made_every_so_many_periods_from_the_last_one_moved_on_by_these(delay, every):
+def test_a_plan_is_made_every_so_many_periods_from_the_last_one_moved_on_by_these(
+    delay, every
+):
     controller = make_controller("nmpc", MODEL, delay_periods=delay, every=every)
     made, notes = engine(controller.par)
     memory = dataclasses.replace(controller.memory, engine=made)
     solved, sent = [], []
     for k in range(10):
-        memory, command = nmpc(memory, reading(k, delay), hover(), DT, par=controller.par)
+        memory, command = nmpc(
+            memory, reading(k, delay), hover(), DT, par=controller.par
+        )
         solved.append(len(notes.problems))
         assert memory.since == k % every + 1
         sent.append(command)
         assert memory.sent == tuple(sent[-len(memory.sent) :])
-        # everything not shown yet is foreseen, except in the first call, before which nothing was sent
+        # everything not shown yet is foreseen, except in the first call, before which
+        # nothing was sent
         assert len(notes.since[-1]) == min(k, delay)
         assert len(memory.sent) == min(k, delay) + 1
     assert solved == [k // every + 1 for k in range(10)]
@@ -182,7 +259,9 @@ def test_a_jump_of_any_signal_either_way_starts_without_jerk(signal, sign):
         return dataclasses.replace(hover(), acceleration=Vec3(0.5, 0.0, 0.0), **changes)
 
     first = preview.update_sample(hover(), None, DT)
-    assert preview.update_sample(sample(0.0199), first, DT).jerks[0] == pytest.approx(0.5 / DT)
+    assert preview.update_sample(sample(0.0199), first, DT).jerks[0] == pytest.approx(
+        0.5 / DT
+    )
     assert not preview.update_sample(sample(0.0201), first, DT).jerks.any()
 
 
@@ -190,7 +269,9 @@ def test_what_was_foretold_is_no_jump_however_far_it_is():
     """A base at 30 m/s: 0.15 m from one period to the next, as its last sample said."""
     fast = dataclasses.replace(hover(), velocity=Vec3(30.0, 0.0, 0.0))
     first = preview.update_sample(fast, None, DT)
-    there = dataclasses.replace(fast, position=Vec3(0.15, 0.0, 1.0), acceleration=Vec3(0.0, 1.0, 0.0))
+    there = dataclasses.replace(
+        fast, position=Vec3(0.15, 0.0, 1.0), acceleration=Vec3(0.0, 1.0, 0.0)
+    )
     assert preview.update_sample(there, first, DT).jerks[1] == pytest.approx(1.0 / DT)
     behind = dataclasses.replace(there, position=Vec3(0.0, 0.0, 1.0))
     assert not preview.update_sample(behind, first, DT).jerks.any()
@@ -198,11 +279,20 @@ def test_what_was_foretold_is_no_jump_however_far_it_is():
 
 @pytest.mark.parametrize(
     ("name", "least", "most", "others"),
-    [("stages", 2, 200, {"every": 1}), ("every", 1, 199, {"stages": 200}), ("delay_periods", 0, 100, {})],
+    [
+        ("stages", 2, 200, {"every": 1}),
+        ("every", 1, 199, {"stages": 200}),
+        ("delay_periods", 0, 100, {}),
+    ],
 )
 def test_both_ends_of_a_range_are_taken_and_no_more(name, least, most, others):
     for value in (least, most):
-        assert getattr(make_predictive_controller(MODEL, **others, **{name: value}).par, name) == value
+        assert (
+            getattr(
+                make_predictive_controller(MODEL, **others, **{name: value}).par, name
+            )
+            == value
+        )
     for value in (least - 1, most + 1, True, 0.5 + least, "2"):
         with pytest.raises(ControllerError, match=rf"^controller\.{name} = "):
             make_predictive_controller(MODEL, **others, **{name: value})
@@ -213,7 +303,9 @@ def test_the_horizon_is_a_time_from_50_ms_to_5_s():
         par = make_predictive_controller(MODEL, horizon=value).par
         assert (par.horizon, par.every) == (float(value), 2)
     for value in (0.0499, 5.001, True, "1", float("nan")):
-        with pytest.raises(ControllerError, match=r"^controller\.horizon = .*: must be"):
+        with pytest.raises(
+            ControllerError, match=r"^controller\.horizon = .*: must be"
+        ):
             make_predictive_controller(MODEL, horizon=value)
 
 
@@ -237,9 +329,13 @@ WEIGHTS = Weights(
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("dry_rates", [None, (0.4, -0.9, 0.1)])
-def test_accelerations_of_the_model_are_pinocchios_with_drag_friction_disturbance(seed, dry_rates):
+def test_accelerations_of_the_model_are_pinocchios_with_drag_friction_disturbance(
+    seed, dry_rates
+):
     model, (r, state, efforts, unknown) = belief(seed), drawn(seed)
-    expected = true_accelerations(model, r, state.rotor_speeds, efforts, unknown, dry_rates)
+    expected = true_accelerations(
+        model, r, state.rotor_speeds, efforts, unknown, dry_rates
+    )
     linear, angular, joints = accelerations(model, state, efforts, unknown, dry_rates)
     scale = 1.0 + np.abs(expected).max()
     np.testing.assert_allclose(scalars(linear), expected[:3], atol=1e-10 * scale)
@@ -255,32 +351,61 @@ def test_the_belief_has_all_that_is_compared():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_step_is_of_fourth_order_to_scipys_solution(seed):
-    """Half the step leaves a sixteenth of the error of each, a 32nd of one step's; 20 tells it from third order."""
+    """Half the step leaves a sixteenth of the error of each, a 32nd of one step's; 20
+    tells it from third order.
+    """
     model, (_, state, efforts, unknown) = belief(seed), drawn(seed)
-    inputs = StageInputs(rotor_accelerations=(900.0, -700.0, 500.0, -300.0), efforts=efforts)
+    inputs = StageInputs(
+        rotor_accelerations=(900.0, -700.0, 500.0, -300.0), efforts=efforts
+    )
 
     def slope(_t, y):
         q = y[3:7] / np.linalg.norm(y[3:7])
         velocity = np.concatenate([y[7:13], y[16:19]])
-        r = RandomState(position=y[:3], quaternion=q, joints=y[13:16], velocity=velocity)
+        r = RandomState(
+            position=y[:3], quaternion=q, joints=y[13:16], velocity=velocity
+        )
         a = true_accelerations(model, r, y[19:], efforts, unknown)
         w, x, y_, z = y[3:7]
         E = np.array([[-x, -y_, -z], [w, -z, y_], [z, w, -x], [-y_, x, w]])
-        return np.concatenate([y[7:10], 0.5 * E @ y[10:13], a[:6], y[16:19], a[6:], inputs.rotor_accelerations])
+        return np.concatenate(
+            [
+                y[7:10],
+                0.5 * E @ y[10:13],
+                a[:6],
+                y[16:19],
+                a[6:],
+                inputs.rotor_accelerations,
+            ]
+        )
 
     start, found = np.array(leaves(state), dtype=float), []
     for h in (4e-3, 2e-3):
-        exact = solve_ivp(slope, (0.0, h), start, method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+        exact = solve_ivp(
+            slope, (0.0, h), start, method="DOP853", rtol=1e-13, atol=1e-13
+        ).y[:, -1]
         exact[3:7] /= np.linalg.norm(exact[3:7])
-        found.append(np.abs(np.array(leaves(advance(model, state, inputs, unknown, h))) - exact).max())
+        found.append(
+            np.abs(
+                np.array(leaves(advance(model, state, inputs, unknown, h))) - exact
+            ).max()
+        )
     assert found[0] > 20.0 * found[1]
     assert found[0] < 1e-3
 
 
 def test_after_a_long_step_a_quaternion_is_of_unit_length():
-    """Turning at some rad/s for 0.1 s the method alone would leave it 1e-5 long or short."""
+    """Turning at some rad/s for 0.1 s the method alone would leave it 1e-5 long or
+    short.
+    """
     model, (_, state, efforts, unknown) = belief(1), drawn(1)
-    after = advance(model, state, StageInputs(rotor_accelerations=(0.0,) * 4, efforts=efforts), unknown, 0.1)
+    after = advance(
+        model,
+        state,
+        StageInputs(rotor_accelerations=(0.0,) * 4, efforts=efforts),
+        unknown,
+        0.1,
+    )
     assert np.linalg.norm(scalars(after.quaternion)) == pytest.approx(1.0, abs=1e-14)
 
 
@@ -302,8 +427,12 @@ def plain_residuals(r, goal):
 @pytest.mark.parametrize("tip", ["", "tip1"])
 @pytest.mark.parametrize("mode", ["tool", "joints"])
 @pytest.mark.parametrize("seed", range(5))
-def test_what_is_wanted_of_a_state_is_its_errors_and_in_tool_mode_the_tips(seed, mode, tip):
-    """With and without a tip: its error is there in mode "tool" of a vehicle that has one, and nowhere else."""
+def test_what_is_wanted_of_a_state_is_its_errors_and_in_tool_mode_the_tips(
+    seed, mode, tip
+):
+    """With and without a tip: its error is there in mode "tool" of a vehicle that has
+    one, and nowhere else.
+    """
     model = belief(seed)
     vehicle = dataclasses.replace(model.vehicle, end_effector=tip)
     model = dataclasses.replace(model, vehicle=vehicle)
@@ -315,7 +444,9 @@ def test_what_is_wanted_of_a_state_is_its_errors_and_in_tool_mode_the_tips(seed,
         up = R.T @ [0.0, 0.0, 1.0]
         for i, link in enumerate(vehicle.links):
             if link.parent == -1 and link.joint.kind == "revolute":
-                axis = np.array([scalars(row) for row in link.joint.rotation.rows]) @ scalars(link.joint.axis)
+                axis = np.array(
+                    [scalars(row) for row in link.joint.rotation.rows]
+                ) @ scalars(link.joint.axis)
                 errors[i] += axis @ [up[1], -up[0], 0.0]
     rates = r.velocity[6:] - np.array(goal.joint_rates)
     expected = [plain_residuals(r, goal), 11.0 * errors, 13.0 * rates]
@@ -333,17 +464,33 @@ def test_what_is_wanted_of_a_state_is_its_errors_and_in_tool_mode_the_tips(seed,
 
 
 def test_the_beliefs_have_joints_of_both_kinds_next_to_the_base():
-    kinds = {link.joint.kind for seed in range(5) for link in belief(seed).vehicle.links if link.parent == -1}
+    kinds = {
+        link.joint.kind
+        for seed in range(5)
+        for link in belief(seed).vehicle.links
+        if link.parent == -1
+    }
     assert kinds == {"revolute", "prismatic"}
-    assert any(link.parent != -1 for seed in range(5) for link in belief(seed).vehicle.links)
+    assert any(
+        link.parent != -1 for seed in range(5) for link in belief(seed).vehicle.links
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_what_is_wanted_of_inputs_is_the_joints_accelerations_and_slow_rotors(seed):
-    model, (r, state, efforts, unknown), goal = belief(seed), drawn(seed), goal_of(seed, 3)
+    model, (r, state, efforts, unknown), goal = (
+        belief(seed),
+        drawn(seed),
+        goal_of(seed, 3),
+    )
     inputs = StageInputs(rotor_accelerations=(9.0, -7.0, 5.0, -3.0), efforts=efforts)
     found = scalars(input_residuals(model, WEIGHTS, state, inputs, unknown, goal))
     # a plan takes dry friction at the rates that are wanted
-    qdd = true_accelerations(model, r, state.rotor_speeds, efforts, unknown, goal.joint_rates)[6:]
-    expected = [*(17.0 * (qdd - np.array(goal.joint_accelerations))), *(23.0 * np.array([9.0, -7.0, 5.0, -3.0]))]
+    qdd = true_accelerations(
+        model, r, state.rotor_speeds, efforts, unknown, goal.joint_rates
+    )[6:]
+    expected = [
+        *(17.0 * (qdd - np.array(goal.joint_accelerations))),
+        *(23.0 * np.array([9.0, -7.0, 5.0, -3.0])),
+    ]
     np.testing.assert_allclose(found, expected, atol=1e-8 * (1.0 + np.abs(qdd).max()))

@@ -1,4 +1,6 @@
-"""A push at what gives way: the order falls to what it bears, the contact stays, the reference goes along."""
+"""A push at what gives way: the order falls to what it bears, the contact stays, the
+reference goes along.
+"""
 
 from __future__ import annotations
 
@@ -29,11 +31,16 @@ AT = levers(skyarm.load_vehicle("hummingbird_arm2"), Mat3.identity(), (-0.45, -0
 
 
 def pushed(force, friction, seconds=3.0):
-    """Contact, order (N), speed of the tip and of its reference (m/s) while it pushes a box: no delay, no noise.
+    """Contact, order (N), speed of the tip and of its reference (m/s) while it pushes a
+    box: no delay, no noise.
 
-    One line, one body: box and tip move together, and the tip has the damping of the law alone.
+    One line, one body: box and tip move together, and the tip has the damping of the
+    law alone.
     """
-    wanted, slip = DesiredContact(force=force, speed=0.1, normal=Vec3(-1.0, 0.0, 0.0)), friction * BOX * WEIGHT
+    wanted, slip = (
+        DesiredContact(force=force, speed=0.1, normal=Vec3(-1.0, 0.0, 0.0)),
+        friction * BOX * WEIGHT,
+    )
     memory = dataclasses.replace(first_interaction(2), free=1.0)
     v, x, felt, found = 0.0, 0.0, 0.31, []
     for _ in range(round(seconds / DT)):
@@ -52,7 +59,8 @@ def test_a_box_that_slides_keeps_the_contact_at_about_the_speed_of_the_approach(
     bears = 0.28 * BOX * WEIGHT
     touching, order, speed, reference = pushed(1.0, 0.28)
     assert touching.all()
-    # the force that is looked for falls by the wanted one for each 0.1 m/s above 0.8 of the speed of the approach
+    # the force that is looked for falls by the wanted one for each 0.1 m/s above 0.8 of
+    # the speed of the approach
     assert speed[-1] == pytest.approx(0.08 + 0.1 * (1.0 - bears), rel=0.02)
     assert order[-1] == pytest.approx(bears + GAINS.damping * TIP * speed[-1], rel=0.02)
     assert reference[-1] == pytest.approx(speed[-1], rel=0.02)
@@ -79,11 +87,22 @@ def test_a_box_is_pushed_along_by_a_stated_force_as_by_place(wanted):
 
 @pytest.mark.thorough
 def test_a_guards_force_is_held_by_each_box_that_bears_it():
-    """No law holds more than the friction on a box that slides, but by making it ever faster."""
+    """No law holds more than the friction on a box that slides, but by making it ever
+    faster.
+    """
     until = {"force": 0.5, "timeout": 8.0, "on_timeout": "fail"}
-    press = {"kind": "press", "force": 1.0, "normal": [-1.0, 0.0, 0.0], "duration": 2.0, "until": until}
+    press = {
+        "kind": "press",
+        "force": 1.0,
+        "normal": [-1.0, 0.0, 0.0],
+        "duration": 2.0,
+        "until": until,
+    }
     phases = [{"kind": "hold", "duration": 0.5}, press, {"kind": "retreat"}]
     completed, _, values = worlds(scenario_from(beside_a_box(phases, 14.0)), 96, 4900)
     bears = values["world.surfaces.table.material.friction"] * BOX * WEIGHT > 0.5
-    print(f"{completed.sum()} of 96; of {bears.sum()} that bear 0.5 N {(completed & bears).sum()}")
+    print(
+        f"{completed.sum()} of 96; of {bears.sum()} that bear 0.5 N"
+        f" {(completed & bears).sum()}"
+    )
     assert (completed & bears).sum() >= bears.sum() - 2

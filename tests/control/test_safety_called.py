@@ -1,4 +1,6 @@
-"""The guard around a law that cannot be traced: called with floats, with a memory of any kind."""
+"""The guard around a law that cannot be traced: called with floats, with a memory of
+any kind.
+"""
 
 from __future__ import annotations
 
@@ -31,11 +33,15 @@ def predictive(**fields):
 
 
 def flown(controller, duration, **fields):
-    return run(dataclasses.replace(WIND, controller=controller, duration=duration, **fields))
+    return run(
+        dataclasses.replace(WIND, controller=controller, duration=duration, **fields)
+    )
 
 
 def failing(how, start):
-    """The predictive law that from a time on returns what ``how`` makes of its command."""
+    """The predictive law that from a time on returns what ``how`` makes of its
+    command.
+    """
     inner = predictive()
 
     def law(memory, measurement, reference, dt, *, par):
@@ -47,19 +53,30 @@ def failing(how, start):
 
 @pytest.mark.thorough
 def test_the_predictive_law_flies_under_guard_as_it_does_without():
-    logs = [flown(controller, 1.0) for controller in (predictive(), with_safety_layer(predictive()))]
+    logs = [
+        flown(controller, 1.0)
+        for controller in (predictive(), with_safety_layer(predictive()))
+    ]
     assert logs[1].status == "completed"
     # nothing is limited in this flight, and nothing is computed in another order
     for name in ("position", "joints", "rotor_commands", "efforts"):
         assert np.array_equal(getattr(logs[0], name), getattr(logs[1], name))
     controller = with_safety_layer(predictive())
     assert (controller.name, controller.compiled) == ("guarded_nmpc", False)
-    assert (controller.par.limits.stiffness, controller.par.limits.damping) == USUAL == law_stiffness(predictive())
-    assert with_safety_layer(predictive(), {"stiffness": 9.0}).par.limits.stiffness == 9.0
+    assert (
+        (controller.par.limits.stiffness, controller.par.limits.damping)
+        == USUAL
+        == law_stiffness(predictive())
+    )
+    assert (
+        with_safety_layer(predictive(), {"stiffness": 9.0}).par.limits.stiffness == 9.0
+    )
 
 
 def nan(command):
-    return Command(rotor_speeds=(math.nan, *command.rotor_speeds[1:]), efforts=command.efforts)
+    return Command(
+        rotor_speeds=(math.nan, *command.rotor_speeds[1:]), efforts=command.efforts
+    )
 
 
 def leaning(command):
@@ -79,7 +96,12 @@ def unmakeable(command):
     return Payload(mass=command.efforts[0] * math.nan)
 
 
-FAILED = [OverflowError(), np.linalg.LinAlgError("singular"), ValueError("math domain error"), RuntimeError("solver")]
+FAILED = [
+    OverflowError(),
+    np.linalg.LinAlgError("singular"),
+    ValueError("math domain error"),
+    RuntimeError("solver"),
+]
 
 
 @pytest.mark.parametrize(
@@ -94,7 +116,9 @@ def test_a_predictive_law_that_fails_is_replaced_by_the_recovery(how):
     log = flown(with_safety_layer(controller, {"trusted_tilt": 0.8}), 4.0)
     healthy = flown(predictive(), 0.5)
     # until then the law itself flew
-    assert np.array_equal(log.rotor_commands[: len(healthy.time)], healthy.rotor_commands)
+    assert np.array_equal(
+        log.rotor_commands[: len(healthy.time)], healthy.rotor_commands
+    )
     assert log.status == "completed"
     then = log.position[log.time >= 0.5][0]
     # hover there, but for wind and the masses that the recovery does not know
@@ -111,14 +135,24 @@ def test_a_mistake_in_a_laws_code_is_not_hidden():
 def test_a_mistake_that_is_told_by_a_law_error_is_not_hidden_either():
     with pytest.raises(LawError, match="gives 3 rotor_speeds: must be 4"):
         flown(
-            with_safety_layer(failing(lambda c: Command(rotor_speeds=c.rotor_speeds[1:], efforts=c.efforts), 0.1)), 0.2
+            with_safety_layer(
+                failing(
+                    lambda c: Command(
+                        rotor_speeds=c.rotor_speeds[1:], efforts=c.efforts
+                    ),
+                    0.1,
+                )
+            ),
+            0.2,
         )
 
 
 def test_a_called_law_under_guard_is_made_ready_to_be_looked_at_once(monkeypatch):
     called, calls = counted(WIND.controller)
     made = []
-    monkeypatch.setattr(safety_layer, "checked_law", lambda each: made.append(each) or checked_law(each))
+    monkeypatch.setattr(
+        safety_layer, "checked_law", lambda each: made.append(each) or checked_law(each)
+    )
     flown(with_safety_layer(called), 0.2)
     assert len(calls) == 40
     assert len(made) == 1
@@ -141,7 +175,9 @@ def test_a_called_law_under_guard_flies_the_bits_of_a_traced_one():
     called, calls = counted(law)
     scenario = dataclasses.replace(WIND, duration=0.5)
     logs = [
-        run_in_python(dataclasses.replace(scenario, controller=with_safety_layer(each, tight)))
+        run_in_python(
+            dataclasses.replace(scenario, controller=with_safety_layer(each, tight))
+        )
         for each in (law, called)
     ]
     assert len(calls) == 100
@@ -154,10 +190,14 @@ def test_a_called_law_rests_while_the_recovery_flies_and_starts_anew():
 
     def law(memory, measurement, reference, dt, *, par):
         _, command = inner.law((), measurement, reference, dt, par=par)
-        return (memory or 0) + 1, nan(command) if 0.2 <= measurement.time < 0.3 else command
+        return (memory or 0) + 1, (
+            nan(command) if 0.2 <= measurement.time < 0.3 else command
+        )
 
     called, calls = counted(dataclasses.replace(inner, law=law, memory=None))
-    calm = dataclasses.replace(skyarm.load_scenario("case1"), duration=1.5, initial=None, reference=HOVER)
+    calm = dataclasses.replace(
+        skyarm.load_scenario("case1"), duration=1.5, initial=None, reference=HOVER
+    )
     run(dataclasses.replace(calm, controller=with_safety_layer(called, {"calm": 0.4})))
     silent = np.diff(calls).max()
     # given up at 0.2 s, calm for 0.4 s and asked again in the period after
@@ -186,11 +226,16 @@ def test_a_measurement_that_is_not_finite_is_not_shown_to_a_called_law():
 
 @pytest.mark.thorough
 def test_a_predictive_law_that_turns_the_vehicle_over_is_replaced_by_the_recovery():
-    calm = dataclasses.replace(skyarm.load_scenario("case1"), duration=3.0, initial=None, reference=HOVER)
+    calm = dataclasses.replace(
+        skyarm.load_scenario("case1"), duration=3.0, initial=None, reference=HOVER
+    )
     law = failing(leaning, 0.1)
     alone, log = (
         run(dataclasses.replace(calm, controller=each))
-        for each in (law, with_safety_layer(law, {"trusted_tilt": 0.3, "patience": 0.05}))
+        for each in (
+            law,
+            with_safety_layer(law, {"trusted_tilt": 0.3, "patience": 0.05}),
+        )
     )
     assert np.abs(alone.euler[:, 1]).max() > 1.0
     assert log.status == "completed"

@@ -1,4 +1,6 @@
-"""The two clocks of the safety layer's doubt, period by period: what starts, resets and stops each of them."""
+"""The two clocks of the safety layer's doubt, period by period: what starts, resets and
+stops each of them.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,8 @@ LIMITS = limits_for(
     lost_speed=6.0,
     lost_joint_speed=[30.0, 40.0],
 )
-"""Patience of nine periods and calm of nineteen, each half a period off, so that rounding of a sum does not matter."""
+"""Patience of nine periods and calm of nineteen, each half a period off, so that
+rounding of a sum does not matter."""
 
 NONE = Confidence(given_up=0.0, outside=0.0, calm=0.0)
 GIVEN_UP = Confidence(given_up=1.0, outside=0.0, calm=0.0)
@@ -39,10 +42,17 @@ def tilted(*angles):
 
 
 def reading(**changes):
-    """A vehicle that hovers with its joints on their references, but for what is changed."""
+    """A vehicle that hovers with its joints on their references, but for what is
+    changed.
+    """
     still = cases(1, seed=1)[0].measurement()
     zero = vec(np.zeros(3))
-    calm = {"quaternion": tilted(0.0, 0.0, 0.7), "velocity": zero, "rate": zero, "joints": JOINTS}
+    calm = {
+        "quaternion": tilted(0.0, 0.0, 0.7),
+        "velocity": zero,
+        "rate": zero,
+        "joints": JOINTS,
+    }
     return dataclasses.replace(still, **({**calm, "joint_rates": (0.0, 0.0)} | changes))
 
 
@@ -51,19 +61,29 @@ def along(axis, value):
 
 
 BEYOND = {
-    **{f"tilt {axis}": {"quaternion": tilted(*(1.02 * np.eye(3)[axis]))} for axis in (0, 1)},
+    **{
+        f"tilt {axis}": {"quaternion": tilted(*(1.02 * np.eye(3)[axis]))}
+        for axis in (0, 1)
+    },
     "tilt both": {"quaternion": tilted(-0.75, 0.75, 0.0)},
-    **{f"rate {axis}": {"rate": along(axis, sign * 5.1)} for axis, sign in enumerate((1, -1, 1))},
+    **{
+        f"rate {axis}": {"rate": along(axis, sign * 5.1)}
+        for axis, sign in enumerate((1, -1, 1))
+    },
     "rate all": {"rate": vec([3.0, -3.0, 3.0])},
     "joint 0": {"joints": (0.2 + 0.31, -0.1)},
     "joint 0 down": {"joints": (0.2 - 0.31, -0.1)},
     "joint 1": {"joints": (0.2, -0.1 + 0.41)},
     "joint 1 down": {"joints": (0.2, -0.1 - 0.41)},
 }
-"""Each alone is beyond trust, and only just: nothing of it is calm or lost because of another limit."""
+"""Each alone is beyond trust, and only just: nothing of it is calm or lost because of
+another limit."""
 
 WITHIN = {
-    **{f"tilt {axis}": {"quaternion": tilted(*(-0.98 * np.eye(3)[axis]))} for axis in (0, 1)},
+    **{
+        f"tilt {axis}": {"quaternion": tilted(*(-0.98 * np.eye(3)[axis]))}
+        for axis in (0, 1)
+    },
     **{f"rate {axis}": {"rate": along(axis, 4.9)} for axis in range(3)},
     "joints": {"joints": (0.2 - 0.29, -0.1 + 0.39)},
     "speed": {"velocity": vec([3.0, -3.0, 3.0])},
@@ -80,9 +100,18 @@ LOST = {
 }
 
 RESTLESS = {
-    **{f"tilt {axis}": {"quaternion": tilted(*(math.radians(15.5) * np.eye(3)[axis]))} for axis in (0, 1)},
-    **{f"rate {axis}": {"rate": along(axis, sign * 1.02)} for axis, sign in enumerate((1, -1, -1))},
-    **{f"speed {axis}": {"velocity": along(axis, sign * 0.51)} for axis, sign in enumerate((-1, 1, 1))},
+    **{
+        f"tilt {axis}": {"quaternion": tilted(*(math.radians(15.5) * np.eye(3)[axis]))}
+        for axis in (0, 1)
+    },
+    **{
+        f"rate {axis}": {"rate": along(axis, sign * 1.02)}
+        for axis, sign in enumerate((1, -1, -1))
+    },
+    **{
+        f"speed {axis}": {"velocity": along(axis, sign * 0.51)}
+        for axis, sign in enumerate((-1, 1, 1))
+    },
     "joint rate 0": {"joint_rates": (1.02, 0.0)},
     "joint rate 0 back": {"joint_rates": (-1.02, 0.0)},
     "joint rate 1": {"joint_rates": (0.0, 1.02)},
@@ -91,7 +120,10 @@ RESTLESS = {
 """Trusted all of them, and none of them calm."""
 
 CALM = {
-    **{f"tilt {axis}": {"quaternion": tilted(*(math.radians(14.5) * np.eye(3)[axis]))} for axis in (0, 1)},
+    **{
+        f"tilt {axis}": {"quaternion": tilted(*(math.radians(14.5) * np.eye(3)[axis]))}
+        for axis in (0, 1)
+    },
     **{f"rate {axis}": {"rate": along(axis, 0.98)} for axis in range(3)},
     **{f"speed {axis}": {"velocity": along(axis, 0.49)} for axis in range(3)},
     "joint rates": {"joint_rates": (0.98, -0.98)},
@@ -175,7 +207,9 @@ def test_a_law_given_up_again_waits_as_long_as_the_first_time():
 
 
 def test_while_a_law_is_doubted_calm_gives_nothing_back():
-    """Joints off their references are no motion: the recovery is calm, and the law is not trusted."""
+    """Joints off their references are no motion: the recovery is calm, and the law is
+    not trusted.
+    """
     away = {"joints": (0.2 + 0.31, -0.1)}
     doubt = after(GIVEN_UP, away, 30)
     assert doubt.given_up == 1.0

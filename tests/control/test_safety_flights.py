@@ -1,4 +1,6 @@
-"""SafetyParameters flights: limits kept, failures survived, and ordinary flights left as they are."""
+"""SafetyParameters flights: limits kept, failures survived, and ordinary flights left
+as they are.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def planned(safety: Any = True, *, name="case1", **fields):
     if safety is None:
         return scenario
     limits = safety if isinstance(safety, dict) else {}
-    return dataclasses.replace(scenario, controller=with_safety_layer(scenario.controller, limits))
+    return dataclasses.replace(
+        scenario, controller=with_safety_layer(scenario.controller, limits)
+    )
 
 
 class Flown:
@@ -53,9 +57,16 @@ class Flown:
         self.position, self.quaternion, self.velocity = x[:, :3], x[:, 3:7], x[:, 7:10]
         self.joints = x[:, 13:15]
         self.position_reference = np.stack(
-            np.broadcast_arrays(*self.inputs.held_reference.position, self.inputs.times)[:3], 1
+            np.broadcast_arrays(
+                *self.inputs.held_reference.position, self.inputs.times
+            )[:3],
+            1,
         )[: len(x)]
-        self.status = "completed" if len(x) == scenario.steps and flown.carry.alive > 0.5 else "ended"
+        self.status = (
+            "completed"
+            if len(x) == scenario.steps and flown.carry.alive > 0.5
+            else "ended"
+        )
 
 
 def tilt(log):
@@ -64,7 +75,9 @@ def tilt(log):
 
 
 def test_an_ordinary_flight_is_not_touched():
-    free, guard = (Flown(planned(safety, name="case3", duration=9.0)) for safety in (None, True))
+    free, guard = (
+        Flown(planned(safety, name="case3", duration=9.0)) for safety in (None, True)
+    )
     hover = free.time < 6.0
     # the mixer with priorities rounds otherwise
     np.testing.assert_allclose(guard.position[hover], free.position[hover], atol=1e-12)
@@ -74,7 +87,9 @@ def test_an_ordinary_flight_is_not_touched():
 
 def test_a_step_of_thirty_metres_is_flown_level_and_slowly():
     moved = held(x=30.0)
-    state = skyarm.scenario.scenario_record.trimmed_state(planned().plant, held().at(0.0).position, 0.0, (0.0, 0.0))
+    state = skyarm.scenario.scenario_record.trimmed_state(
+        planned().plant, held().at(0.0).position, 0.0, (0.0, 0.0)
+    )
     log = Flown(planned(reference=moved, duration=14.0, initial=state))
     free = Flown(planned(None, reference=moved, duration=14.0, initial=state))
     assert log.status == "completed"
@@ -87,34 +102,52 @@ def test_a_step_of_thirty_metres_is_flown_level_and_slowly():
 
 def test_joint_limits_are_kept_where_the_law_alone_runs_through_them():
     truth = planned(None).plant
-    plant = dataclasses.replace(truth, vehicle=truth.vehicle.with_joints(lower=-0.4, upper=0.6))
-    model = dataclasses.replace(planned(None).controller.par.model, vehicle=skyarm.load_vehicle("hummingbird_arm2"))
-    model = dataclasses.replace(model, vehicle=model.vehicle.with_joints(lower=-0.4, upper=0.6))
+    plant = dataclasses.replace(
+        truth, vehicle=truth.vehicle.with_joints(lower=-0.4, upper=0.6)
+    )
+    model = dataclasses.replace(
+        planned(None).controller.par.model,
+        vehicle=skyarm.load_vehicle("hummingbird_arm2"),
+    )
+    model = dataclasses.replace(
+        model, vehicle=model.vehicle.with_joints(lower=-0.4, upper=0.6)
+    )
     law = skyarm.control.catalogue.preset("paper_ct", model)
-    scenario = planned(None, plant=plant, reference=held(joints=(1.2, -1.2)), duration=3.0)
-    state = skyarm.scenario.scenario_record.trimmed_state(plant, held().at(0.0).position, 0.0, (0.0, 0.0))
+    scenario = planned(
+        None, plant=plant, reference=held(joints=(1.2, -1.2)), duration=3.0
+    )
+    state = skyarm.scenario.scenario_record.trimmed_state(
+        plant, held().at(0.0).position, 0.0, (0.0, 0.0)
+    )
     scenario = dataclasses.replace(scenario, initial=state)
     assert run(dataclasses.replace(scenario, controller=law)).status == "joint_limit"
     log = run(dataclasses.replace(scenario, controller=with_safety_layer(law)))
     assert log.status == "completed"
     assert log.joints.max() < 0.6
     assert log.joints.min() > -0.4
-    # the references stop at twice the margin; the paper's law is off by its friction and weight
+    # the references stop at twice the margin; the paper's law is off by its friction
+    # and weight
     assert log.joints[-1] == pytest.approx([0.5, -0.3], abs=0.05)
 
 
 def test_the_fence_alone_stops_a_law_that_pushes_into_the_limits():
     model = planned(None).controller.par.model
     vehicle = model.vehicle.with_joints(lower=-0.4, upper=0.6)
-    inner = skyarm.control.catalogue.preset("paper_ct", dataclasses.replace(model, vehicle=vehicle))
+    inner = skyarm.control.catalogue.preset(
+        "paper_ct", dataclasses.replace(model, vehicle=vehicle)
+    )
 
     def pushing(memory, measurement, reference, dt, *, par):
         following, command = inner.law(memory, measurement, reference, dt, par=par)
-        return following, Command(rotor_speeds=command.rotor_speeds, efforts=(0.05, 0.0))
+        return following, Command(
+            rotor_speeds=command.rotor_speeds, efforts=(0.05, 0.0)
+        )
 
     law = dataclasses.replace(inner, law=pushing)
     plant = planned(None).plant
-    plant = dataclasses.replace(plant, vehicle=plant.vehicle.with_joints(lower=-0.4, upper=0.6))
+    plant = dataclasses.replace(
+        plant, vehicle=plant.vehicle.with_joints(lower=-0.4, upper=0.6)
+    )
     scenario = planned(None, plant=plant, reference=held(), duration=2.0)
     assert run(dataclasses.replace(scenario, controller=law)).status == "joint_limit"
     never = {"trusted_joint_error": math.inf}
@@ -129,9 +162,15 @@ def broken(from_time: float, until: float = math.inf) -> Controller:
 
     def law(memory, measurement, reference, dt, *, par):
         following, command = inner.law(memory, measurement, reference, dt, par=par)
-        sick = where(measurement.time >= from_time, where(measurement.time < until, math.nan, 0.0), 0.0)
+        sick = where(
+            measurement.time >= from_time,
+            where(measurement.time < until, math.nan, 0.0),
+            0.0,
+        )
         first, *others = command.rotor_speeds
-        return following, Command(rotor_speeds=(first + sick, *others), efforts=command.efforts)
+        return following, Command(
+            rotor_speeds=(first + sick, *others), efforts=command.efforts
+        )
 
     return dataclasses.replace(inner, law=law)
 
@@ -139,10 +178,15 @@ def broken(from_time: float, until: float = math.inf) -> Controller:
 def test_a_law_that_fails_is_replaced_by_a_hover_where_it_failed_with_the_arm_stowed():
     scenario = planned(None, name="case3", duration=14.0, controller=broken(9.0))
     assert Flown(scenario).status == "ended"
-    log = Flown(dataclasses.replace(scenario, controller=with_safety_layer(broken(9.0), stow=(0.3, -0.2))))
+    log = Flown(
+        dataclasses.replace(
+            scenario, controller=with_safety_layer(broken(9.0), stow=(0.3, -0.2))
+        )
+    )
     assert log.status == "completed"
     then = log.position[log.time >= 9.0][0]
-    # the recovery knows neither wind nor the truth's masses: it hangs lower by the weight it does not know over Kp
+    # the recovery knows neither wind nor the truth's masses: it hangs lower by the
+    # weight it does not know over Kp
     np.testing.assert_allclose(log.position[-1], then, atol=0.1)
     np.testing.assert_allclose(log.joints[-1], [0.3, -0.2], atol=0.03)
     assert np.linalg.norm(log.velocity[-1]) < 0.02
@@ -152,10 +196,20 @@ def test_a_law_that_fails_is_replaced_by_a_hover_where_it_failed_with_the_arm_st
 def test_a_law_comes_back_after_calm_flight_if_that_is_asked():
     controller = broken(9.0, 9.5)
     gone, back = (
-        Flown(planned(None, name="case3", duration=16.0, controller=with_safety_layer(controller, limits)))
+        Flown(
+            planned(
+                None,
+                name="case3",
+                duration=16.0,
+                controller=with_safety_layer(controller, limits),
+            )
+        )
         for limits in ({}, {"calm": 2.0})
     )
-    error = [np.linalg.norm(log.position[-1] - log.position_reference[-1]) for log in (gone, back)]
+    error = [
+        np.linalg.norm(log.position[-1] - log.position_reference[-1])
+        for log in (gone, back)
+    ]
     assert error[0] > 0.15
     assert error[1] < 0.08
 
@@ -165,15 +219,22 @@ def test_a_measurement_that_is_not_finite_leaves_the_last_command():
     scenario = planned(reference=held(), duration=0.1)
     log = run(scenario)
     x = log.position[-1]
-    seen = dataclasses.replace(_measurement(log), position=skyarm.algebra.Vec3(math.nan, *x[1:].tolist()))
+    seen = dataclasses.replace(
+        _measurement(log), position=skyarm.algebra.Vec3(math.nan, *x[1:].tolist())
+    )
     reference = held().at(0.0).dense()
-    memory, command = controller.law(controller.memory, _measurement(log), reference, 0.005, par=controller.par)
+    memory, command = controller.law(
+        controller.memory, _measurement(log), reference, 0.005, par=controller.par
+    )
     after, again = controller.law(memory, seen, reference, 0.005, par=controller.par)
     assert again == command
     assert after == memory
     # the joints alone could be commanded, but the law's memory would not know it
     turned = dataclasses.replace(seen, joint_rates=(1.0, -1.0))
-    assert controller.law(memory, turned, reference, 0.005, par=controller.par)[1] == command
+    assert (
+        controller.law(memory, turned, reference, 0.005, par=controller.par)[1]
+        == command
+    )
 
 
 def _measurement(log):
@@ -210,9 +271,15 @@ def test_an_observer_learns_what_was_really_sent():
         return Sent(command, command), command
 
     watching = dataclasses.replace(inner, law=law, memory=Sent(none, none))
-    state = skyarm.scenario.scenario_record.trimmed_state(planned().plant, held().at(0.0).position, 0.0, (0.0, 0.0))
+    state = skyarm.scenario.scenario_record.trimmed_state(
+        planned().plant, held().at(0.0).position, 0.0, (0.0, 0.0)
+    )
     scenario = planned(None, reference=held(x=0.5), duration=0.1, initial=state)
-    carry = Flown(dataclasses.replace(scenario, controller=with_safety_layer(watching, {"rotor_slew": 200.0}))).carry
+    carry = Flown(
+        dataclasses.replace(
+            scenario, controller=with_safety_layer(watching, {"rotor_slew": 200.0})
+        )
+    ).carry
     memory = carry.agent.memory
     assert memory.inner.sent == memory.sent == carry.agent.queue[-1]
     # a step of half a metre asks for more than a slew of 1 rad/s per period
@@ -230,26 +297,42 @@ def test_an_observer_learns_what_was_really_sent():
 )
 def test_laws_that_use_their_commands_are_told_what_was_really_sent(law, options):
     scenario = planned(None, reference=held(x=0.5), duration=0.1)
-    state = skyarm.scenario.scenario_record.trimmed_state(scenario.plant, held().at(0.0).position, 0.0, (0.0, 0.0))
+    state = skyarm.scenario.scenario_record.trimmed_state(
+        scenario.plant, held().at(0.0).position, 0.0, (0.0, 0.0)
+    )
     model = scenario.controller.par.model
-    slow = with_safety_layer(make_controller(law, model, **options), {"rotor_slew": 200.0})
-    memory = Flown(dataclasses.replace(scenario, initial=state, controller=slow)).carry.agent.memory
+    slow = with_safety_layer(
+        make_controller(law, model, **options), {"rotor_slew": 200.0}
+    )
+    memory = Flown(
+        dataclasses.replace(scenario, initial=state, controller=slow)
+    ).carry.agent.memory
     assert memory.inner.sent[-1] == memory.sent
 
 
 def test_modelled_rotors_turn_as_what_was_sent():
-    """Two periods of the first-order lag, by hand; the law itself asked for something else."""
+    """Two periods of the first-order lag, by hand; the law itself asked for something
+    else.
+    """
     model = planned(None).controller.par.model
     indi = make_controller("indi", model, measured_speeds=False)
     seen, wanted = _measurement(run(planned(None, duration=0.05))), held().at(0.0)
     memory, _ = indi.law(indi.memory, seen, wanted, 0.005, par=indi.par)
     sent = Command(rotor_speeds=(300.0, 400.0, 500.0, 600.0), efforts=(0.0, 0.0))
-    memory, _ = indi.law(with_applied_command(memory, sent), seen, wanted, 0.005, par=indi.par)
+    memory, _ = indi.law(
+        with_applied_command(memory, sent), seen, wanted, 0.005, par=indi.par
+    )
     for speed, start, target, rotor in zip(
-        memory.speeds, seen.rotor_speeds, sent.rotor_speeds, model.vehicle.rotors, strict=True
+        memory.speeds,
+        seen.rotor_speeds,
+        sent.rotor_speeds,
+        model.vehicle.rotors,
+        strict=True,
     ):
         lag = rotor.time_constant_up if target > start else rotor.time_constant_down
-        assert speed == pytest.approx(target + (start - target) * math.exp(-0.005 / lag), rel=1e-12)
+        assert speed == pytest.approx(
+            target + (start - target) * math.exp(-0.005 / lag), rel=1e-12
+        )
 
 
 def test_a_law_starts_anew_from_its_first_memory_when_it_comes_back():
@@ -257,11 +340,18 @@ def test_a_law_starts_anew_from_its_first_memory_when_it_comes_back():
 
     def counting(memory, measurement, reference, dt, *, par):
         _, command = inner.law((), measurement, reference, dt, par=par)
-        wrong = where(measurement.time >= 1.0, where(measurement.time < 1.1, math.nan, 0.0), 0.0)
+        wrong = where(
+            measurement.time >= 1.0, where(measurement.time < 1.1, math.nan, 0.0), 0.0
+        )
         return (memory[0] + 1.0 + wrong,), command
 
     law = dataclasses.replace(inner, law=counting, memory=(0.0,))
-    scenario = planned(None, reference=held(), duration=2.0, controller=with_safety_layer(law, {"calm": 0.5}))
+    scenario = planned(
+        None,
+        reference=held(),
+        duration=2.0,
+        controller=with_safety_layer(law, {"calm": 0.5}),
+    )
     count = Flown(scenario).carry.agent.memory.inner[0]
     # it failed until 1.1 s, then had to be calm for half a second
     assert count == pytest.approx(0.4 / 0.005, abs=25)
@@ -273,9 +363,14 @@ def test_where_a_law_is_not_defined_it_is_given_up_at_once():
     log = run(planned(reference=held(), duration=0.05))
     for pitch, expected in ((1.0, 0.0), (0.5 * math.pi, 1.0)):
         seen = dataclasses.replace(
-            _measurement(log), quaternion=skyarm.algebra.Quaternion(math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
+            _measurement(log),
+            quaternion=skyarm.algebra.Quaternion(
+                math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0
+            ),
         )
-        memory, _ = trusting.law(trusting.memory, seen, held().at(0.0).dense(), 0.005, par=trusting.par)
+        memory, _ = trusting.law(
+            trusting.memory, seen, held().at(0.0).dense(), 0.005, par=trusting.par
+        )
         assert memory.confidence.given_up == expected
 
 
@@ -289,10 +384,17 @@ FRONT, ELBOW, SHOULDER = (
 @pytest.mark.parametrize("kind", sampled(["rigid_body", "mujoco"], 2))
 @pytest.mark.parametrize(
     ("faults", "far", "limp"),
-    [((FRONT,), 0.8, ()), ((ELBOW,), 0.4, (1,)), ((SHOULDER,), 0.8, (0,)), ((FRONT, SHOULDER), 1.4, (0,))],
+    [
+        ((FRONT,), 0.8, ()),
+        ((ELBOW,), 0.4, (1,)),
+        ((SHOULDER,), 0.8, (0,)),
+        ((FRONT, SHOULDER), 1.4, (0,)),
+    ],
     ids=["rotor", "elbow", "shoulder", "rotor and shoulder"],
 )
-def test_the_papers_law_under_guard_survives_the_loss_of_thrust_and_of_joint_torques(kind, faults, far, limp):
+def test_the_papers_law_under_guard_survives_the_loss_of_thrust_and_of_joint_torques(
+    kind, faults, far, limp
+):
     scenario = planned(name="case3", duration=11.0, kind=kind, faults=faults)
     log = Flown(scenario) if kind == "rigid_body" else run(scenario)
     assert log.status == "completed"
@@ -308,7 +410,9 @@ def test_the_papers_law_under_guard_survives_the_loss_of_thrust_and_of_joint_tor
 
 
 def test_a_guard_that_trusts_joints_less_survives_a_lost_rotor_and_both_drives():
-    """By default it waits 0.25 s beyond 0.6 rad, more than any law's own errors: that is too late."""
+    """By default it waits 0.25 s beyond 0.6 rad, more than any law's own errors: that
+    is too late.
+    """
     lost = (FRONT, SHOULDER, ELBOW)
     status = [
         Flown(planned(safety, name="case3", duration=10.0, faults=lost)).status
@@ -319,29 +423,43 @@ def test_a_guard_that_trusts_joints_less_survives_a_lost_rotor_and_both_drives()
 
 @pytest.mark.thorough
 def test_a_law_that_keeps_the_tip_may_take_the_joints_far_from_their_references():
-    """6 N of wind lean the base by 0.65 rad, and the first joint against it; trusted as a tracker it is given up."""
+    """6 N of wind lean the base by 0.65 rad, and the first joint against it; trusted as
+    a tracker it is given up.
+    """
     base = skyarm.load_scenario("case3_wind", duration=10.0)
     law = make_controller("centroidal", base.controller.par.model, mode="tip")
     wind = dataclasses.replace(base.wind, force_W=Vec3(6.0, 0.0, 0.0))
     kept, stowed = (
-        run(dataclasses.replace(base, wind=wind, controller=with_safety_layer(law, limits)))
+        run(
+            dataclasses.replace(
+                base, wind=wind, controller=with_safety_layer(law, limits)
+            )
+        )
         for limits in ({}, {"trusted_joint_error": 0.6})
     )
     assert kept.status == stowed.status == "completed"
     assert np.abs(kept.joints - kept.joints_reference)[-200:, 0].max() > 0.6
-    off = [np.linalg.norm(log.tool - log.tool_reference, axis=1)[-200:].max() for log in (kept, stowed)]
+    off = [
+        np.linalg.norm(log.tool - log.tool_reference, axis=1)[-200:].max()
+        for log in (kept, stowed)
+    ]
     assert off[0] < 0.01
     assert off[1] > 0.1
 
 
 def test_without_the_guard_the_shoulders_loss_is_the_end():
-    assert Flown(planned(None, name="case3", duration=13.0, faults=(SHOULDER,))).status == "ended"
+    assert (
+        Flown(planned(None, name="case3", duration=13.0, faults=(SHOULDER,))).status
+        == "ended"
+    )
 
 
 @pytest.mark.parametrize("preset", ["paper_ct", "paper_pd", "rotors_sim_hummingbird"])
 def test_machine_code_of_every_law_under_guard_has_the_bits_of_python(preset):
     scenario = skyarm.load_scenario("case2_gust", controller=preset, duration=0.1)
-    scenario = dataclasses.replace(scenario, controller=with_safety_layer(scenario.controller))
+    scenario = dataclasses.replace(
+        scenario, controller=with_safety_layer(scenario.controller)
+    )
     assert np.array_equal(fly(scenario).rows, fly(scenario, python=True).rows)
 
 
@@ -349,21 +467,29 @@ def test_pitching_through_ninety_degrees_no_longer_ends_the_euler_form():
     scenario = skyarm.load_scenario("case1", controller="bulut2019", duration=6.0)
     half = 0.25 * math.pi
     state = dataclasses.replace(
-        skyarm.scenario.scenario_record.trimmed_state(scenario.plant, held().at(0.0).position, 0.0, (0.0, 0.0)),
+        skyarm.scenario.scenario_record.trimmed_state(
+            scenario.plant, held().at(0.0).position, 0.0, (0.0, 0.0)
+        ),
         quaternion=skyarm.algebra.Quaternion(math.cos(half), 0.0, math.sin(half), 0.0),
     )
     scenario = dataclasses.replace(scenario, initial=state, reference=held())
     assert run(scenario).status == "controller_undefined"
-    log = Flown(dataclasses.replace(scenario, controller=with_safety_layer(scenario.controller)))
+    log = Flown(
+        dataclasses.replace(scenario, controller=with_safety_layer(scenario.controller))
+    )
     assert log.status == "completed"
     assert tilt(log)[-1] < 0.05
 
 
 def test_limits_vary_from_lane_to_lane():
     scenario = planned(reference=held(x=3.0), duration=1.5)
-    state = skyarm.scenario.scenario_record.trimmed_state(scenario.plant, held().at(0.0).position, 0.0, (0.0, 0.0))
+    state = skyarm.scenario.scenario_record.trimmed_state(
+        scenario.plant, held().at(0.0).position, 0.0, (0.0, 0.0)
+    )
     scenario = dataclasses.replace(scenario, initial=state)
-    outcome = Batch(scenario, ("controller.limits.tilt",)).fly({"controller.limits.tilt": np.array([0.1, 0.6])})
+    outcome = Batch(scenario, ("controller.limits.tilt",)).fly(
+        {"controller.limits.tilt": np.array([0.1, 0.6])}
+    )
     assert outcome.completed.all()
     assert outcome.state.position.x[0] < outcome.state.position.x[1]
 
@@ -382,7 +508,10 @@ def test_a_scenario_file_asks_for_the_guard():
         "duration": 0.1,
         "plant": {"vehicle": "hummingbird_arm2_rotors"},
         "model": {"vehicle": "hummingbird_arm2"},
-        "controller": {"preset": "paper_ct", "safety": {"tilt": 0.5, "stow": [0.1, 0.2]}},
+        "controller": {
+            "preset": "paper_ct",
+            "safety": {"tilt": 0.5, "stow": [0.1, 0.2]},
+        },
         "reference": {"joints": [0.0, 0.0]},
     }
     made = scenario_from(document).controller
@@ -391,7 +520,10 @@ def test_a_scenario_file_asks_for_the_guard():
         0.5,
         (0.1, 0.2),
     )
-    assert scenario_from(document, replaced={"controller": "paper_pd"}).controller.name == "guarded_decoupled_pd"
+    assert (
+        scenario_from(document, replaced={"controller": "paper_pd"}).controller.name
+        == "guarded_decoupled_pd"
+    )
     for wrong, words in (
         (3, "controller.safety = 3: must be true, false or a table"),
         ({"tilts": 1.0}, "controller.safety.tilts: unknown field"),

@@ -1,4 +1,6 @@
-"""Readings that repeat: which are new, what stands still rightly, and what the observer does over the others."""
+"""Readings that repeat: which are new, what stands still rightly, and what the observer
+does over the others.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,12 @@ import pytest
 import skyarm
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.control.blocks.common import standing_command
-from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed, observe
+from skyarm.control.blocks.disturbance_observer import (
+    AccelerometerGains,
+    ObserverGains,
+    first_observed,
+    observe,
+)
 from skyarm.control.blocks.prediction import Disturbance, actuation, no_disturbance
 from skyarm.control.blocks.stale_readings import Fresh, ReadingSums
 from skyarm.control.model import Model
@@ -51,12 +58,18 @@ def test_each_quantity_repeats_or_is_new_for_itself(name):
     before, now = drawn(1), drawn(2)
     assert fresh(before, now) == set(NAMES)
     assert fresh(before, before) == set()
-    assert fresh(before, dataclasses.replace(now, **{name: getattr(before, name)})) == {*NAMES} - {name}
-    assert fresh(before, dataclasses.replace(before, **{name: getattr(now, name)})) == {name}
+    assert fresh(before, dataclasses.replace(now, **{name: getattr(before, name)})) == {
+        *NAMES
+    } - {name}
+    assert fresh(before, dataclasses.replace(before, **{name: getattr(now, name)})) == {
+        name
+    }
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_one_number_that_moves_is_enough_and_so_are_two_that_move_against_each_other(name):
+def test_one_number_that_moves_is_enough_and_so_are_two_that_move_against_each_other(
+    name,
+):
     before = drawn(3)
     numbers, cls = [*getattr(before, name)], type(getattr(before, name))
     make = tuple if cls is tuple else lambda row: cls(*row)
@@ -65,7 +78,9 @@ def test_one_number_that_moves_is_enough_and_so_are_two_that_move_against_each_o
             moved = list(numbers)
             moved[i] += 0.01
             moved[k] -= 0.01 if k != i else 0.0
-            assert fresh(before, dataclasses.replace(before, **{name: make(moved)})) == {name}
+            assert fresh(
+                before, dataclasses.replace(before, **{name: make(moved)})
+            ) == {name}
 
 
 def test_opposite_motions_from_zero_are_new():
@@ -78,14 +93,21 @@ def test_opposite_motions_from_zero_are_new():
 
 
 def test_numbers_weigh_by_powers_of_the_golden_ratio():
-    """Each as the two after it together; the second as (sqrt 5 - 1) / 2 of the first."""
-    for numbers, whole in (((1.0, -1.0, -1.0), 0.0), ((0.0, 2.0, 0.0), np.sqrt(5.0) - 1.0)):
+    """Each as the two after it together; the second as (sqrt 5 - 1) / 2 of the
+    first.
+    """
+    for numbers, whole in (
+        ((1.0, -1.0, -1.0), 0.0),
+        ((0.0, 2.0, 0.0), np.sqrt(5.0) - 1.0),
+    ):
         found = ReadingSums.of(dataclasses.replace(drawn(3), position=Vec3(*numbers)))
         assert found.position == pytest.approx(whole, abs=1e-15)
 
 
 def test_a_vehicle_at_rest_repeats_its_readings_rightly():
-    rest = dataclasses.replace(drawn(4), velocity=ZERO3, rate=ZERO3, joint_rates=(0.0, 0.0))
+    rest = dataclasses.replace(
+        drawn(4), velocity=ZERO3, rate=ZERO3, joint_rates=(0.0, 0.0)
+    )
     # the accelerometer too: about a state of equilibrium a loop is linearised with it
     assert fresh(rest, rest) == {*NAMES}
     turning = dataclasses.replace(rest, rate=drawn(4).rate)
@@ -98,7 +120,9 @@ def test_a_vehicle_at_rest_repeats_its_readings_rightly():
 
 @pytest.mark.parametrize("name", sorted(RATES))
 def test_what_stands_still_while_its_rate_does_not_is_old(name):
-    rest = dataclasses.replace(drawn(4), velocity=ZERO3, rate=ZERO3, joint_rates=(0.0, 0.0))
+    rest = dataclasses.replace(
+        drawn(4), velocity=ZERO3, rate=ZERO3, joint_rates=(0.0, 0.0)
+    )
     moving = dataclasses.replace(rest, **{RATES[name]: getattr(drawn(5), RATES[name])})
     # the rate itself is new: it differs from zero
     stopped = {name} if RATES[name] != "rate" else {name, "specific_force"}
@@ -107,7 +131,11 @@ def test_what_stands_still_while_its_rate_does_not_is_old(name):
 
 
 GAINS = ObserverGains(
-    force=27.0, torque=31.0, joints=34.0, pose=60.0, accelerometer=AccelerometerGains(force=40.0, velocity=5.0)
+    force=27.0,
+    torque=31.0,
+    joints=34.0,
+    pose=60.0,
+    accelerometer=AccelerometerGains(force=40.0, velocity=5.0),
 )
 COMMAND = standing_command(ARM)
 DONE = actuation(ARM, COMMAND.rotor_speeds, COMMAND, DT)
@@ -127,30 +155,49 @@ def underway(measured):
 def test_the_first_measurement_is_remembered_and_repeats_from_the_second_on():
     start = drawn(6)
     begun = underway(start)
-    assert list(first_observed(2, COMMAND.rotor_speeds).quaternion) == [1.0, 0.0, 0.0, 0.0]
+    assert list(first_observed(2, COMMAND.rotor_speeds).quaternion) == [
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+    ]
     assert begun.readings == ReadingSums.of(start)
     assert list(begun.integrated) == list(start.velocity)
     assert seen(begun, drawn(7))[0].readings == ReadingSums.of(drawn(7))
 
 
-@pytest.mark.parametrize("gains", [GAINS, dataclasses.replace(GAINS, accelerometer=None)])
+@pytest.mark.parametrize(
+    "gains", [GAINS, dataclasses.replace(GAINS, accelerometer=None)]
+)
 def test_over_readings_that_repeat_the_model_predicts_alone(gains):
     """All of them: pose and rates go on by the model, and no disturbance is learned."""
     start = drawn(6)
     begun = underway(start)
     after, told = seen(begun, start, gains=gains)
-    assert list(after.position) == pytest.approx(list(start.position + start.velocity * DT))
-    assert after.joints == pytest.approx([q + r * DT for q, r in zip(start.joints, start.joint_rates, strict=True)])
+    assert list(after.position) == pytest.approx(
+        list(start.position + start.velocity * DT)
+    )
+    assert after.joints == pytest.approx(
+        [q + r * DT for q, r in zip(start.joints, start.joint_rates, strict=True)]
+    )
     linear, angular, joints = told.amid.accelerations(ARM, DONE.squares, DONE.efforts)
     assert list(after.velocity) == pytest.approx(list(start.velocity + linear * DT))
     assert list(after.rate) == pytest.approx(list(start.rate + angular * DT))
-    assert after.joint_rates == pytest.approx([r + a * DT for r, a in zip(start.joint_rates, joints, strict=True)])
-    assert [*after.force, *after.torque, *after.efforts] == pytest.approx([0.0] * 8, abs=1e-12)
+    assert after.joint_rates == pytest.approx(
+        [r + a * DT for r, a in zip(start.joint_rates, joints, strict=True)]
+    )
+    assert [*after.force, *after.torque, *after.efforts] == pytest.approx(
+        [0.0] * 8, abs=1e-12
+    )
 
 
-@pytest.mark.parametrize(("name", "of"), [("rate", "torque"), ("joint_rates", "efforts")])
+@pytest.mark.parametrize(
+    ("name", "of"), [("rate", "torque"), ("joint_rates", "efforts")]
+)
 def test_a_rate_that_repeats_corrects_nothing(name, of):
-    """The model that predicts it errs by 1 unit a second; the others are as they should be."""
+    """The model that predicts it errs by 1 unit a second; the others are as they should
+    be.
+    """
     start = drawn(6)
     begun = underway(start)
     _, told = seen(begun, start)
@@ -158,17 +205,27 @@ def test_a_rate_that_repeats_corrects_nothing(name, of):
     foretold = {
         "velocity": start.velocity + linear * DT,
         "rate": start.rate + angular * DT,
-        "joint_rates": tuple(r + a * DT for r, a in zip(start.joint_rates, joints, strict=True)),
+        "joint_rates": tuple(
+            r + a * DT for r, a in zip(start.joint_rates, joints, strict=True)
+        ),
     }
-    held, _ = seen(begun, dataclasses.replace(start, **(foretold | {name: getattr(start, name)})))
-    off, _ = seen(begun, dataclasses.replace(start, **(foretold | {name: getattr(drawn(8), name)})))
-    assert list(getattr(held, of)) == pytest.approx([0.0] * len(getattr(held, of)), abs=1e-12)
+    held, _ = seen(
+        begun, dataclasses.replace(start, **(foretold | {name: getattr(start, name)}))
+    )
+    off, _ = seen(
+        begun,
+        dataclasses.replace(start, **(foretold | {name: getattr(drawn(8), name)})),
+    )
+    assert list(getattr(held, of)) == pytest.approx(
+        [0.0] * len(getattr(held, of)), abs=1e-12
+    )
     assert np.abs(list(getattr(off, of))).max() > 1e-3
 
 
 @pytest.mark.parametrize("late", [0, 1, 3, 40])
 def test_late_rates_of_sliding_joints_are_corrected_by_the_gains_of_all_periods(late):
-    """An error e of them, in closed form: b falls with the square of the periods, the effort is that of their mean.
+    """An error e of them, in closed form: b falls with the square of the periods, the
+    effort is that of their mean.
 
     Turning joints keep their gains.
     """
@@ -178,8 +235,11 @@ def test_late_rates_of_sliding_joints_are_corrected_by_the_gains_of_all_periods(
 
     def step(before, rates, started=1.0):
         now = dataclasses.replace(
-            blank_measurement(5, 8), velocity=Vec3(*draw.normal(0.0, 0.01, 3)), rate=Vec3(*draw.normal(0.0, 0.01, 3)),
-            joints=tuple(draw.normal(size=5)), joint_rates=rates,
+            blank_measurement(5, 8),
+            velocity=Vec3(*draw.normal(0.0, 0.01, 3)),
+            rate=Vec3(*draw.normal(0.0, 0.01, 3)),
+            joints=tuple(draw.normal(size=5)),
+            joint_rates=rates,
         )
         return observe(model, GAINS, before, now, done, none, started, (1.0,) * 6, DT)
 
@@ -195,26 +255,43 @@ def test_late_rates_of_sliding_joints_are_corrected_by_the_gains_of_all_periods(
     slides = np.array([0, 0, late, 0, late])
     b = np.exp(-GAINS.joints * DT) / (1 + slides**2)
     assert after.joint_rates == pytest.approx(foretold + (1 - b * b) * error)
-    assert told.joint_corrections == pytest.approx((1 - b) ** 2 * error / ((1 + slides) * DT))
+    assert told.joint_corrections == pytest.approx(
+        (1 - b) ** 2 * error / ((1 + slides) * DT)
+    )
     assert after.readings.missed == 0.0
 
 
 def test_a_velocity_that_repeats_is_integrated_from_the_accelerometer():
-    """2 m/s^2 that the model lacks, for 0.3 s: the estimate follows them, and the force finds them."""
-    start = dataclasses.replace(drawn(6), rate=ZERO3, joint_rates=(0.0, 0.0), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0))
+    """2 m/s^2 that the model lacks, for 0.3 s: the estimate follows them, and the force
+    finds them.
+    """
+    start = dataclasses.replace(
+        drawn(6),
+        rate=ZERO3,
+        joint_rates=(0.0, 0.0),
+        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+    )
     observed = underway(start)
     for k in range(60):
-        known = Disturbance(force=observed.force, torque=observed.torque, efforts=observed.efforts)
-        now = dataclasses.replace(start, specific_force=Vec3(2.0, 0.0, G + 1e-9 * k), joints=(1e-9 * k, 0.0))
+        known = Disturbance(
+            force=observed.force, torque=observed.torque, efforts=observed.efforts
+        )
+        now = dataclasses.replace(
+            start, specific_force=Vec3(2.0, 0.0, G + 1e-9 * k), joints=(1e-9 * k, 0.0)
+        )
         observed, _ = seen(observed, now, known)
     assert observed.velocity.x - start.velocity.x == pytest.approx(0.6, abs=0.01)
     drag = 4 * 8.06428e-5 * COMMAND.rotor_speeds[0] * observed.velocity.x
-    assert observed.force.x == pytest.approx(2.0 * float(ARM.vehicle.mass) + drag, rel=0.02)
+    assert observed.force.x == pytest.approx(
+        2.0 * float(ARM.vehicle.mass) + drag, rel=0.02
+    )
     assert observed.agreed == 1.0
 
 
 def test_a_reading_that_repeats_for_two_seconds_is_believed():
-    """A vehicle that stands still under a coarse gyro with a bias: its attitude is measured, not predicted on."""
+    """A vehicle that stands still under a coarse gyro with a bias: its attitude is
+    measured, not predicted on.
+    """
     still = dataclasses.replace(blank_measurement(2, 4), rate=Vec3(0.02, 0.0, 0.0))
     readings, ages = ReadingSums.of(drawn(3)), []
     for _ in range(500):

@@ -1,4 +1,6 @@
-"""A vehicle without rotors, as files of simulators give that name them in plugins, is refused by every law."""
+"""A vehicle without rotors, as files of simulators give that name them in plugins, is
+refused by every law.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""A law of one's own that is wrong is one line with its file and line, before it flies, wherever it comes from."""
+"""A law of one's own that is wrong is one line with its file and line, before it flies,
+wherever it comes from.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,16 @@ from skyarm.sensing.measurement import blank_measurement, measurement_of
 from skyarm.simulate.examine import check_law
 from skyarm.simulate.loop import run
 from skyarm.vehicle.vehicle_files import load_vehicle
-from support.components import EVERYTHING, FINE, FLOWN, MAKERS, Mistake, registry_kept, returning, same_logs
+from support.components import (
+    EVERYTHING,
+    FINE,
+    FLOWN,
+    MAKERS,
+    Mistake,
+    registry_kept,
+    returning,
+    same_logs,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +74,10 @@ def test_a_maker_that_makes_no_controller_is_one_line(tmp_path, name):
     mistake = MAKERS[name]
     with pytest.raises(ValueError, match="maker of law") as caught:
         planned(tmp_path, mistake)
-    assert f"{tmp_path / 'mine.py'}:{mistake.line}: maker of law '{tmp_path / 'mine.py'}:make'" in str(caught.value)
+    assert (
+        f"{tmp_path / 'mine.py'}:{mistake.line}: maker of law"
+        f" '{tmp_path / 'mine.py'}:make'" in str(caught.value)
+    )
     assert str(caught.value).endswith(mistake.words)
 
 
@@ -79,11 +93,17 @@ def test_arrays_lists_and_whole_numbers_are_as_good_as_tuples_of_floats(tmp_path
 
 @pytest.mark.parametrize("told", ["measurement", "reference"])
 def test_a_law_that_is_told_no_number_may_answer_with_none(told):
-    """A filter that has no fix yet gives NaN; what a law makes of that is no mistake of the law."""
+    """A filter that has no fix yet gives NaN; what a law makes of that is no mistake of
+    the law.
+    """
 
     def law(memory, measurement, reference, dt, *, par):
-        height = measurement.position.z if told == "measurement" else reference.position.z
-        return memory, Command(rotor_speeds=(480.0 - 10.0 * height,) * 4, efforts=(0.0, 0.0))
+        height = (
+            measurement.position.z if told == "measurement" else reference.position.z
+        )
+        return memory, Command(
+            rotor_speeds=(480.0 - 10.0 * height,) * 4, efforts=(0.0, 0.0)
+        )
 
     scenario = load_scenario("case1")
     controller = dataclasses.replace(scenario.controller, law=law, memory=())
@@ -92,12 +112,16 @@ def test_a_law_that_is_told_no_number_may_answer_with_none(told):
     lost = Vec3(0.0, 0.0, math.nan)
     try_law(controller, 0.005, seen, (wanted,) * 20)
     blind = dataclasses.replace(seen, position=lost) if told == "measurement" else seen
-    nowhere = dataclasses.replace(wanted, position=lost) if told == "reference" else wanted
+    nowhere = (
+        dataclasses.replace(wanted, position=lost) if told == "reference" else wanted
+    )
     try_law(controller, 0.005, blind, (nowhere,) * 20)
 
     def never(memory, measurement, reference, dt, *, par):
         found, command = law(memory, measurement, reference, dt, par=par)
-        return found, dataclasses.replace(command, efforts=(0.0 * measurement.time, math.nan))
+        return found, dataclasses.replace(
+            command, efforts=(0.0 * measurement.time, math.nan)
+        )
 
     with pytest.raises(LawError, match=r"gives efforts\[1\] = nan in its first period"):
         try_law(dataclasses.replace(controller, law=never), 0.005, seen, (wanted,) * 20)
@@ -110,7 +134,9 @@ def turner(tilts):
     """A law that turns the rotors of a vehicle whose rotors tilt."""
 
     def law(memory, seen, wanted, dt, *, par):
-        return memory, Command(rotor_speeds=(480.0,) * 6, efforts=(0.0,) * 2, tilts=tilts)
+        return memory, Command(
+            rotor_speeds=(480.0,) * 6, efforts=(0.0,) * 2, tilts=tilts
+        )
 
     return Controller(name="mine", law=law, par=Turning(model=Model(vehicle=VOLIRO)))
 
@@ -124,7 +150,12 @@ def turning(tilts):
 def test_an_angle_that_is_no_number_is_named():
     words = r"gives tilts\[2\] = nan in its first period: must be a finite number"
     with pytest.raises(LawError, match=words):
-        try_law(turner((0.0, 0.0, math.nan, 0.0, 0.0, 0.0)), 0.005, blank_measurement(2, 6), [Reference()] * 3)
+        try_law(
+            turner((0.0, 0.0, math.nan, 0.0, 0.0, 0.0)),
+            0.005,
+            blank_measurement(2, 6),
+            [Reference()] * 3,
+        )
 
 
 @pytest.mark.parametrize(
@@ -132,7 +163,10 @@ def test_an_angle_that_is_no_number_is_named():
     [
         ((0.1, 0.1), r"gives 2 tilts: must be 6, one for each rotor that tilts"),
         (("a",) * 6, r"gives tilts\[0\] as 'a': must be a number"),
-        ((0.0, None, 0.0, 0.0, 0.0, 0.0), r"gives tilts\[1\] as None: must be a number"),
+        (
+            (0.0, None, 0.0, 0.0, 0.0, 0.0),
+            r"gives tilts\[1\] as None: must be a number",
+        ),
     ],
 )
 def test_angles_of_rotors_that_tilt_are_looked_at(tilts, words):

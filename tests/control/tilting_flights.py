@@ -16,7 +16,14 @@ from skyarm.sensing.measurement import SensorNoise
 from skyarm.world import ForceWind
 
 VOLIRO = skyarm.load_vehicle("voliro_like")
-NOISE = SensorNoise(position=1e-3, velocity=1e-2, attitude=2e-3, rate=1e-2, joints=1e-3, joint_rates=1e-2)
+NOISE = SensorNoise(
+    position=1e-3,
+    velocity=1e-2,
+    attitude=2e-3,
+    rate=1e-2,
+    joints=1e-3,
+    joint_rates=1e-2,
+)
 
 SWINGING = tuple(Sine(amplitude=0.3, frequency_hz=0.4, phase=0.6 * i) for i in range(2))
 
@@ -24,12 +31,27 @@ SWINGING = tuple(Sine(amplitude=0.3, frequency_hz=0.4, phase=0.6 * i) for i in r
 def across(seconds, joints=(), start=0.5):
     """A metre along x."""
     x = Ramp(start=start, duration=seconds, height=1.0, shape="quintic")
-    return Trajectory(x=x, y=Constant(0.0), z=Constant(1.5), yaw=Constant(0.0), joints=joints)
+    return Trajectory(
+        x=x, y=Constant(0.0), z=Constant(1.5), yaw=Constant(0.0), joints=joints
+    )
 
 
-def scenario(vehicle, trajectory, duration, *, truth=None, delay=0.0, wind=(0.0, 0.0, 0.0), guarded=False, **options):
+def scenario(
+    vehicle,
+    trajectory,
+    duration,
+    *,
+    truth=None,
+    delay=0.0,
+    wind=(0.0, 0.0, 0.0),
+    guarded=False,
+    **options,
+):
     law = make_centroidal(
-        Model(vehicle=vehicle), mode="tip" if vehicle.n else "joint", delay=delay, **({"sideways": 0.9} | options)
+        Model(vehicle=vehicle),
+        mode="tip" if vehicle.n else "joint",
+        delay=delay,
+        **({"sideways": 0.9} | options),
     )
     return Scenario(
         name="vectored",
@@ -51,12 +73,17 @@ def tilt(log):
 
 def errors(log, name):
     """Millimetres."""
-    return 1e3 * np.linalg.norm(getattr(log, name) - getattr(log, f"{name}_reference"), axis=1)
+    return 1e3 * np.linalg.norm(
+        getattr(log, name) - getattr(log, f"{name}_reference"), axis=1
+    )
 
 
 def eased_circle(speed):
     """A circle of 1 m that is eased in from 1 s to 4 s."""
     ease = Ramp(start=1.0, duration=3.0, height=1.0, shape="quintic")
     hertz = speed / (2.0 * np.pi)
-    x, y = (Product(Sine(amplitude=1.0, frequency_hz=hertz, phase=phase), ease) for phase in (0.5 * np.pi, 0.0))
+    x, y = (
+        Product(Sine(amplitude=1.0, frequency_hz=hertz, phase=phase), ease)
+        for phase in (0.5 * np.pi, 0.0)
+    )
     return Trajectory(x=x, y=y, z=Constant(1.5), yaw=Constant(0.0), joints=SWINGING)

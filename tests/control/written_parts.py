@@ -1,4 +1,6 @@
-"""Parts of the law that is written again: lag, noises, accelerometer, force trend, shift of the base, adaptation."""
+"""Parts of the law that is written again: lag, noises, accelerometer, force trend,
+shift of the base, adaptation.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +56,8 @@ NUMBERS = SimpleNamespace(
 """As the page states them."""
 
 SEEN, FELT = 0.01 * math.sqrt(0.005), 0.05 * math.sqrt(0.005)
-"""Noises of velocity and accelerometer that the bandwidths of the latter are for: of the bench, at 200 Hz."""
+"""Noises of velocity and accelerometer that the bandwidths of the latter are for: of
+the bench, at 200 Hz."""
 
 SHARES = (1 / 8, 1 / 4, 7 / 16, 11 / 16, 1.0)
 """Of the preview."""
@@ -93,12 +96,16 @@ class WrittenParts:
 
     def _lags(self) -> tuple[list[Any], list[float]]:
         weights = self._weights()
-        return weights, [w @ np.arange(9) * self.stride * self.dt / w.sum() for w in weights]
+        return weights, [
+            w @ np.arange(9) * self.stride * self.dt / w.sum() for w in weights
+        ]
 
     # force trend
 
     def _trend(self) -> Any:
-        """Rate of the observed force over the delay of the shift, and over those of observer and attitude."""
+        """Rate of the observed force over the delay of the shift, and over those of
+        observer and attitude.
+        """
         t, dt, d, m = self.trend, self.dt, self.d[0], self.v.mass
         b = np.exp(-self.par.force_trend * dt)
         e = d - t.level - t.rate * dt
@@ -126,16 +133,23 @@ class WrittenParts:
         mean = [self.mean]
         for each in h[:-1]:
             mean.append(each - mean[-1])
-        left = (1 - self.par.arm_turn / max(self.size, self.par.arm_turn)) * np.array([1.0, 1.0, 0.0])
+        left = (1 - self.par.arm_turn / max(self.size, self.par.arm_turn)) * np.array(
+            [1.0, 1.0, 0.0]
+        )
         return [a - (a - b) * left for a, b in zip(h, mean, strict=True)]
 
     # the shift of the base
 
     def _left(self, q: Any) -> Any:
-        """Matrix, on heading 0, of what joints leave of a horizontal vector that the base would tilt for."""
+        """Matrix, on heading 0, of what joints leave of a horizontal vector that the
+        base would tilt for.
+        """
         v = self.v
         axes = v.still(q)[2]
-        G = sum((np.outer(axes[i][:2], axes[i][:2]) for i in v.chain(v.tip_link)), np.zeros((2, 2)))
+        G = sum(
+            (np.outer(axes[i][:2], axes[i][:2]) for i in v.chain(v.tip_link)),
+            np.zeros((2, 2)),
+        )
         (least, most), U = np.linalg.eigh(G)
         # a turn about an axis moves the centre of mass across it
         return U @ np.diag([0.02 / (most + 0.02), 0.02 / (least + 0.02)]) @ U.T
@@ -145,7 +159,17 @@ class WrittenParts:
         return com[2, 0] - tip[2, 0]
 
     def _shift(
-        self, base: Any, psi: Any, q: Any, com: Any, tip: Any, F: Any, rate: Any, drag: float, lead: Any, ahead: Any
+        self,
+        base: Any,
+        psi: Any,
+        q: Any,
+        com: Any,
+        tip: Any,
+        F: Any,
+        rate: Any,
+        drag: float,
+        lead: Any,
+        ahead: Any,
     ) -> list[Any]:
         """First to fourth derivative of the shift; the memory goes on."""
         m, g, dt = self.v.mass, self.g, self.dt
@@ -168,8 +192,11 @@ class WrittenParts:
         factor = levers / sizes
         f = np.array(
             [
-                phi * on(heading, F[:2] / m + rate[:2] / m * t - drag / m * v[:2] - a[:2])
-                for phi, heading, t, v, a in zip(factor, headings, times_, velocity, acceleration, strict=True)
+                phi
+                * on(heading, F[:2] / m + rate[:2] / m * t - drag / m * v[:2] - a[:2])
+                for phi, heading, t, v, a in zip(
+                    factor, headings, times_, velocity, acceleration, strict=True
+                )
             ]
         )
         # numbers of the last period go on to now
@@ -178,7 +205,9 @@ class WrittenParts:
         k[1:5] += (self.secants[2:6] - self.secants[1:5]) * late / h[1:5]
         e[0:4] += (self.falls[1:5] - self.falls[0:4]) * late / h[1:5]
         z = np.array([a[2] for a in acceleration])
-        n = np.maximum([*(g - F[2] / m + (z[:-1] + z[1:]) / 2 + e), g - F[2] / m + z[-1]], 0.15 * g)
+        n = np.maximum(
+            [*(g - F[2] / m + (z[:-1] + z[1:]) / 2 + e), g - F[2] / m + z[-1]], 0.15 * g
+        )
         n = n * [*((k[:-1] + k[1:]) / 2), k[-1]]
         b = np.sqrt(n[5] / sizes[5])
         v = -f[5] / b - (f[5] - f[4]) / (b * b * h[4])
@@ -186,11 +215,19 @@ class WrittenParts:
         for i in range(4, -1, -1):
             pace = 2 * n[i] / (sizes[i] + sizes[i + 1])
             x = pace * h[i] ** 2
-            C, S = 1 + x / 2 + x**2 / 24 + x**3 / 720, h[i] * (1 + x / 6 + x**2 / 120 + x**3 / 5040)
+            C, S = (
+                1 + x / 2 + x**2 / 24 + x**3 / 720,
+                h[i] * (1 + x / 6 + x**2 / 120 + x**3 / 5040),
+            )
             mean, change = (f[i] + f[i + 1]) / 2, f[i + 1] - f[i]
-            p = h[i] ** 2 * ((1 / 2 + x / 24 + x**2 / 720) * mean - (1 / 12 + x / 80) * change)
+            p = h[i] ** 2 * (
+                (1 / 2 + x / 24 + x**2 / 720) * mean - (1 / 12 + x / 80) * change
+            )
             down = C + b * S
-            v, b = (v - b * p - S * mean + h[i] * x * change / 24) / down, (pace * S + b * C) / down
+            v, b = (
+                (v - b * p - S * mean + h[i] * x * change / 24) / down,
+                (pace * S + b * C) / down,
+            )
             sweep.insert(0, (b, v, C, S, p))
 
         def secant(y: Any, size: float) -> float:
@@ -199,7 +236,10 @@ class WrittenParts:
         y = now = self.y[:2]
         # forwards from the shift of now
         secants, falling, rates = [], [], []
-        end = (np.sqrt(n[5] / sizes[5]), -f[5] / np.sqrt(n[5] / sizes[5]) - (f[5] - f[4]) / (n[5] / sizes[5] * h[4]))
+        end = (
+            np.sqrt(n[5] / sizes[5]),
+            -f[5] / np.sqrt(n[5] / sizes[5]) - (f[5] - f[4]) / (n[5] / sizes[5] * h[4]),
+        )
         for i in range(6):
             bi, vi = sweep[i][:2] if i < 5 else end
             dy = vi - bi * y
@@ -210,7 +250,9 @@ class WrittenParts:
         falling = np.diff(rates) / h
         # the shift of now, with derivatives
         (b, v), size0 = sweep[0][:2], sizes[0]
-        size = lever[:3] * np.sign(lever[0]) if abs(lever[0]) > 0.02 else constant(0.02, 3)
+        size = (
+            lever[:3] * np.sign(lever[0]) if abs(lever[0]) > 0.02 else constant(0.02, 3)
+        )
         up = [
             base[2][2] + g - F[2] / m + self.sinks[0],
             base[3][2] - rate[2] / m + self.sinks[1],
@@ -231,13 +273,18 @@ class WrittenParts:
         lean = mul(series(now, dy, ddy), per[None])
         square = dot(lean, lean)
         square = square if square[0] < 0.75 else constant(0.75, 3)
-        k0, k1, k2 = derivatives(mul(mul(N, per), power(constant(1.0, 3) - square, -0.5)))
+        k0, k1, k2 = derivatives(
+            mul(mul(N, per), power(constant(1.0, 3) - square, -0.5))
+        )
         third = k1 * now + k0 * dy + F1
         fourth = k2 * now + 2 * k1 * dy + k0 * ddy + F2
         Y = series(now, dy, ddy, third, fourth)
         low_by = -lever[0] / size0**2 * secant(now, size0)
         heights = [low_by * each for each in derivatives(dot(Y, Y) / 2)[1:]]
-        moved = [np.array([*each, z]) for each, z in zip((dy, ddy, third, fourth), heights, strict=True)]
+        moved = [
+            np.array([*each, z])
+            for each, z in zip((dy, ddy, third, fourth), heights, strict=True)
+        ]
         step = moved[0] * dt + moved[1] * dt * dt / 2
         self.y = self.y + step * [1.0, 1.0, 0.0]
         self.sinks = np.array(heights[1:])
@@ -246,11 +293,20 @@ class WrittenParts:
 
     # the accelerometer
 
-    def _hear(self, x: Any, new: Any, R: Any, linear: Any, done: Any, heard: Any, seen: Any) -> Any:
-        """Velocity, change of the force's acceleration and how much of it is felt; what is beyond the model."""
+    def _hear(
+        self, x: Any, new: Any, R: Any, linear: Any, done: Any, heard: Any, seen: Any
+    ) -> Any:
+        """Velocity, change of the force's acceleration and how much of it is felt; what
+        is beyond the model.
+        """
         dt = self.dt
         more = (self.v.A @ (done.speeds**2 - done.squares))[-1]
-        beside = R @ (x.specific_force - self.bias - R.T @ (linear + self.g * E_Z) - E_Z * more / self.v.mass)
+        beside = R @ (
+            x.specific_force
+            - self.bias
+            - R.T @ (linear + self.g * E_Z)
+            - E_Z * more / self.v.mass
+        )
         there = float(np.any(x.specific_force))
         fresh = new["specific_force"] * there
         guess = self.integrated + dt * (linear + fresh * beside)
@@ -263,7 +319,9 @@ class WrittenParts:
         taken = beside * min(1.0, 10.0 / np.sqrt(beside @ beside + 1e-9))
         change = trust * low(heard[0], dt) * taken + (1 - trust) * seen[1]
         if self.started:
-            self.bias = self.bias - fresh * min(1.0, ratio) * (1 - beta) ** 2 * R.T @ e / dt
+            self.bias = (
+                self.bias - fresh * min(1.0, ratio) * (1 - beta) ** 2 * R.T @ e / dt
+            )
             self.bias = np.clip(self.bias, -5.0, 5.0)
             self.integrated, self.agreed = integrated, agreed
         return (used * integrated + (1 - used) * seen[0], change, trust), beside
@@ -277,7 +335,9 @@ class WrittenParts:
         tilt, p, t = P[:, :2] @ torque[:2], P[:, 3], P[:, 2]
         d = tilt / p
         spread = d[:, None] - d[None, :]
-        shares = np.where(spread > 0, (top / p)[:, None] / np.where(spread > 0, spread, 1.0), 1.0)
+        shares = np.where(
+            spread > 0, (top / p)[:, None] / np.where(spread > 0, spread, 1.0), 1.0
+        )
         tilt = tilt * min(1.0, shares.min())
         # bounds of the yaw torque: low + slope f <= u <= high + slope f
         ends = np.array([-tilt / t, (top - tilt) / t])
@@ -306,7 +366,13 @@ class WrittenParts:
             a.rates = rates
             return
         _, angular, bend = self._accelerations(
-            told.R, told.w, told.q, told.qd, self.means[self.delay], self.efforts[self.delay], told.unknown
+            told.R,
+            told.w,
+            told.q,
+            told.qd,
+            self.means[self.delay],
+            self.efforts[self.delay],
+            told.unknown,
         )
         model, seen = np.array([*angular[:2], *bend]) - a.own, (rates - a.rates) / dt
         bands = []
@@ -330,8 +396,14 @@ class WrittenParts:
         a.A += 0.3 * dt * free[0] * (e * y / size - a.A)
         a.B += 0.3 * dt * free[0] * (e**2 / size - a.B)
         asked, answered = band[2:] @ band[2:], z[2:] @ z[2:]
-        a.obeyed += 2.0 * dt * (min(answered, asked) - a.obeyed * asked) / (asked + 0.01)
-        a.own = a.own + told.corrections * [free[0], free[0], *np.maximum(free[1:], 0.2)]
+        a.obeyed += (
+            2.0 * dt * (min(answered, asked) - a.obeyed * asked) / (asked + 0.01)
+        )
+        a.own = a.own + told.corrections * [
+            free[0],
+            free[0],
+            *np.maximum(free[1:], 0.2),
+        ]
         a.rates, a.past, a.count = rates, [band, *a.past[:-1]], a.count + 1
 
     def _share(self, noise: Any, density: float) -> float:
@@ -348,20 +420,45 @@ class WrittenParts:
         return np.minimum(self.learned.b, self.borne)
 
     def _adapt(
-        self, x: Any, wanted: Any, qt: Any, Rq: Any, wq: Any, aq: Any, proper: Any, observer: Any, free: Any
+        self,
+        x: Any,
+        wanted: Any,
+        qt: Any,
+        Rq: Any,
+        wq: Any,
+        aq: Any,
+        proper: Any,
+        observer: Any,
+        free: Any,
     ) -> None:
-        """Mass at the tip and damping of the joints, and what they need in the next period."""
+        """Mass at the tip and damping of the joints, and what they need in the next
+        period.
+        """
         par, v, dt, a = self.par, self.v, self.dt, self.learned
         R, J = matrix(x.quaternion), v.tip_jacobian(x.joints)
-        tip = x.velocity + R @ (vector(x.rate, v.com_tip(x.joints[:, None])[1][:, 0]) + J @ x.joint_rates)
+        tip = x.velocity + R @ (
+            vector(x.rate, v.com_tip(x.joints[:, None])[1][:, 0]) + J @ x.joint_rates
+        )
         felt = (tip - a.tip) / dt * self.started + self.g * E_Z
         given = self.fed[self.delay][2] - self._modelled() * self.modelled
         a.tip, share, slow = tip, low(observer[2], dt), low(2.0, dt)
-        a.once = a.once + share * (np.array([-J.T @ R.T @ felt, x.joint_rates, given]) - a.once)
+        a.once = a.once + share * (
+            np.array([-J.T @ R.T @ felt, x.joint_rates, given]) - a.once
+        )
         a.twice = a.twice + share * (a.once - a.twice)
-        a.u, a.o = a.u + slow * (wanted**2 - a.u), a.o + slow * ((x.joint_rates - wanted) ** 2 - a.o)
+        a.u, a.o = (
+            a.u + slow * (wanted**2 - a.u),
+            a.o + slow * ((x.joint_rates - wanted) ** 2 - a.o),
+        )
         Y, rate, given = a.twice
-        e, old = free[1:] * (self.d[2] + given - a.m * Y + a.b * rate), (a.m, a.b, self._modelled())
+        e, old = (
+            free[1:] * (self.d[2] + given - a.m * Y + a.b * rate),
+            (
+                a.m,
+                a.b,
+                self._modelled(),
+            ),
+        )
         a.m += par.adaptation * dt * (Y * e).sum() / (0.001 + (Y**2).sum())
         a.m = np.clip(a.m, -par.tip_mass_limit, par.tip_mass_limit)
         weight = a.u / (a.u + 0.001) * (1 + 2 * a.o / (a.u + 0.1)) ** -2.0
@@ -369,7 +466,13 @@ class WrittenParts:
         a.b = np.clip(a.b, -v.damping, self.stickiest)
         # along the plan
         q, r = qt[:, 0], derivatives(v.com_tip(qt[:, :3])[1])
-        push = -(Rq.T @ proper + vector(aq, r[0]) + vector(wq, vector(wq, r[0])) + 2 * vector(wq, r[1]) + r[2])
+        push = -(
+            Rq.T @ proper
+            + vector(aq, r[0])
+            + vector(wq, vector(wq, r[0]))
+            + 2 * vector(wq, r[1])
+            + r[2]
+        )
         unit = [Rq @ push, vector(r[0], push), v.tip_jacobian(q).T @ push]
 
         def along(m: float, rest: Any) -> list[Any]:
@@ -380,5 +483,8 @@ class WrittenParts:
         over = [*change[:2], change[2] - (inside - old[2]) * self.rates[2]]
         self.d = [seen - taken for seen, taken in zip(self.d, over, strict=True)]
         fed = along(a.m, rest)
-        before = [[each + more for each, more in zip(row, change, strict=True)] for row in self.fed[: self.delay]]
+        before = [
+            [each + more for each, more in zip(row, change, strict=True)]
+            for row in self.fed[: self.delay]
+        ]
         self.fed = [fed, *before]

@@ -1,4 +1,6 @@
-"""Taylor series and rigid bodies of the law that is written again: NumPy and a vehicle file, nothing of the library."""
+"""Taylor series and rigid bodies of the law that is written again: NumPy and a vehicle
+file, nothing of the library.
+"""
 
 from __future__ import annotations
 
@@ -15,21 +17,29 @@ E_Z = np.array([0.0, 0.0, 1.0])
 # Taylor series: the last axis has the coefficients f, f', f'' / 2, ...
 
 
-PRODUCTS = np.array([[[float(i + j == k) for k in range(5)] for j in range(5)] for i in range(5)])
-"""1 where coefficients i and j of two factors belong to coefficient k of the product."""
+PRODUCTS = np.array(
+    [[[float(i + j == k) for k in range(5)] for j in range(5)] for i in range(5)]
+)
+"""1 where coefficients i and j of two factors belong to coefficient k of the
+product."""
 
 
 def mul(a: Any, b: Any) -> Any:
     """Product of two series."""
     n = min(a.shape[-1], b.shape[-1])
-    return np.einsum("...i,...j,ijk->...k", a[..., :n], b[..., :n], PRODUCTS[:n, :n, :n])
+    return np.einsum(
+        "...i,...j,ijk->...k", a[..., :n], b[..., :n], PRODUCTS[:n, :n, :n]
+    )
 
 
 def power(x: Any, p: float) -> Any:
     """x^p of a scalar series that is not 0."""
     c = [x[0] ** p]
     for k in range(1, len(x)):
-        c.append(sum((i * p - (k - i)) * x[i] * c[k - i] for i in range(1, k + 1)) / (k * x[0]))
+        c.append(
+            sum((i * p - (k - i)) * x[i] * c[k - i] for i in range(1, k + 1))
+            / (k * x[0])
+        )
     return np.array(c)
 
 
@@ -52,7 +62,10 @@ FACTORIAL = np.array([1.0, 1.0, 2.0, 6.0, 24.0])
 
 def series(*derivatives: Any) -> Any:
     """Series of a value and its derivatives."""
-    return np.stack([np.asarray(d, dtype=float) for d in derivatives], axis=-1) / FACTORIAL[: len(derivatives)]
+    return (
+        np.stack([np.asarray(d, dtype=float) for d in derivatives], axis=-1)
+        / FACTORIAL[: len(derivatives)]
+    )
 
 
 def derivatives(x: Any) -> list[Any]:
@@ -68,13 +81,17 @@ def dot(a: Any, b: Any) -> Any:
 def cross(a: Any, b: Any) -> Any:
     """Vector product of two vectors of series."""
     x, y, z = range(3)
-    return np.stack([mul(a[i], b[j]) - mul(a[j], b[i]) for i, j in ((y, z), (z, x), (x, y))])
+    return np.stack(
+        [mul(a[i], b[j]) - mul(a[j], b[i]) for i, j in ((y, z), (z, x), (x, y))]
+    )
 
 
 def matmul(A: Any, B: Any) -> Any:
     """Product of two matrices, or of a matrix and a vector, of series."""
     n = min(A.shape[-1], B.shape[-1])
-    return np.einsum("abi,b...j,ijk->a...k", A[..., :n], B[..., :n], PRODUCTS[:n, :n, :n])
+    return np.einsum(
+        "abi,b...j,ijk->a...k", A[..., :n], B[..., :n], PRODUCTS[:n, :n, :n]
+    )
 
 
 def vector(a: Any, b: Any) -> Any:
@@ -110,7 +127,9 @@ def vee(A: Any) -> Any:
 
 
 def half_turn(E: Any) -> Any:
-    """What is added to vee(-E) near half a turn: along the axis, the eigenvector of E + E^T of the eigenvalue 2."""
+    """What is added to vee(-E) near half a turn: along the axis, the eigenvector of E +
+    E^T of the eigenvalue 2.
+    """
     h, left = 0.2, 1.0 + np.trace(E)
     if left >= h * h:
         return np.zeros(3)
@@ -124,7 +143,9 @@ def half_turn(E: Any) -> Any:
 def turn(v: Any) -> Any:
     """Quaternion of a rotation vector."""
     angle = np.linalg.norm(v)
-    return np.array([np.cos(angle / 2), *(np.sinc(angle / 2 / np.pi) / 2 * np.asarray(v))])
+    return np.array(
+        [np.cos(angle / 2), *(np.sinc(angle / 2 / np.pi) / 2 * np.asarray(v))]
+    )
 
 
 def times(a: Any, b: Any) -> Any:
@@ -144,21 +165,33 @@ def unit(v: Any) -> Any:
 
 
 class Vehicle:
-    """Rigid bodies and rotors of a vehicle file; everything in base axes about the base origin."""
+    """Rigid bodies and rotors of a vehicle file; everything in base axes about the base
+    origin.
+    """
 
     def __init__(self, file: dict[str, Any]) -> None:
         bodies = [file["base"], *file["links"]]
         self.bodies = [self._body(each) for each in bodies]
         names = ["base", *(each["name"] for each in file["links"])]
-        self.n, self.parent = len(names) - 1, [names.index(each["parent"]) - 1 for each in file["links"]]
+        self.n, self.parent = (
+            len(names) - 1,
+            [names.index(each["parent"]) - 1 for each in file["links"]],
+        )
         joints = [each["joint"] for each in file["links"]]
-        assert all(j.get("type", "revolute") == "revolute" and "lower" not in j for j in joints)
+        assert all(
+            j.get("type", "revolute") == "revolute" and "lower" not in j for j in joints
+        )
         self.axis = [np.array(j["axis"], dtype=float) for j in joints]
         self.place = [np.array(j["position"], dtype=float) for j in joints]
         self.damping = np.array([j.get("damping", 0.0) for j in joints])
         self.limit = np.array([j["effort_limit"] for j in joints])
-        frame = next(each for each in file["frames"] if each["name"] == file["end_effector"])
-        self.tip_link, self.tip_place = names.index(frame["link"]) - 1, np.array(frame["position"], dtype=float)
+        frame = next(
+            each for each in file["frames"] if each["name"] == file["end_effector"]
+        )
+        self.tip_link, self.tip_place = (
+            names.index(frame["link"]) - 1,
+            np.array(frame["position"], dtype=float),
+        )
         self.mass = sum(m for m, _, _ in self.bodies)
         rotors = [file["rotor_defaults"] | each for each in file["rotors"]]
         self.k, self.km, self.cd, self.cr, self.up, self.down, self.top = (
@@ -176,7 +209,14 @@ class Vehicle:
         self.hub = np.array([r["position"] for r in rotors], dtype=float)
         spin = np.array([1.0 if r["direction"] == "ccw" else -1.0 for r in rotors])
         # torque about x, y, z and thrust along z, per squared speed
-        self.A = np.array([self.hub[:, 1] * self.k, -self.hub[:, 0] * self.k, -spin * self.km * self.k, self.k])
+        self.A = np.array(
+            [
+                self.hub[:, 1] * self.k,
+                -self.hub[:, 0] * self.k,
+                -spin * self.km * self.k,
+                self.k,
+            ]
+        )
         self.inverse = self.A.T @ np.linalg.inv(self.A @ self.A.T)
 
     @staticmethod
@@ -188,7 +228,11 @@ class Vehicle:
         for part in parts:
             m, c = part["mass"], np.array(part.get("com", [0.0, 0.0, 0.0]), dtype=float)
             mass, moment = mass + m, moment + m * c
-            inertia = inertia + np.diag(part.get("inertia", [0.0] * 3)) - m * skew(c) @ skew(c)
+            inertia = (
+                inertia
+                + np.diag(part.get("inertia", [0.0] * 3))
+                - m * skew(c) @ skew(c)
+            )
         return mass, moment / mass, inertia
 
     def chain(self, i: int) -> list[int]:
@@ -208,7 +252,9 @@ class Vehicle:
                 p.append(constant(self.place[i], n))
             else:
                 above = R[self.parent[i]]
-                p.append(p[self.parent[i]] + np.einsum("ijk,j->ik", above, self.place[i]))
+                p.append(
+                    p[self.parent[i]] + np.einsum("ijk,j->ik", above, self.place[i])
+                )
                 R.append(matmul(above, own))
         return R, p
 
@@ -219,7 +265,9 @@ class Vehicle:
         total = constant(m * c, q.shape[-1])
         for (m, c, _), Ri, pi in zip(self.bodies[1:], R, p, strict=True):
             total = total + m * (pi + np.einsum("ijk,j->ik", Ri, c))
-        tip = p[self.tip_link] + np.einsum("ijk,j->ik", R[self.tip_link], self.tip_place)
+        tip = p[self.tip_link] + np.einsum(
+            "ijk,j->ik", R[self.tip_link], self.tip_place
+        )
         return total / self.mass, tip
 
     def still(self, q: Any) -> tuple[list[Any], list[Any], list[Any]]:
@@ -228,23 +276,40 @@ class Vehicle:
         R, p = [each[..., 0] for each in R], [each[..., 0] for each in p]
         return R, p, [Ri @ a for Ri, a in zip(R, self.axis, strict=True)]
 
-    def rnea(self, q: Any, w: Any, qd: Any, alpha: Any, a: Any, qdd: Any) -> tuple[Any, Any, Any]:
-        """Force and torque on the base, and joint torques; ``a`` is the proper acceleration of the base origin."""
+    def rnea(
+        self, q: Any, w: Any, qd: Any, alpha: Any, a: Any, qdd: Any
+    ) -> tuple[Any, Any, Any]:
+        """Force and torque on the base, and joint torques; ``a`` is the proper
+        acceleration of the base origin.
+        """
         R, p, axes = self.still(q)
         rates, turns, pulls = [np.asarray(w)], [np.asarray(alpha)], [np.asarray(a)]
         for i in range(self.n):
             j = self.parent[i] + 1
             r = p[i] - (p[self.parent[i]] if j else 0.0)
             slide = axes[i] * qd[i]
-            pulls.append(pulls[j] + vector(turns[j], r) + vector(rates[j], vector(rates[j], r)))
+            pulls.append(
+                pulls[j] + vector(turns[j], r) + vector(rates[j], vector(rates[j], r))
+            )
             turns.append(turns[j] + vector(rates[j], slide) + axes[i] * qdd[i])
             rates.append(rates[j] + slide)
         forces, torques = [], []
         for k, (m, c, inertia) in enumerate(self.bodies):
             Rk = R[k - 1] if k else EYE
             turned, com = Rk @ inertia @ Rk.T, Rk @ c
-            forces.append(m * (pulls[k] + vector(turns[k], com) + vector(rates[k], vector(rates[k], com))))
-            torques.append(turned @ turns[k] + vector(rates[k], turned @ rates[k]) + m * vector(com, pulls[k]))
+            forces.append(
+                m
+                * (
+                    pulls[k]
+                    + vector(turns[k], com)
+                    + vector(rates[k], vector(rates[k], com))
+                )
+            )
+            torques.append(
+                turned @ turns[k]
+                + vector(rates[k], turned @ rates[k])
+                + m * vector(com, pulls[k])
+            )
         efforts = np.zeros(self.n)
         for i in reversed(range(self.n)):
             j = self.parent[i] + 1
@@ -288,7 +353,9 @@ class Vehicle:
         return J
 
     def side(self, W: Any, v: Any, w: Any) -> tuple[Any, Any]:
-        """Force and torque of the rotors that the allocation leaves out, at a motion in still air, base axes."""
+        """Force and torque of the rotors that the allocation leaves out, at a motion in
+        still air, base axes.
+        """
         force, torque = np.zeros(3), np.zeros(3)
         for each, hub, cd, cr in zip(W, self.hub, self.cd, self.cr, strict=True):
             across = (v + vector(w, hub)) * [1.0, 1.0, 0.0]
@@ -306,7 +373,9 @@ def low(w: float, dt: float) -> float:
     return 1.0 - np.exp(-w * dt)
 
 
-def pass_on(line: list[Any], value: Any, bandwidths: tuple[float, ...], dt: float) -> None:
+def pass_on(
+    line: list[Any], value: Any, bandwidths: tuple[float, ...], dt: float
+) -> None:
     """Low-passes in a row, one period later."""
     for k, bandwidth in enumerate(bandwidths):
         line[k] = line[k] + low(bandwidth, dt) * (value - line[k])
@@ -315,13 +384,18 @@ def pass_on(line: list[Any], value: Any, bandwidths: tuple[float, ...], dt: floa
 
 def is_jump(a: Any, b: Any, T: float) -> bool:
     (v0, a0), (v1, a1) = a, b
-    return abs(v1 - v0 - T * (a0 + a1) / 2) > T * (0.1 * abs(a1 - a0) + 0.02 * (abs(a1) + abs(a0))) + 1e-9
+    return (
+        abs(v1 - v0 - T * (a0 + a1) / 2)
+        > T * (0.1 * abs(a1 - a0) + 0.02 * (abs(a1) + abs(a0))) + 1e-9
+    )
 
 
 def squares(rows: Any, wanted: Any, weights: Any) -> Any:
     """Weighted least squares."""
     A = sum(w * J.T @ J for J, w in zip(rows, weights, strict=True))
-    return np.linalg.solve(A, sum(w * J.T @ b for J, b, w in zip(rows, wanted, weights, strict=True)))
+    return np.linalg.solve(
+        A, sum(w * J.T @ b for J, b, w in zip(rows, wanted, weights, strict=True))
+    )
 
 
 def vehicle_of(path: Path) -> Vehicle:

@@ -1,4 +1,6 @@
-"""The NumPy front: leading axes, shapes, quaternions, and one description written as structure or as data."""
+"""The NumPy front: leading axes, shapes, quaternions, and one description written as
+structure or as data.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,13 @@ def batch_of(rng, n, lead=(BATCH,)):
     quaternion = rng.normal(size=(*lead, 4))
     quaternion /= np.linalg.norm(quaternion, axis=-1, keepdims=True)
     position, joints = rng.normal(size=(*lead, 3)), rng.normal(size=(*lead, n))
-    return position, quaternion, joints, rng.normal(size=(*lead, 6 + n)), rng.normal(size=(*lead, 6 + n))
+    return (
+        position,
+        quaternion,
+        joints,
+        rng.normal(size=(*lead, 6 + n)),
+        rng.normal(size=(*lead, 6 + n)),
+    )
 
 
 FUNCTIONS = {
@@ -50,10 +58,14 @@ def test_a_batch_is_a_loop_of_singles(function, rng, n):
     vehicle = random_vehicle(rng, n)
     inputs = batch_of(rng, n)[:count]
     together = call(vehicle, *inputs)
-    singles = np.array([call(vehicle, *(each[i] for each in inputs)) for i in range(BATCH)])
+    singles = np.array(
+        [call(vehicle, *(each[i] for each in inputs)) for i in range(BATCH)]
+    )
     assert together.shape == singles.shape
     # NumPy's sine and the C library's may differ by one unit in the last place
-    assert np.allclose(together, singles, rtol=0.0, atol=1e-13 * max(1.0, np.abs(singles).max()))
+    assert np.allclose(
+        together, singles, rtol=0.0, atol=1e-13 * max(1.0, np.abs(singles).max())
+    )
 
 
 @pytest.mark.parametrize("n", [0, 2])
@@ -78,9 +90,16 @@ def test_an_empty_batch_gives_an_empty_batch(rng):
 
 def test_lists_and_integers_are_accepted(rng):
     vehicle = random_vehicle(rng, 2)
-    a = arrays.inverse_dynamics(vehicle, [0, 0, 0], [1, 0, 0, 0], [0, 1], [0] * 8, [1] * 8)
+    a = arrays.inverse_dynamics(
+        vehicle, [0, 0, 0], [1, 0, 0, 0], [0, 1], [0] * 8, [1] * 8
+    )
     b = arrays.inverse_dynamics(
-        vehicle, np.zeros(3), np.array([1.0, 0, 0, 0]), np.array([0.0, 1.0]), np.zeros(8), np.ones(8)
+        vehicle,
+        np.zeros(3),
+        np.array([1.0, 0, 0, 0]),
+        np.array([0.0, 1.0]),
+        np.zeros(8),
+        np.ones(8),
     )
     assert np.array_equal(a, b)
     assert a.dtype == np.float64
@@ -91,14 +110,26 @@ NAMES = ("position", "quaternion_wxyz", "joints", "velocity", "acceleration")
 
 @pytest.mark.parametrize("argument", range(5))
 @pytest.mark.parametrize("shape", ["short", "long", "scalar"])
-def test_a_wrong_shape_raises_with_the_argument_and_the_shape_allowed(rng, argument, shape):
+def test_a_wrong_shape_raises_with_the_argument_and_the_shape_allowed(
+    rng, argument, shape
+):
     vehicle = random_vehicle(rng, 2)
     inputs = list(batch_of(rng, 2, ()))
     size = inputs[argument].size
-    inputs[argument] = {"short": np.ones(size - 1), "long": np.ones((2, size + 1)), "scalar": np.float64(1.0)}[shape]
+    inputs[argument] = {
+        "short": np.ones(size - 1),
+        "long": np.ones((2, size + 1)),
+        "scalar": np.float64(1.0),
+    }[shape]
     for call in (arrays.inverse_dynamics, arrays.forward_dynamics):
-        name = "force" if argument == 4 and call is arrays.forward_dynamics else NAMES[argument]
-        with pytest.raises(ValueError, match=rf"^{name}: shape .*, allowed \(\.\.\., {size}\)"):
+        name = (
+            "force"
+            if argument == 4 and call is arrays.forward_dynamics
+            else NAMES[argument]
+        )
+        with pytest.raises(
+            ValueError, match=rf"^{name}: shape .*, allowed \(\.\.\., {size}\)"
+        ):
             call(vehicle, *inputs)
     for call, count in FUNCTIONS.values():
         if argument < count <= 4:
@@ -129,7 +160,9 @@ def test_a_quaternion_off_unit_length_raises(function, rng, length):
     inputs = list(batch_of(rng, 2))[:count]
     inputs[1] = inputs[1].copy()
     inputs[1][2] *= length
-    with pytest.raises(ValueError, match=r"quaternion_wxyz: length .*allowed 1 within 1e-06"):
+    with pytest.raises(
+        ValueError, match=r"quaternion_wxyz: length .*allowed 1 within 1e-06"
+    ):
         call(vehicle, *inputs)
 
 
@@ -145,7 +178,12 @@ def test_a_quaternion_within_the_tolerance_is_normalised(function, rng):
     vehicle, inputs = random_vehicle(rng, 2), list(batch_of(rng, 2, ()))[:count]
     exact = call(vehicle, *inputs)
     inputs[1] = inputs[1] * (1.0 + 9e-7)
-    assert np.allclose(call(vehicle, *inputs), exact, rtol=0.0, atol=1e-12 * max(1.0, np.abs(exact).max()))
+    assert np.allclose(
+        call(vehicle, *inputs),
+        exact,
+        rtol=0.0,
+        atol=1e-12 * max(1.0, np.abs(exact).max()),
+    )
 
 
 def test_a_negated_quaternion_is_the_same_attitude(function, rng):
@@ -156,13 +194,17 @@ def test_a_negated_quaternion_is_the_same_attitude(function, rng):
     assert np.array_equal(call(vehicle, *inputs), plain)
 
 
-@pytest.mark.parametrize("quaternion", [[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [0.5**0.5, 0, 0.5**0.5, 0]])
+@pytest.mark.parametrize(
+    "quaternion", [[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [0.5**0.5, 0, 0.5**0.5, 0]]
+)
 def test_upside_down_and_nose_up_are_attitudes_like_any_other(rng, quaternion):
     vehicle, state = random_vehicle(rng, 2), random_state(rng, 2)
     force = rng.normal(size=8)
     at = (state.position, np.array(quaternion), state.joints, state.velocity)
     acceleration = arrays.forward_dynamics(vehicle, *at, force)
-    assert np.allclose(arrays.inverse_dynamics(vehicle, *at, acceleration), force, rtol=0.0, atol=1e-9)
+    assert np.allclose(
+        arrays.inverse_dynamics(vehicle, *at, acceleration), force, rtol=0.0, atol=1e-9
+    )
 
 
 def test_gravity_is_accepted_and_ignored_by_the_mass_matrix(rng):
@@ -173,12 +215,16 @@ def test_gravity_is_accepted_and_ignored_by_the_mass_matrix(rng):
 
 def test_an_unknown_frame_is_refused_with_the_frames_there_are(rng):
     vehicle, state = random_vehicle(rng, 1), random_state(rng, 1)
-    with pytest.raises(ValueError, match=r"no frame 'hand'; there are \['eye', 'tip0'\]"):
+    with pytest.raises(
+        ValueError, match=r"no frame 'hand'; there are \['eye', 'tip0'\]"
+    ):
         arrays.frame_jacobian(vehicle, *state.configuration, frame="hand")
 
 
 def test_structure_and_data_give_the_same_dynamics():
-    """Elementary axes as integers fold; the same numbers as floats are computed: same values."""
+    """Elementary axes as integers fold; the same numbers as floats are computed: same
+    values.
+    """
     rng = np.random.default_rng(4)
     for n in range(1, 6):
         vehicle, state = random_vehicle(rng, n), random_state(rng, n)
@@ -188,14 +234,17 @@ def test_structure_and_data_give_the_same_dynamics():
                 link.joint,
                 axis=Vec3(*map(float, link.joint.axis)),
                 position=Vec3(*map(float, link.joint.position)),
-                rotation=Mat3(*(Vec3(*map(float, row)) for row in link.joint.rotation.rows)),
+                rotation=Mat3(
+                    *(Vec3(*map(float, row)) for row in link.joint.rotation.rows)
+                ),
             )
             links.append(dataclasses.replace(link, joint=joint))
         data = dataclasses.replace(vehicle, links=tuple(links))
         force = rng.normal(size=6 + n)
         a = arrays.inverse_dynamics(vehicle, *state.all, force)
         b = arrays.inverse_dynamics(data, *state.all, force)
-        # x + 0.0 and x * 1.0 are exact; only the order of what is left may move a last bit
+        # x + 0.0 and x * 1.0 are exact; only the order of what is left may move a last
+        # bit
         assert np.allclose(a, b, rtol=0.0, atol=1e-13 * max(1.0, np.abs(a).max()))
 
 
@@ -205,12 +254,19 @@ def test_masses_may_be_lanes_of_a_batch(rng):
     base = dataclasses.replace(vehicle.base, mass=masses)
     swept = dataclasses.replace(vehicle, base=base)
     # the lanes of a mass are leading axes like those of a state
-    inputs = [np.broadcast_to(each, (3, each.size)) for each in (*state.all, rng.normal(size=8))]
+    inputs = [
+        np.broadcast_to(each, (3, each.size))
+        for each in (*state.all, rng.normal(size=8))
+    ]
     found = arrays.forward_dynamics(swept, *inputs)
     for i, mass in enumerate(masses.tolist()):
-        alone = dataclasses.replace(vehicle, base=dataclasses.replace(vehicle.base, mass=mass))
+        alone = dataclasses.replace(
+            vehicle, base=dataclasses.replace(vehicle.base, mass=mass)
+        )
         single = arrays.forward_dynamics(alone, *(each[i] for each in inputs))
-        assert np.allclose(found[i], single, rtol=0.0, atol=1e-12 * max(1.0, np.abs(single).max()))
+        assert np.allclose(
+            found[i], single, rtol=0.0, atol=1e-12 * max(1.0, np.abs(single).max())
+        )
 
 
 def test_random_quaternions_are_unit(rng):

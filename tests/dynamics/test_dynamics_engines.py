@@ -17,23 +17,35 @@ VEHICLE = random_vehicle(np.random.default_rng(31), N)
 
 
 def lanes(count):
-    """Rows: joints, body rate, joint rates, force and torque (or accelerations) in body axes, joint efforts."""
+    """Rows: joints, body rate, joint rates, force and torque (or accelerations) in body
+    axes, joint efforts.
+    """
     return np.random.default_rng(32).normal(size=(count, 3 * N + 9))
 
 
 def split(x):
-    return x[:N], Vec3(*x[N : N + 3]), x[N + 3 : 2 * N + 3], x[2 * N + 3 : 2 * N + 9], x[2 * N + 9 :]
+    return (
+        x[:N],
+        Vec3(*x[N : N + 3]),
+        x[N + 3 : 2 * N + 3],
+        x[2 * N + 3 : 2 * N + 9],
+        x[2 * N + 9 :],
+    )
 
 
 def forward(*x):
     q, w, qd, f, tau = split(x)
-    base, qdd = dynamics.forward_dynamics(VEHICLE, q, w, qd, Force(Vec3(*f[3:]), Vec3(*f[:3])), tau)
+    base, qdd = dynamics.forward_dynamics(
+        VEHICLE, q, w, qd, Force(Vec3(*f[3:]), Vec3(*f[:3])), tau
+    )
     return [*base.linear, *base.angular, *qdd]
 
 
 def inverse(*x):
     q, w, qd, a, qdd = split(x)
-    force, tau = dynamics.inverse_dynamics(VEHICLE, q, w, qd, Motion(Vec3(*a[3:]), Vec3(*a[:3])), qdd)
+    force, tau = dynamics.inverse_dynamics(
+        VEHICLE, q, w, qd, Motion(Vec3(*a[3:]), Vec3(*a[:3])), qdd
+    )
     return [*force.force, *force.torque, *tau]
 
 
@@ -49,7 +61,12 @@ def energy(*x):
     )
     momentum = dynamics.momentum(VEHICLE, state)
     potential = dynamics.potential_energy(VEHICLE, state, 9.81)
-    return [dynamics.kinetic_energy(VEHICLE, state), potential, *momentum.linear, *momentum.angular]
+    return [
+        dynamics.kinetic_energy(VEHICLE, state),
+        potential,
+        *momentum.linear,
+        *momentum.angular,
+    ]
 
 
 @pytest.mark.parametrize("engine", [engine for engine in ENGINES if engine != "floats"])
@@ -80,7 +97,9 @@ def test_the_gradient_of_kinetic_energy_is_the_generalized_momentum_in_jax():
 
         gradient = np.asarray(jax.grad(kinetic)(jax.numpy.asarray(state.velocity)))
     M = arrays.mass_matrix(VEHICLE, *state.configuration)
-    assert np.allclose(gradient, M @ state.velocity, rtol=0.0, atol=1e-12 * np.abs(gradient).max())
+    assert np.allclose(
+        gradient, M @ state.velocity, rtol=0.0, atol=1e-12 * np.abs(gradient).max()
+    )
 
 
 def test_the_jacobian_of_inverse_dynamics_by_acceleration_is_the_mass_matrix():

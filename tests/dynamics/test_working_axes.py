@@ -1,4 +1,6 @@
-"""The axes in which recursions hold links, on arms with parallel, branched and turned hinges and slides."""
+"""The axes in which recursions hold links, on arms with parallel, branched and turned
+hinges and slides.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ def arm(axes, parents, slides=(), turned=()):
     for i, (axis, parent) in enumerate(zip(axes, parents, strict=True)):
         kind = "prismatic" if i in slides else "revolute"
         rotation = axis_rotation(Z, 0.3) if i in turned else Mat3.identity()
-        joint = dataclasses.replace(ARM.links[i].joint, axis=axis, kind=kind, rotation=rotation)
+        joint = dataclasses.replace(
+            ARM.links[i].joint, axis=axis, kind=kind, rotation=rotation
+        )
         links.append(dataclasses.replace(ARM.links[i], joint=joint, parent=parent))
     return dataclasses.replace(ARM, links=tuple(links), frames=(), end_effector="")
 
@@ -45,7 +49,9 @@ TREES = {
 
 @pytest.mark.parametrize("name", TREES)
 def test_the_mass_matrix_gives_the_kinetic_energy_of_every_tree(name):
-    """Energy comes from positions in the world, differentiated link by link; only rounding is left."""
+    """Energy comes from positions in the world, differentiated link by link; only
+    rounding is left.
+    """
     vehicle = TREES[name]
     rng = np.random.default_rng(5)
     for _ in range(3):
@@ -59,12 +65,18 @@ def test_the_mass_matrix_gives_the_kinetic_energy_of_every_tree(name):
             joints=tuple(q.tolist()),
             joint_rates=tuple(v[6:].tolist()),
         )
-        M = np.array(dynamics.mass_matrix(vehicle, attitude.rotation(), q.tolist()), dtype=float)
-        assert 0.5 * v @ M @ v == pytest.approx(dynamics.kinetic_energy(vehicle, state), rel=1e-13)
+        M = np.array(
+            dynamics.mass_matrix(vehicle, attitude.rotation(), q.tolist()), dtype=float
+        )
+        assert 0.5 * v @ M @ v == pytest.approx(
+            dynamics.kinetic_energy(vehicle, state), rel=1e-13
+        )
 
 
 def test_parallel_hinges_share_their_axes():
-    places = [member.place for member in members(TREES["parallel"], (0.1, 0.2, 0.3, 0.4))]
+    places = [
+        member.place for member in members(TREES["parallel"], (0.1, 0.2, 0.3, 0.4))
+    ]
     assert all(place.R == STRAIGHT for place in places)
     turned = members(TREES["turned between"], (0.1, 0.2, 0.3))
     assert turned[1].place.R != STRAIGHT
@@ -72,13 +84,18 @@ def test_parallel_hinges_share_their_axes():
 
 @pytest.mark.parametrize("name", TREES)
 def test_a_jacobian_has_the_bits_of_the_poses_of_its_links_unless_told_otherwise(name):
-    """Its angular part is the joint's axis in the pose; hinges summed have other roundings."""
+    """Its angular part is the joint's axis in the pose; hinges summed have other
+    roundings.
+    """
     vehicle = TREES[name]
     frame = Frame(name="end", link=vehicle.n - 1, position=Vec3(0.1, -0.2, 0.3))
     for q in np.random.default_rng(5).normal(size=(4, vehicle.n)).tolist():
         for summed in (None, False, True):
             given = {} if summed is None else {"summed": summed}
-            poses, columns = link_poses(vehicle, q, **given), jacobian_columns(vehicle, frame, q, **given)
+            poses, columns = (
+                link_poses(vehicle, q, **given),
+                jacobian_columns(vehicle, frame, q, **given),
+            )
             for pose, link, column in zip(poses, vehicle.links, columns, strict=True):
                 if link.joint.turns and any(column.angular):
                     assert [*column.angular] == [*pose.R.apply(link.joint.axis)]
@@ -89,9 +106,18 @@ def test_parallel_hinges_may_be_turned_by_the_sums_of_their_angles(name):
     vehicle = TREES[name]
     frame = Frame(name="end", link=vehicle.n - 1, position=Vec3(0.1, -0.2, 0.3))
     for q in np.random.default_rng(3).normal(size=(3, vehicle.n)).tolist():
-        for one, other in zip(link_poses(vehicle, q), link_poses(vehicle, q, summed=True), strict=True):
-            np.testing.assert_allclose(np.array(other.R, dtype=float), np.array(one.R, dtype=float), atol=1e-15)
+        for one, other in zip(
+            link_poses(vehicle, q), link_poses(vehicle, q, summed=True), strict=True
+        ):
+            np.testing.assert_allclose(
+                np.array(other.R, dtype=float), np.array(one.R, dtype=float), atol=1e-15
+            )
             np.testing.assert_allclose(np.array(other.p), np.array(one.p), atol=1e-15)
-        columns = zip(*(jacobian_columns(vehicle, frame, q, summed=s) for s in (False, True)), strict=True)
+        columns = zip(
+            *(jacobian_columns(vehicle, frame, q, summed=s) for s in (False, True)),
+            strict=True,
+        )
         for one, other in columns:
-            np.testing.assert_allclose(np.array(other.linear), np.array(one.linear), atol=2e-15)
+            np.testing.assert_allclose(
+                np.array(other.linear), np.array(one.linear), atol=2e-15
+            )

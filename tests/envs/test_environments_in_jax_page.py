@@ -1,4 +1,6 @@
-"""The part on JAX of the page on environments runs, in a process of its own: JAX reads its flags once."""
+"""The part on JAX of the page on environments runs, in a process of its own: JAX reads
+its flags once.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,12 @@ pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 pytest.importorskip("jax", reason="needs the extra 'jax'")
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-PAGE = (DOCS / "environments.md").read_text("utf-8").split("\n## In JAX\n")[1].split("\n## ")[0]
+PAGE = (
+    (DOCS / "environments.md")
+    .read_text("utf-8")
+    .split("\n## In JAX\n")[1]
+    .split("\n## ")[0]
+)
 
 
 def shown(language):
@@ -23,7 +30,13 @@ def shown(language):
 @pytest.mark.thorough
 def test_what_is_shown_prints_what_is_shown(tmp_path):
     code = "\n".join(shown("python"))
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+    )
     assert done.stdout.split() == "".join(shown("text")).split()
 
 
@@ -31,4 +44,7 @@ def test_the_page_names_the_functions_that_there_are():
     from skyarm.envs.jax_environment import JaxEnvironment
 
     assert all(f"`{name}(" in PAGE for name in ("reset", "step"))
-    assert all(hasattr(JaxEnvironment, name) for name in ("reset", "step", "step_env", "plant_state"))
+    assert all(
+        hasattr(JaxEnvironment, name)
+        for name in ("reset", "step", "step_env", "plant_state")
+    )

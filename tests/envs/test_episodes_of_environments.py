@@ -1,4 +1,6 @@
-"""An environment flies what a session flies, to the bit; a lane what a single environment flies."""
+"""An environment flies what a session flies, to the bit; a lane what a single
+environment flies.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,14 @@ def _cache(tmp_path_factory):
 
 def drawn(seed, episode):
     """The payload of an episode, as a sweep with this seed draws it."""
-    study = Study(name="x", scenarios={}, vary={MASS: Uniform(0.0, 0.1)}, episodes=9, seed=seed, document={})
+    study = Study(
+        name="x",
+        scenarios={},
+        vary={MASS: Uniform(0.0, 0.1)},
+        episodes=9,
+        seed=seed,
+        document={},
+    )
     return float(values(study, [episode])[MASS][0])
 
 
@@ -45,10 +54,22 @@ def begun(planned, seed, episode):
 
 
 def test_every_episode_is_that_of_a_session_with_its_seed_and_number():
-    """State, measurement and ending; noise, turbulence, delays, a payload of its own; two episodes a lane."""
+    """State, measurement and ending; noise, turbulence, delays, a payload of its own;
+    two episodes a lane.
+    """
     planned = noisy(duration=0.05)
-    observation = (skyarm.envs.OBSERVED["position_error"](scale=0.5), "body_rate", "specific_force", "joint_angles")
-    reward = (ActionChange(weight=0.3), TipNear(scale=0.02, weight=2.0), Spin(scale=1.0), ActionSize())
+    observation = (
+        skyarm.envs.OBSERVED["position_error"](scale=0.5),
+        "body_rate",
+        "specific_force",
+        "joint_angles",
+    )
+    reward = (
+        ActionChange(weight=0.3),
+        TipNear(scale=0.02, weight=2.0),
+        Spin(scale=1.0),
+        ActionSize(),
+    )
     environment = VectorEnvironment(
         2,
         scenario=planned,
@@ -69,23 +90,43 @@ def test_every_episode_is_that_of_a_session_with_its_seed_and_number():
         for lane, session in enumerate(sessions):
             if not waiting[lane]:
                 told, seen = session.reference, session.measurement
-                wanted = [(a - b) / 0.5 for a, b in zip(told.position, seen.position, strict=True)]
+                wanted = [
+                    (a - b) / 0.5
+                    for a, b in zip(told.position, seen.position, strict=True)
+                ]
                 felt = [f / 10.0 for f in seen.specific_force]
-                assert observed[lane].tolist() == [*wanted, *(w / 5.0 for w in seen.rate), *felt, *seen.joints]
+                assert observed[lane].tolist() == [
+                    *wanted,
+                    *(w / 5.0 for w in seen.rate),
+                    *felt,
+                    *seen.joints,
+                ]
         observed, rewards, ended, truncated, _ = environment.step(action)
         for lane, seed in enumerate(seeds):
             if waiting[lane]:
                 # the step after the last of an episode only begins the next
                 episodes[lane] += 1
-                sessions[lane], waiting[lane] = begun(planned, seed, episodes[lane]), False
+                sessions[lane], waiting[lane] = (
+                    begun(planned, seed, episodes[lane]),
+                    False,
+                )
                 assert not ended[lane] | truncated[lane]
                 assert rewards[lane] == 0.0
                 before[lane] = (0.0,) * 6
                 continue
             session, a = sessions[lane], np.clip(action[lane], -1.0, 1.0).tolist()
-            speeds = [min(max(w * (1.0 + 0.2 * k), 0.0), top) for w, k, top in zip(hover, a, limits, strict=False)]
-            session.step(skyarm.Command(rotor_speeds=tuple(speeds), efforts=(0.5 * a[4], 0.5 * a[5])))
-            assert [float(leaf[lane]) for leaf in leaves(environment.lanes.state)] == leaves(session.state)
+            speeds = [
+                min(max(w * (1.0 + 0.2 * k), 0.0), top)
+                for w, k, top in zip(hover, a, limits, strict=False)
+            ]
+            session.step(
+                skyarm.Command(
+                    rotor_speeds=tuple(speeds), efforts=(0.5 * a[4], 0.5 * a[5])
+                )
+            )
+            assert [
+                float(leaf[lane]) for leaf in leaves(environment.lanes.state)
+            ] == leaves(session.state)
             waiting[lane] = bool(ended[lane] or truncated[lane])
             if session.running:
                 result = Result(
@@ -106,10 +147,14 @@ def test_every_episode_is_that_of_a_session_with_its_seed_and_number():
 
 
 def compared(mode, periods=70):
-    """A vector environment beside Gymnasium's own loop of single ones: what both gave in every step."""
+    """A vector environment beside Gymnasium's own loop of single ones: what both gave
+    in every step.
+    """
     arguments = bare(actions=skyarm.envs.RotorsAndJoints(span=1.0))
     ours = VectorEnvironment(3, autoreset_mode=mode, **arguments)
-    loop = gymnasium.vector.SyncVectorEnv([lambda: Environment(**arguments)] * 3, autoreset_mode=mode)
+    loop = gymnasium.vector.SyncVectorEnv(
+        [lambda: Environment(**arguments)] * 3, autoreset_mode=mode
+    )
     assert ours.single_observation_space == loop.single_observation_space
     assert ours.action_space == loop.action_space
     random = np.random.default_rng(2)
@@ -129,7 +174,10 @@ def test_a_vector_environment_is_gymnasiums_loop_of_single_ones(mode):
         for a, b in zip(mine[:4], other[:4], strict=True):
             assert np.array_equal(a, b)
         ends += mine[2].sum(), mine[3].sum()
-        infos, words = (each.get("final_info", each) if mode == "SameStep" else each for each in (mine[4], other[4]))
+        infos, words = (
+            each.get("final_info", each) if mode == "SameStep" else each
+            for each in (mine[4], other[4])
+        )
         assert np.array_equal(infos.get("_status", False), words.get("_status", False))
         assert np.array_equal(infos.get("status", ()), words.get("status", ()))
         for name in ("_final_obs", "_final_info"):
@@ -167,14 +215,21 @@ def test_semi_implicit_steps_are_those_of_the_scenarios_rate():
 
 
 def test_an_episode_begins_the_same_wherever_its_beginning_was_made():
-    """Beginnings are made many at a time: the first and the last of those, the next ones, and ones before."""
+    """Beginnings are made many at a time: the first and the last of those, the next
+    ones, and ones before.
+    """
     starts = VectorEnvironment(2, **bare()).lanes._starts
     seeds, depth = np.array([5, 2**40], dtype=np.uint64), starts._depth
     assert depth > 3
     starts.seed(np.array([0, 1]), seeds)
     for lanes, numbers in (
-        ([0, 1], [0, 3]), ([0, 1], [depth - 1, 3 + depth]), ([1], [4]), ([0, 1], [depth, depth + 4]), ([0], [1]),
-        ([1, 0], [depth + 3, depth + 1]), ([0, 1], [0, 2 * depth]),
+        ([0, 1], [0, 3]),
+        ([0, 1], [depth - 1, 3 + depth]),
+        ([1], [4]),
+        ([0, 1], [depth, depth + 4]),
+        ([0], [1]),
+        ([1, 0], [depth + 3, depth + 1]),
+        ([0, 1], [0, 2 * depth]),
     ):
         found = starts.take(np.array(lanes), np.array(numbers))
         made = starts._compute(seeds[lanes], np.array(numbers))
@@ -183,7 +238,9 @@ def test_an_episode_begins_the_same_wherever_its_beginning_was_made():
 
 
 def test_observations_are_one_buffer_or_copies():
-    viewing, copying = (VectorEnvironment(4, copy=copy, **bare()) for copy in (False, True))
+    viewing, copying = (
+        VectorEnvironment(4, copy=copy, **bare()) for copy in (False, True)
+    )
     kept = {}
     for each in (viewing, copying):
         first, _ = each.reset(seed=0)
@@ -212,12 +269,17 @@ def test_a_belief_that_varies_is_the_one_of_the_episode():
     length = "model.vehicle.links.1.joint.position.z"
     planned = noisy(duration=0.02)
     one = Environment(
-        scenario=planned, observation=["tip_error"], randomise={length: {"list": [-0.3, -0.1]}}, precision="bit_exact"
+        scenario=planned,
+        observation=["tip_error"],
+        randomise={length: {"list": [-0.3, -0.1]}},
+        precision="bit_exact",
     )
     seen = set()
     for seed in range(4):
         observed, _ = one.reset(seed=seed)
-        drawn_here = {path: float(column[0]) for path, column in one.lanes.numbers().items()}
+        drawn_here = {
+            path: float(column[0]) for path, column in one.lanes.numbers().items()
+        }
         scenario = with_numbers(dataclasses.replace(planned, seed=seed), drawn_here)
         told = skyarm.Session(scenario, machine_code=False)
         sight = Sight(
@@ -244,10 +306,19 @@ class Gate(skyarm.Ending):
 
 
 @pytest.mark.parametrize(("line", "ended"), sampled([(0.045, False), (0.035, True)], 2))
-def test_endings_read_the_reference_of_the_next_period_and_after_the_last_its_own(line, ended):
-    """As a session does: the reference is at 0.04 m in the last of five periods, and at 0.05 after it."""
-    moving = dataclasses.replace(skyarm.hover([0.0, 0.0, 1.0]), x=skyarm.Ramp(height=1.0, duration=1.0, start=0.0))
-    planned = dataclasses.replace(bare()["scenario"], reference=moving, duration=0.05, endings=(Gate(x=line),))
+def test_endings_read_the_reference_of_the_next_period_and_after_the_last_its_own(
+    line, ended
+):
+    """As a session does: the reference is at 0.04 m in the last of five periods, and at
+    0.05 after it.
+    """
+    moving = dataclasses.replace(
+        skyarm.hover([0.0, 0.0, 1.0]),
+        x=skyarm.Ramp(height=1.0, duration=1.0, start=0.0),
+    )
+    planned = dataclasses.replace(
+        bare()["scenario"], reference=moving, duration=0.05, endings=(Gate(x=line),)
+    )
     one = Environment(**bare(scenario=planned))
     one.reset(seed=0)
     flags = [one.step(np.zeros(4))[2:4] for _ in range(4 if ended else 5)]
@@ -266,10 +337,18 @@ def test_numbers_are_drawn_as_a_sweep_draws_them_and_the_stiffest_sets_the_steps
     seeds, episodes = np.array([3, 3, 2**31], dtype=np.uint64), np.array([0, 7, 7])
     drawn_here = np.array(found.draw(seeds, episodes))
     vary = {path: distribution_from(each, path) for path, each in table.items()}
-    for k, (seed, episode) in enumerate(zip(seeds.tolist(), episodes.tolist(), strict=True)):
-        study = Study(name="x", scenarios={}, vary=vary, episodes=9, seed=seed, document={})
-        assert drawn_here[:, k].tolist() == [float(column[0]) for column in values(study, [episode]).values()]
-    assert float(found.stiffest.plant.vehicle.links[0].joint.damping) == pytest.approx(0.1, rel=1e-12)
+    for k, (seed, episode) in enumerate(
+        zip(seeds.tolist(), episodes.tolist(), strict=True)
+    ):
+        study = Study(
+            name="x", scenarios={}, vary=vary, episodes=9, seed=seed, document={}
+        )
+        assert drawn_here[:, k].tolist() == [
+            float(column[0]) for column in values(study, [episode]).values()
+        ]
+    assert float(found.stiffest.plant.vehicle.links[0].joint.damping) == pytest.approx(
+        0.1, rel=1e-12
+    )
 
 
 def test_a_lane_is_told_its_own_ending():

@@ -1,4 +1,6 @@
-"""An environment in JAX flies what the native one flies, vectorises, and has right gradients."""
+"""An environment in JAX flies what the native one flies, vectorises, and has right
+gradients.
+"""
 
 from __future__ import annotations
 
@@ -27,12 +29,18 @@ from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studies.sweep.distributions import distribution_from
 from support.engines import jax_doubles
 
-# tests of one process share a JAX, which starts here without flags; none of them is to set some for the others
+# tests of one process share a JAX, which starts here without flags; none of them is to
+# set some for the others
 jax.devices()
 pytestmark = pytest.mark.filterwarnings("ignore:make_jax. JAX has started")
 
 WIND = "environment.wind.force_W.x"
-SHORT = {"scenario": "case3_wind", "actions": "residual", "duration": 0.5, "precision": "double"}
+SHORT = {
+    "scenario": "case3_wind",
+    "actions": "residual",
+    "duration": 0.5,
+    "precision": "double",
+}
 VARIED = {
     "plant.payload.mass": {"uniform": [0.0, 0.1]},
     WIND: {"normal": [1.0, 0.5]},
@@ -54,7 +62,9 @@ def _cache(tmp_path_factory):
 
 
 def flown_beside(arguments, steps, seed):
-    """Greatest difference of observations and rewards from the native environment, through ends and new beginnings."""
+    """Greatest difference of observations and rewards from the native environment,
+    through ends and new beginnings.
+    """
     native = Environment(**arguments)
     env, params = make_jax(**arguments)
     wanted, _ = native.reset(seed=seed)
@@ -65,7 +75,11 @@ def flown_beside(arguments, steps, seed):
         action = draw(-0.5, 0.5, env.action_size)
         wanted, reward, ended, truncated, why = native.step(action)
         found, state, gained, done, info = step(None, state, action, params)
-        worst = max(worst, float(np.abs(wanted - info["final_obs"]).max()), abs(reward - float(gained)))
+        worst = max(
+            worst,
+            float(np.abs(wanted - info["final_obs"]).max()),
+            abs(reward - float(gained)),
+        )
         assert (ended, truncated) == (bool(info["terminated"]), bool(info["truncated"]))
         assert env.statuses[int(info["ending"])] == why.get("status", "")
         assert bool(done) == (ended or truncated)
@@ -78,14 +92,18 @@ def flown_beside(arguments, steps, seed):
 def test_its_first_step_is_that_of_the_native_one():
     """Operation by operation, which compiles nothing whole."""
     with jax.disable_jit():
-        worst, _ = flown_beside(bare(actions="rotors_and_joints", precision="double"), 1, seed=3)
+        worst, _ = flown_beside(
+            bare(actions="rotors_and_joints", precision="double"), 1, seed=3
+        )
     assert worst < 1e-12
 
 
 @pytest.mark.thorough
 def test_it_flies_what_the_native_one_flies_through_ends():
     """A quadrotor with a noisy sensor that falls and begins again."""
-    worst, ends = flown_beside(bare(actions="rotors_and_joints", precision="double"), 70, seed=3)
+    worst, ends = flown_beside(
+        bare(actions="rotors_and_joints", precision="double"), 70, seed=3
+    )
     assert worst < 1e-10
     assert ends == 2
 
@@ -103,23 +121,34 @@ assert worst < 1e-10 and ends >= 2, (worst, ends)
 """
 CASES = {
     "numbers": {**SHORT, "randomise": VARIED},
-    "noise, air, delays": {"scenario": noisy(), "actions": "residual", "precision": "double"},
+    "noise, air, delays": {
+        "scenario": noisy(),
+        "actions": "residual",
+        "precision": "double",
+    },
 }
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("case", CASES)
 def test_it_flies_what_the_native_one_flies_with_all_that_draws(case):
-    """In a process of its own: with the flags, which JAX reads once, XLA takes seconds in place of minutes."""
+    """In a process of its own: with the flags, which JAX reads once, XLA takes seconds
+    in place of minutes.
+    """
     here = Path(__file__).resolve().parent
-    code = ALONE.format(paths=[str(here), str(here.parent), str(here.parent / "studies" / "bench")], case=case)
+    code = ALONE.format(
+        paths=[str(here), str(here.parent), str(here.parent / "studies" / "bench")],
+        case=case,
+    )
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
 @pytest.mark.thorough
 def test_many_are_lanes_of_the_vector_environment_and_a_scan_is_a_loop():
     arguments = bare(
-        actions="rates_and_thrust", precision="double", randomise={"initial.roll": {"uniform": [-1.0, 1.0]}}
+        actions="rates_and_thrust",
+        precision="double",
+        randomise={"initial.roll": {"uniform": [-1.0, 1.0]}},
     )
     env, params = make_jax(**arguments)
     native = VectorEnvironment(3, autoreset_mode="SameStep", **arguments)
@@ -130,7 +159,9 @@ def test_many_are_lanes_of_the_vector_environment_and_a_scan_is_a_loop():
         observed, state = jax.vmap(env.reset, (0, None))(keys, params)
 
         def step(state, action):
-            seen, state, reward, done, _ = jax.vmap(env.step, (0, 0, 0, None))(keys, state, action, params)
+            seen, state, reward, done, _ = jax.vmap(env.step, (0, 0, 0, None))(
+                keys, state, action, params
+            )
             return state, (seen, reward, done)
 
         return observed, jax.lax.scan(step, state, actions)[1]
@@ -149,34 +180,54 @@ def test_many_are_lanes_of_the_vector_environment_and_a_scan_is_a_loop():
 
 @pytest.mark.thorough
 def test_gradients_through_policy_and_physics_are_those_of_differences():
-    arguments = bare(actions="rates_and_thrust", precision="double", reward=["position_distance", "spin"])
+    arguments = bare(
+        actions="rates_and_thrust",
+        precision="double",
+        reward=["position_distance", "spin"],
+    )
     env, params = make_jax(**arguments, numbers=["plant.vehicle.base.mass"])
     assert params["plant.vehicle.base.mass"] == pytest.approx(0.716)
 
     def gained(weights, params):
         def step(carry, _):
             seen, state = carry
-            seen, state, reward, _, _ = env.step_env(None, state, jnp.tanh(weights @ seen), params)
+            seen, state, reward, _, _ = env.step_env(
+                None, state, jnp.tanh(weights @ seen), params
+            )
             return (seen, state), reward
 
         start = env.reset(jax.random.key(1), params)
         return jnp.sum(jax.lax.scan(step, start, None, length=15)[1])
 
-    weights = jnp.asarray(np.random.default_rng(0).normal(0.0, 0.1, (env.action_size, env.observation_size)))
+    weights = jnp.asarray(
+        np.random.default_rng(0).normal(
+            0.0, 0.1, (env.action_size, env.observation_size)
+        )
+    )
     both = jax.jit(jax.value_and_grad(gained, argnums=(0, 1)))
     _, (slope, slopes) = both(weights, params)
     along = np.random.default_rng(1).normal(size=weights.shape)
     total = jax.jit(gained)
-    by_weights = (total(weights + 1e-6 * along, params) - total(weights - 1e-6 * along, params)) / 2e-6
+    by_weights = (
+        total(weights + 1e-6 * along, params) - total(weights - 1e-6 * along, params)
+    ) / 2e-6
     assert float(jnp.sum(slope * along)) == pytest.approx(float(by_weights), rel=1e-5)
     mass = "plant.vehicle.base.mass"
     ends = [total(weights, {**params, mass: params[mass] + h}) for h in (1e-6, -1e-6)]
-    assert float(slopes[mass]) == pytest.approx(float(ends[0] - ends[1]) / 2e-6, rel=1e-5)
+    assert float(slopes[mass]) == pytest.approx(
+        float(ends[0] - ends[1]) / 2e-6, rel=1e-5
+    )
     assert float(slopes[mass]) != 0.0
 
 
 @pytest.mark.parametrize(
-    "table", [{"uniform": [-1.0, 2.0]}, {"normal": [1.0, 0.5]}, {"log_uniform": [0.1, 2.0]}, {"list": [3.0, 1.0, 2.0]}]
+    "table",
+    [
+        {"uniform": [-1.0, 2.0]},
+        {"normal": [1.0, 0.5]},
+        {"log_uniform": [0.1, 2.0]},
+        {"list": [3.0, 1.0, 2.0]},
+    ],
 )
 def test_numbers_are_the_quantiles_of_sweeps(table):
     distribution = distribution_from(table, "at")
@@ -211,16 +262,33 @@ def test_what_functions_cannot_take_is_refused_in_one_line():
         ({"plant.gravity": jnp.zeros(3)}, "must be one number"),
         ({"plant.gravity": {"uniform": jnp.zeros(2)}}, "must be one number"),
         (3.0, "must be a table of plant.gravity"),
-        ({"plant.gravity": "heavy"}, r'params\["plant.gravity"\] = \'heavy\': must be one number'),
-        ({"plant.gravity": None}, r'params\["plant.gravity"\] = None: must be one number'),
-        ({"plant.gravity": True}, r'params\["plant.gravity"\] = True: must be one number'),
+        (
+            {"plant.gravity": "heavy"},
+            r'params\["plant.gravity"\] = \'heavy\': must be one number',
+        ),
+        (
+            {"plant.gravity": None},
+            r'params\["plant.gravity"\] = None: must be one number',
+        ),
+        (
+            {"plant.gravity": True},
+            r'params\["plant.gravity"\] = True: must be one number',
+        ),
         ({"plant.gravity": 1j}, r'params\["plant.gravity"\] = 1j: must be one number'),
-        ({"plant.gravity": [9.8, "x"]}, r'params\["plant.gravity"\] = \[9.8, \'x\'\]: must be one number'),
+        (
+            {"plant.gravity": [9.8, "x"]},
+            r'params\["plant.gravity"\] = \[9.8, \'x\'\]: must be one number',
+        ),
     ):
         with pytest.raises(ScenarioError, match=words):
             env.reset(key, given)
     for number in (10, np.float32(9.8), np.int64(9), jnp.asarray(9.8), np.array(9.8)):
-        assert jax.eval_shape(lambda given=number: env.reset(key, {"plant.gravity": given}))[0].shape == seen.shape
+        assert (
+            jax.eval_shape(
+                lambda given=number: env.reset(key, {"plant.gravity": given})
+            )[0].shape
+            == seen.shape
+        )
     with pytest.raises(ScenarioError, match=r"action: shape .*must be \(4,\)"):
         jax.eval_shape(env.step, key, state, jnp.zeros((2, 4)), params)
     with pytest.raises(ScenarioError, match="key: must be one key"):
@@ -252,11 +320,20 @@ make_jax("skyarm/Hover-v0", **small)
 @pytest.mark.parametrize("late", [False, True])
 def test_options_of_the_compiler_are_set_by_making_one_or_missed_in_one_line(late):
     """In a process of its own: JAX reads them once."""
-    environment = os.environ | {"XLA_FLAGS": "--xla_cpu_enable_fast_math=false", "JAX_PLATFORMS": "cpu"}
+    environment = os.environ | {
+        "XLA_FLAGS": "--xla_cpu_enable_fast_math=false",
+        "JAX_PLATFORMS": "cpu",
+    }
     code = FRESH.format(before="jax.random.key(0)" if late else "")
     if late:
         code = code[: code.rindex("make_jax")]
-    done = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
     *words, flags = done.stdout.split("\n")[:-1]
     if late:
         assert "call skyarm.envs.make_jax before" in words[0]
@@ -267,8 +344,12 @@ def test_options_of_the_compiler_are_set_by_making_one_or_missed_in_one_line(lat
 
 
 @pytest.mark.parametrize("started", [False, True])
-@pytest.mark.parametrize("own", ["", "--xla_backend_extra_options=xla_cpu_flatten_after_fusion"])
-def test_ones_own_options_stay_and_only_a_processor_needs_them(monkeypatch, own, started):
+@pytest.mark.parametrize(
+    "own", ["", "--xla_backend_extra_options=xla_cpu_flatten_after_fusion"]
+)
+def test_ones_own_options_stay_and_only_a_processor_needs_them(
+    monkeypatch, own, started
+):
     monkeypatch.setenv("XLA_FLAGS", own)
     monkeypatch.setattr(jax_cpu, "_has_started", lambda: started)
     assert jax_cpu.configure_extra_options() == (bool(own) or not started)

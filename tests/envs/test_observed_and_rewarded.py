@@ -1,4 +1,6 @@
-"""Each observed quantity and reward term beside a formula of its own, in NumPy; names, units, bounds."""
+"""Each observed quantity and reward term beside a formula of its own, in NumPy; names,
+units, bounds.
+"""
 
 from __future__ import annotations
 
@@ -50,12 +52,23 @@ def planned():
 
 
 def of_tip(vehicle):
-    """Wanted minus actual tip: the level arm's, turned by the matrices of the angles."""
-    roll = np.array([[1, 0, 0], [0, np.cos(ROLL), -np.sin(ROLL)], [0, np.sin(ROLL), np.cos(ROLL)]])
-    yaw = np.array([[np.cos(YAW), -np.sin(YAW), 0], [np.sin(YAW), np.cos(YAW), 0], [0, 0, 1]])
+    """Wanted minus actual tip: the level arm's, turned by the matrices of the
+    angles.
+    """
+    roll = np.array(
+        [[1, 0, 0], [0, np.cos(ROLL), -np.sin(ROLL)], [0, np.sin(ROLL), np.cos(ROLL)]]
+    )
+    yaw = np.array(
+        [[np.cos(YAW), -np.sin(YAW), 0], [np.sin(YAW), np.cos(YAW), 0], [0, 0, 1]]
+    )
     tips = []
-    for joints, R, position in (((0.1, 0.1), yaw, (0.0, 0.5, 1.0)), ((0.3, -0.2), roll, (0.1, 0.2, 0.9))):
-        level, _ = skyarm.frame_pose_world(vehicle, [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], joints)
+    for joints, R, position in (
+        ((0.1, 0.1), yaw, (0.0, 0.5, 1.0)),
+        ((0.3, -0.2), roll, (0.1, 0.2, 0.9)),
+    ):
+        level, _ = skyarm.frame_pose_world(
+            vehicle, [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], joints
+        )
         tips.append(np.array(position) + R @ level)
     return tips[0] - tips[1]
 
@@ -78,13 +91,19 @@ def test_observed_quantities_are_what_they_say(planned):
     }
     assert set(expected) == set(OBSERVED)
     for name, wanted in expected.items():
-        scaled = {"scale": 2.0} if "scale" in OBSERVED[name].__dataclass_fields__ else {}
-        assert np.allclose(OBSERVED[name](**scaled).numbers(sight), wanted, atol=1e-12), name
+        scaled = (
+            {"scale": 2.0} if "scale" in OBSERVED[name].__dataclass_fields__ else {}
+        )
+        assert np.allclose(
+            OBSERVED[name](**scaled).numbers(sight), wanted, atol=1e-12
+        ), name
 
 
 def test_reward_terms_are_what_they_say(planned):
     vehicle = planned.plant.vehicle
-    state = skyarm.State(**{name: getattr(SIGHTED, name) for name in skyarm.State.__dataclass_fields__})
+    state = skyarm.State(
+        **{name: getattr(SIGHTED, name) for name in skyarm.State.__dataclass_fields__}
+    )
     command = skyarm.Command(rotor_speeds=(400.0,) * 4, efforts=(0.0, 0.0))
     tip, base = np.linalg.norm(of_tip(vehicle)), np.linalg.norm(ERROR)
     result = Result(
@@ -112,13 +131,25 @@ def test_reward_terms_are_what_they_say(planned):
     assert set(expected) == set(REWARDS)
     for name, wanted in expected.items():
         scaled = {"scale": 2.0} if "scale" in REWARDS[name].__dataclass_fields__ else {}
-        assert float(REWARDS[name](**scaled).value(result)) == pytest.approx(wanted, abs=1e-12), name
-    for axis, wanted in (((1, 0, 0), np.cos(ROLL)), ((0, 1, 0), np.cos(ROLL)), ((0, 0, 1), 1.0)):
+        assert float(REWARDS[name](**scaled).value(result)) == pytest.approx(
+            wanted, abs=1e-12
+        ), name
+    for axis, wanted in (
+        ((1, 0, 0), np.cos(ROLL)),
+        ((0, 1, 0), np.cos(ROLL)),
+        ((0, 0, 1), 1.0),
+    ):
         turned = (np.cos(ROLL / 2), *(np.sin(ROLL / 2) * each for each in axis))
-        posed = dataclasses.replace(result, state=dataclasses.replace(state, quaternion=skyarm.Quaternion(*turned)))
+        posed = dataclasses.replace(
+            result,
+            state=dataclasses.replace(state, quaternion=skyarm.Quaternion(*turned)),
+        )
         assert float(REWARDS["upright"]().value(posed)) == pytest.approx(wanted)
     going = dataclasses.replace(result, ended=0.0)
-    assert (REWARDS["alive"]().value(going), REWARDS["lost"]().value(going)) == (1.0, 0.0)
+    assert (REWARDS["alive"]().value(going), REWARDS["lost"]().value(going)) == (
+        1.0,
+        0.0,
+    )
 
 
 def test_every_scale_has_a_unit_and_every_record_a_sentence():
@@ -131,39 +162,60 @@ def test_every_scale_has_a_unit_and_every_record_a_sentence():
 
 def test_an_observation_is_finite_whatever_was_measured(planned):
     task = make_task(planned, observation=("velocity_error", "joint_rates"))
-    gone = dataclasses.replace(SIGHTED, velocity=skyarm.Vec3(np.nan, -np.inf, 3e9), joint_rates=(np.inf, 1.0))
-    sight = Sight(measurement=gone, reference=WANTED, action=LAST, model=planned.controller.par.model)
+    gone = dataclasses.replace(
+        SIGHTED, velocity=skyarm.Vec3(np.nan, -np.inf, 3e9), joint_rates=(np.inf, 1.0)
+    )
+    sight = Sight(
+        measurement=gone,
+        reference=WANTED,
+        action=LAST,
+        model=planned.controller.par.model,
+    )
     assert observation_of(task, sight) == (0.0, LARGEST, -LARGEST, LARGEST, 0.2)
 
 
 def test_actions_stand_for_their_limits(planned):
-    """At full action: shares of the hover speed and of the weight, the limits of rotors and joints."""
+    """At full action: shares of the hover speed and of the weight, the limits of rotors
+    and joints.
+    """
     par, told = planned.controller.par, (False, False)
     vehicle = par.model.vehicle
-    hover = np.sqrt(float(vehicle.mass) * 9.81 / sum(float(r.thrust_coefficient) for r in vehicle.rotors))
+    hover = np.sqrt(
+        float(vehicle.mass)
+        * 9.81
+        / sum(float(r.thrust_coefficient) for r in vehicle.rotors)
+    )
 
     def command(kind, action, **numbers):
         def law(memory, measurement, reference):
             return memory, skyarm.Command(rotor_speeds=(hover,) * 4, efforts=(0.1, 0.2))
 
         level = dataclasses.replace(SIGHTED, rate=skyarm.Vec3(0.0, 0.0, 0.0))
-        return ACTIONS[kind](**numbers).command(action, Turn((), level, WANTED, law, par, told))[1]
+        return ACTIONS[kind](**numbers).command(
+            action, Turn((), level, WANTED, law, par, told)
+        )[1]
 
     up = command("rotors_and_joints", (0.1,) * 4 + (1.0, -1.0), span=0.5, joints=0.3)
     assert up.rotor_speeds == pytest.approx([1.05 * hover] * 4, rel=0.02)
     assert up.efforts == (0.3, -0.3)
     top = command("rotors_and_joints", (1.0,) * 4 + (0.0, 0.0), span=5.0)
     assert top.rotor_speeds == tuple(float(r.max_speed) for r in vehicle.rotors)
-    assert command("rotors_and_joints", (-1.0,) * 4 + (0.0, 0.0), span=5.0).rotor_speeds == (0.0,) * 4
+    assert (
+        command("rotors_and_joints", (-1.0,) * 4 + (0.0, 0.0), span=5.0).rotor_speeds
+        == (0.0,) * 4
+    )
     more = command("residual", (0.5,) * 4 + (1.0, 0.0), span=0.2, joints=0.3)
     assert more.rotor_speeds == pytest.approx([hover * 1.1] * 4, rel=0.02)
     assert more.efforts == pytest.approx([0.4, 0.2])
     thrust = command("rates_and_thrust", (0.0, 0.0, 0.0, 0.21, 0.0, 0.0), thrust=1.0)
     assert thrust.rotor_speeds == pytest.approx([1.1 * hover] * 4, rel=1e-6)
-    turning = command("rates_and_thrust", (0.0, 1.0, 0.0, 0.0, 0.0, 0.0), rate=0.5, bandwidth=10.0)
+    turning = command(
+        "rates_and_thrust", (0.0, 1.0, 0.0, 0.0, 0.0, 0.0), rate=0.5, bandwidth=10.0
+    )
     squares = np.square(turning.rotor_speeds)
     pitch = sum(
-        -float(r.position.x) * float(r.thrust_coefficient) * w for r, w in zip(vehicle.rotors, squares, strict=True)
+        -float(r.position.x) * float(r.thrust_coefficient) * w
+        for r, w in zip(vehicle.rotors, squares, strict=True)
     )
     assert pitch == pytest.approx(0.5 * 10.0 * float(vehicle.base.inertia.yy), rel=1e-6)
 
@@ -211,8 +263,15 @@ class Kept:
 
 def test_joints_keep_to_their_limits_and_a_law_is_told_what_was_sent(planned):
     par = planned.controller.par
-    links = [dataclasses.replace(each, joint=dataclasses.replace(each.joint, effort_limit=0.4, lower=-0.7, upper=1.2))
-             for each in par.model.vehicle.links]
+    links = [
+        dataclasses.replace(
+            each,
+            joint=dataclasses.replace(
+                each.joint, effort_limit=0.4, lower=-0.7, upper=1.2
+            ),
+        )
+        for each in par.model.vehicle.links
+    ]
     vehicle = dataclasses.replace(par.model.vehicle, links=tuple(links))
     model = dataclasses.replace(par.model, vehicle=vehicle)
     own = skyarm.Command(rotor_speeds=(480.0,) * 4, efforts=(0.3, -0.1))
@@ -222,17 +281,26 @@ def test_joints_keep_to_their_limits_and_a_law_is_told_what_was_sent(planned):
             return Kept(own), own
 
         asked = dataclasses.replace(par, model=model)
-        return ACTIONS[kind]().command((0.0,) * 4 + action, Turn(Kept(own), SIGHTED, WANTED, law, asked, told))
+        return ACTIONS[kind]().command(
+            (0.0,) * 4 + action, Turn(Kept(own), SIGHTED, WANTED, law, asked, told)
+        )
 
-    # a full action is the limit of the effort; where a drive takes setpoints, an end of the range
-    assert flown("rotors_and_joints", (1.0, -0.5), (False, True))[1].efforts == pytest.approx((0.4, 0.25 - 0.95 / 2))
+    # a full action is the limit of the effort; where a drive takes setpoints, an end of
+    # the range
+    assert flown("rotors_and_joints", (1.0, -0.5), (False, True))[
+        1
+    ].efforts == pytest.approx((0.4, 0.25 - 0.95 / 2))
     for kind in ("rotors_and_joints", "rates_and_thrust"):
-        assert flown(kind, (1.0, -1.0), (True, True))[1].efforts == pytest.approx((1.2, -0.7))
+        assert flown(kind, (1.0, -1.0), (True, True))[1].efforts == pytest.approx(
+            (1.2, -0.7)
+        )
     memory, sent = flown("residual", (1.0, -0.5), (False, False))
     assert sent.efforts == pytest.approx((0.4, -0.3))
     assert memory.sent == sent
     # setpoints of a drive are not efforts
-    assert flown("residual", (1.0, -0.5), (True, True))[1].efforts == pytest.approx((0.3 + 0.95, -0.1 - 0.95 / 2))
+    assert flown("residual", (1.0, -0.5), (True, True))[1].efforts == pytest.approx(
+        (0.3 + 0.95, -0.1 - 0.95 / 2)
+    )
 
 
 @pytest.mark.parametrize(
@@ -252,21 +320,35 @@ def test_a_drives_setpoints_go_from_end_to_end_of_the_joints_range(lower, upper,
 
 @pytest.mark.parametrize(("paths", "lanes"), [(1, 2), (6, 64), (7, 16)])
 def test_ends_of_what_is_drawn_are_looked_at_together(paths, lanes):
-    """All of them with each other, of many paths each end alone beside all others' other ends."""
-    found = np.array([*_corners({f"p{k}": (float(k), k + 0.5) for k in range(paths)}).values()]).T
+    """All of them with each other, of many paths each end alone beside all others'
+    other ends.
+    """
+    found = np.array(
+        [*_corners({f"p{k}": (float(k), k + 0.5) for k in range(paths)}).values()]
+    ).T
     high = found - np.arange(paths) == 0.5
     assert len(found) == len(np.unique(found, axis=0)) == lanes
-    assert set(high.sum(axis=1)) == (set(range(7)) if paths == 6 else {0, 1, paths - 1, paths})
+    assert set(high.sum(axis=1)) == (
+        set(range(7)) if paths == 6 else {0, 1, paths - 1, paths}
+    )
 
 
 def test_a_hover_starts_up_to_three_tenths_of_a_metre_around_its_place():
-    drawn, place = NAMED["Hover"].randomise, task_scenario("Hover").reference.at(0.0).position
+    drawn, place = (
+        NAMED["Hover"].randomise,
+        task_scenario("Hover").reference.at(0.0).position,
+    )
     for axis, at in zip("xyz", place, strict=True):
-        assert drawn[f"initial.position.{axis}"]["uniform"] == pytest.approx([at - 0.3, at + 0.3], abs=1e-12)
+        assert drawn[f"initial.position.{axis}"]["uniform"] == pytest.approx(
+            [at - 0.3, at + 0.3], abs=1e-12
+        )
 
 
 def test_a_thrown_vehicle_has_any_heading():
-    drawn = {path.removeprefix("initial."): each["uniform"] for path, each in NAMED["Recover"].randomise.items()}
+    drawn = {
+        path.removeprefix("initial."): each["uniform"]
+        for path, each in NAMED["Recover"].randomise.items()
+    }
     assert (drawn["roll"], drawn["yaw"]) == ([-np.pi, np.pi],) * 2
     assert drawn["pitch"] == [-np.pi / 2, np.pi / 2]
 
@@ -275,12 +357,25 @@ def test_a_rotor_with_a_table_turns_at_the_speed_of_its_thrust(planned):
     """At hover, of the arm at rest: a table whose thrust is no parabola."""
     par = planned.controller.par
     table = ThrustTable(speed=(200.0, 400.0, 600.0), thrust=(0.4, 1.6, 3.1))
-    rotors = tuple(dataclasses.replace(each, table=table) for each in par.model.vehicle.rotors)
+    rotors = tuple(
+        dataclasses.replace(each, table=table) for each in par.model.vehicle.rotors
+    )
     vehicle = dataclasses.replace(par.model.vehicle, rotors=rotors)
-    asked = dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle))
+    asked = dataclasses.replace(
+        par, model=dataclasses.replace(par.model, vehicle=vehicle)
+    )
     level = dataclasses.replace(SIGHTED, rate=skyarm.Vec3(0.0, 0.0, 0.0))
     arguments = (0.0,) * 6, (), level, WANTED, None, asked, (False, False)
-    found = ACTIONS["rates_and_thrust"]().command(arguments[0], Turn(*arguments[1:]))[1].rotor_speeds
-    thrust = sum(push(rotor, w) * rotor.thrust_coefficient for rotor, w in zip(rotors, found, strict=True))
+    found = (
+        ACTIONS["rates_and_thrust"]()
+        .command(arguments[0], Turn(*arguments[1:]))[1]
+        .rotor_speeds
+    )
+    thrust = sum(
+        push(rotor, w) * rotor.thrust_coefficient
+        for rotor, w in zip(rotors, found, strict=True)
+    )
     assert float(thrust) == pytest.approx(float(vehicle.mass) * 9.81, rel=1e-6)
-    assert found[0] != pytest.approx(np.sqrt(float(vehicle.mass) * 9.81 / 4 / float(rotors[0].thrust_coefficient)))
+    assert found[0] != pytest.approx(
+        np.sqrt(float(vehicle.mass) * 9.81 / 4 / float(rotors[0].thrust_coefficient))
+    )

@@ -1,4 +1,6 @@
-"""Pictures of environments: the present state, drawn as films draw it; and what is refused."""
+"""Pictures of environments: the present state, drawn as films draw it; and what is
+refused.
+"""
 
 from __future__ import annotations
 
@@ -29,13 +31,17 @@ def _cache(tmp_path_factory):
 
 def drawn(**options):
     """An environment that gives small pictures, begun."""
-    made = Environment(**bare(render_mode="rgb_array", render_options={**SMALL, **options}))
+    made = Environment(
+        **bare(render_mode="rgb_array", render_options={**SMALL, **options})
+    )
     made.reset(seed=0)
     return made
 
 
 def place_of_vehicle(picture):
-    """Mean row and column of the pixels of the vehicle's colour, which alone are far redder than blue."""
+    """Mean row and column of the pixels of the vehicle's colour, which alone are far
+    redder than blue.
+    """
     rows, columns = np.nonzero(picture[..., 0].astype(int) - picture[..., 2] > 60)
     assert rows.size > 3
     return rows.mean(), columns.mean()
@@ -85,7 +91,9 @@ def test_environments_draw_beside_one_another_and_after_a_reset():
 
 @needs_display
 def test_gymnasiums_checks_pass_in_every_render_mode():
-    env = gymnasium.make("skyarm/Scenario-v0", **bare(render_mode="rgb_array", render_options=SMALL))
+    env = gymnasium.make(
+        "skyarm/Scenario-v0", **bare(render_mode="rgb_array", render_options=SMALL)
+    )
     check_env(env.unwrapped)
     env.close()
 
@@ -93,7 +101,9 @@ def test_gymnasiums_checks_pass_in_every_render_mode():
 @needs_display
 @pytest.mark.thorough
 def test_gymnasiums_wrappers_take_pictures():
-    env = gymnasium.make("skyarm/Scenario-v0", **bare(render_mode="rgb_array", render_options=SMALL))
+    env = gymnasium.make(
+        "skyarm/Scenario-v0", **bare(render_mode="rgb_array", render_options=SMALL)
+    )
     pictures = RenderCollection(env)
     pictures.reset(seed=0)
     pictures.step(np.zeros(4, np.float32))
@@ -105,12 +115,18 @@ def test_gymnasiums_wrappers_take_pictures():
 @needs_display
 @pytest.mark.thorough
 def test_the_tip_of_a_shipped_task_goes_where_it_is_moved():
-    env = gymnasium.make("skyarm/TrackTip-v0", render_mode="rgb_array", render_options={"width": 320, "height": 240})
+    env = gymnasium.make(
+        "skyarm/TrackTip-v0",
+        render_mode="rgb_array",
+        render_options={"width": 320, "height": 240},
+    )
     env.reset(seed=0)
 
     def tip():
         picture = env.render().astype(int)
-        rows, columns = np.nonzero((picture[..., 0] > 120) & (picture[..., 1] < 45) & (picture[..., 2] < 60))
+        rows, columns = np.nonzero(
+            (picture[..., 0] > 120) & (picture[..., 1] < 45) & (picture[..., 2] < 60)
+        )
         assert rows.size
         return rows.mean(), columns.mean()
 
@@ -142,9 +158,18 @@ def test_without_a_mode_nothing_is_drawn_and_nothing_loaded(monkeypatch):
         ({"render_mode": "ansi"}, "render_mode = 'ansi': must be rgb_array or None"),
         ({"render_mode": ["rgb_array"]}, "render_mode = .*: must be rgb_array or None"),
         ({"render_options": 3}, "render_options = 3: must be a table"),
-        ({"render_options": {"widht": 96}}, "render_options: 'widht': did you mean 'width'"),
-        ({"render_options": {"width": 5}}, "render_options: width = 5: must be at least 64"),
-        ({"render_options": {"camera": "mine"}}, "render_options: camera = 'mine': must be one of follow"),
+        (
+            {"render_options": {"widht": 96}},
+            "render_options: 'widht': did you mean 'width'",
+        ),
+        (
+            {"render_options": {"width": 5}},
+            "render_options: width = 5: must be at least 64",
+        ),
+        (
+            {"render_options": {"camera": "mine"}},
+            "render_options: camera = 'mine': must be one of follow",
+        ),
     ],
 )
 def test_pictures_that_cannot_be_are_refused(given, words):
@@ -155,12 +180,16 @@ def test_pictures_that_cannot_be_are_refused(given, words):
 
 def test_what_is_missing_for_a_picture_is_one_line(monkeypatch):
     env = Environment(**bare(render_mode="rgb_array", render_options=SMALL))
-    with pytest.raises(skyarm.ScenarioError, match=r"render: must come after reset\(\)"):
+    with pytest.raises(
+        skyarm.ScenarioError, match=r"render: must come after reset\(\)"
+    ):
         env.render()
     env.reset(seed=0)
     monkeypatch.setattr(offscreen.sys, "platform", "linux")
     monkeypatch.setattr(offscreen, "LIBRARY", "libnowhere.so.1")
-    with pytest.raises(offscreen.NoDisplayError, match=r"libnowhere.so.1: is missing.* apt-get install") as error:
+    with pytest.raises(
+        offscreen.NoDisplayError, match=r"libnowhere.so.1: is missing.* apt-get install"
+    ) as error:
         env.render()
     assert "\n" not in str(error.value)
     env.close()

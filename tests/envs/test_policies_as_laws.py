@@ -1,4 +1,6 @@
-"""A policy flies as a law what it flew in its environment, to the bit; what is no policy is refused in one line."""
+"""A policy flies as a law what it flew in its environment, to the bit; what is no
+policy is refused in one line.
+"""
 
 from __future__ import annotations
 
@@ -36,9 +38,15 @@ def _cache(tmp_path_factory):
 
 def a_network(environment, seed=0):
     """Small weights, drawn."""
-    seen, size = environment.observation_space.shape[0], environment.action_space.shape[0]
+    seen, size = (
+        environment.observation_space.shape[0],
+        environment.action_space.shape[0],
+    )
     draw = np.random.default_rng(seed).normal
-    layers = [(draw(0.0, 0.3, (5, seen)), draw(0.0, 0.1, 5)), (draw(0.0, 0.5, (size, 5)), draw(0.0, 0.1, size))]
+    layers = [
+        (draw(0.0, 0.3, (5, seen)), draw(0.0, 0.1, 5)),
+        (draw(0.0, 0.5, (size, 5)), draw(0.0, 0.1, size)),
+    ]
     return network(layers, means=draw(0.0, 0.1, seen), deviations=np.full(seen, 0.7))
 
 
@@ -47,17 +55,30 @@ def flown(environment, policy, seed):
     observed, _ = environment.reset(seed=seed)
     positions, over = [], False
     while not over:
-        observed, _, ended, truncated, info = environment.step(np.array(policy(tuple(observed.tolist()))))
+        observed, _, ended, truncated, info = environment.step(
+            np.array(policy(tuple(observed.tolist())))
+        )
         positions.append([float(c[0]) for c in environment.lanes.state.position])
         over = ended or truncated
     return np.array(positions), info
 
 
 def tilting():
-    """Rotors with servos, on which a law that knows nothing of them keeps its commands without their angles."""
-    reference = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, "joints": [0.1, 0.1]}
+    """Rotors with servos, on which a law that knows nothing of them keeps its commands
+    without their angles.
+    """
+    reference = {
+        "base": {"kind": "hover", "position": [0.0, 0.0, 1.0]},
+        "joints": [0.1, 0.1],
+    }
     table = {"schema": 1, "name": "tilting", "duration": 0.1, "reference": reference}
-    return skyarm.scenario_from(table | {"plant": {"vehicle": "voliro_like"}, "controller": {"law": "centroidal"}})
+    return skyarm.scenario_from(
+        table
+        | {
+            "plant": {"vehicle": "voliro_like"},
+            "controller": {"law": "centroidal"},
+        }
+    )
 
 
 CASES = {
@@ -66,27 +87,39 @@ CASES = {
     "rotors_and_joints": lambda **more: {"scenario": noisy(), **more},
     "references": lambda **more: {"scenario": noisy(), **more},
     "residual, an arm": lambda **more: {"scenario": noisy(), **more},
-    "residual, a law that keeps its commands": lambda **more: {"scenario": noisy(controller="centroidal_tip"), **more},
+    "residual, a law that keeps its commands": lambda **more: {
+        "scenario": noisy(controller="centroidal_tip"),
+        **more,
+    },
     "residual, rotors that tilt": lambda **more: {"scenario": tilting(), **more},
 }
 
 
 @pytest.mark.parametrize("case", sampled(list(CASES), 99, keep=("residual",)))
 def test_a_policy_flies_as_a_law_what_it_flew_in_its_environment(case):
-    environment = Environment(**CASES[case](actions=case.split(",")[0], precision="bit_exact"))
+    environment = Environment(
+        **CASES[case](actions=case.split(",")[0], precision="bit_exact")
+    )
     policy = a_network(environment)
     positions, info = flown(environment, policy, seed=3)
     planned = environment.lanes.task.scenario
-    log = skyarm.run(dataclasses.replace(planned, controller=as_law(policy, environment), seed=3))
+    log = skyarm.run(
+        dataclasses.replace(planned, controller=as_law(policy, environment), seed=3)
+    )
     assert np.array_equal(positions[:-1], log.position[1 : len(positions)])
     assert log.status == info.get("status", "completed")
 
 
 def test_a_policy_on_a_law_is_defined_where_the_law_is_and_one_alone_everywhere():
     planned = skyarm.load_scenario("case3", controller="paper_ct")
-    edge = dataclasses.replace(planned.controller, margin=lambda quaternion: quaternion.w, limit="upside down")
+    edge = dataclasses.replace(
+        planned.controller, margin=lambda quaternion: quaternion.w, limit="upside down"
+    )
     planned = dataclasses.replace(planned, controller=edge)
-    for actions, defined in (("residual", planned.controller), ("rates_and_thrust", None)):
+    for actions, defined in (
+        ("residual", planned.controller),
+        ("rates_and_thrust", None),
+    ):
         law = as_law(lambda numbers: numbers[:6], make_task(planned, actions=actions))
         assert law.margin is (defined and defined.margin)
         assert law.limit == (defined.limit if defined else "")
@@ -103,7 +136,11 @@ def test_a_function_and_an_untraceable_one_fly_as_the_network_does():
         return policy(tuple(np.asarray(numbers, dtype=float).tolist()))
 
     planned = dataclasses.replace(environment.lanes.task.scenario, duration=0.1)
-    laws = (as_law(policy, environment), as_law(function, environment), as_law(of_arrays, environment, traceable=False))
+    laws = (
+        as_law(policy, environment),
+        as_law(function, environment),
+        as_law(of_arrays, environment, traceable=False),
+    )
     logs = [skyarm.run(dataclasses.replace(planned, controller=law)) for law in laws]
     assert np.array_equal(logs[0].position, logs[1].position)
     assert np.array_equal(logs[0].position, logs[2].position)
@@ -111,11 +148,15 @@ def test_a_function_and_an_untraceable_one_fly_as_the_network_does():
 
 @pytest.mark.thorough
 def test_a_policy_on_a_law_is_one_c_file(tmp_path):
-    """Its numbers are those of the law called with floats, but for the last digit of a contraction."""
+    """Its numbers are those of the law called with floats, but for the last digit of a
+    contraction.
+    """
     environment = Environment(**bare(actions="residual"))
     controller = as_law(a_network(environment), environment)
     text = export_c(controller, name="law", period=0.01).text
-    session = skyarm.Session(dataclasses.replace(environment.lanes.task.scenario, controller=controller))
+    session = skyarm.Session(
+        dataclasses.replace(environment.lanes.task.scenario, controller=controller)
+    )
     exported, memory = Loaded(text, tmp_path), controller.memory
     for _ in range(3):
         told = session.measurement, session.reference
@@ -127,9 +168,13 @@ def test_a_policy_on_a_law_is_one_c_file(tmp_path):
 def test_a_network_is_tanh_between_affine_layers_held_within_one():
     draw = np.random.default_rng(4).normal
     A, a, B, b = draw(size=(3, 4)), draw(size=3), draw(size=(2, 3)), draw(size=2)
-    found = network([(A, a), (B, b)], means=[1.0, 0.0, 2.0, 0.0], deviations=[2.0, 1.0, 0.5, 1.0])
+    found = network(
+        [(A, a), (B, b)], means=[1.0, 0.0, 2.0, 0.0], deviations=[2.0, 1.0, 0.5, 1.0]
+    )
     x = draw(size=4)
-    wanted = B @ np.tanh(A @ ((x - [1.0, 0.0, 2.0, 0.0]) / [2.0, 1.0, 0.5, 1.0]) + a) + b
+    wanted = (
+        B @ np.tanh(A @ ((x - [1.0, 0.0, 2.0, 0.0]) / [2.0, 1.0, 0.5, 1.0]) + a) + b
+    )
     assert found(tuple(x)) == pytest.approx(np.clip(wanted, -1.0, 1.0), rel=1e-12)
     assert network([(10.0 * np.eye(2), np.zeros(2))])((1.0, -1.0)) == (1.0, -1.0)
 
@@ -137,15 +182,28 @@ def test_a_network_is_tanh_between_affine_layers_held_within_one():
 def test_a_network_for_another_observation_is_refused_with_both_counts():
     task = _task()
     law = as_law([(np.zeros((4, 33)), np.zeros(4))], task)
-    with pytest.raises(ControllerError, match="policy: takes 33 numbers, must be 19 for this observation"):
+    with pytest.raises(
+        ControllerError,
+        match="policy: takes 33 numbers, must be 19 for this observation",
+    ):
         skyarm.run(dataclasses.replace(task.scenario, controller=law))
 
 
 @pytest.mark.parametrize("actions", ["residual", "rotors_and_joints"])
 def test_a_policy_gets_no_second_actuator_layer(actions):
-    """Its set points are the environment's; inverted once more as if they were torques, they are others."""
-    table = {"schema": 1, "name": "servos", "duration": 0.1, "controller": {"law": "decoupled_pd"}}
-    table["reference"] = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, "joints": [0.1] * 5}
+    """Its set points are the environment's; inverted once more as if they were torques,
+    they are others.
+    """
+    table = {
+        "schema": 1,
+        "name": "servos",
+        "duration": 0.1,
+        "controller": {"law": "decoupled_pd"},
+    }
+    table["reference"] = {
+        "base": {"kind": "hover", "position": [0.0, 0.0, 1.0]},
+        "joints": [0.1] * 5,
+    }
     scenario = skyarm.scenario_from(table | {"plant": {"vehicle": "hexarotor12_arm5"}})
     environment = Environment(scenario=scenario, actions=actions)
     law = as_law(a_network(environment), environment)
@@ -194,11 +252,16 @@ def test_what_is_no_environment_and_normalization_that_does_not_fit_are_refused(
 @pytest.mark.thorough
 def test_the_example_that_learns_is_better_than_the_law_below_it(monkeypatch, capsys):
     """Two generations of it, on another motion than it learned in."""
-    source = (Path(__file__).resolve().parents[2] / "examples" / "learn_a_residual.py").read_text("utf-8")
+    source = (
+        Path(__file__).resolve().parents[2] / "examples" / "learn_a_residual.py"
+    ).read_text("utf-8")
     monkeypatch.setattr("sys.argv", ["learn_a_residual.py", "2"])
     exec(compile(source, "learn_a_residual.py", "exec"), {"__name__": "__main__"})
     below, learned = (line.split() for line in capsys.readouterr().out.splitlines())
-    assert (below[:2], learned[:2]) == (["hybrid_computed_torque", "completed"], ["learned", "completed"])
+    assert (below[:2], learned[:2]) == (
+        ["hybrid_computed_torque", "completed"],
+        ["learned", "completed"],
+    )
     assert float(learned[2]) < 0.7 * float(below[2])
 
 
@@ -222,9 +285,26 @@ def pushing(model):
 def test_a_policy_is_compared_with_the_law_that_it_adds_to(tmp_path):
     """A residual of zero is the paper's law; another flies elsewhere."""
     (tmp_path / "mine.py").write_text(COMPARED)
-    words = ["compare", "case3_wind", "--laws", "paper_ct,mine.py:still,mine.py:pushing", "--out", "out"]
-    subprocess.run([sys.executable, "-m", "skyarm", *words], cwd=tmp_path, check=True, capture_output=True)
-    (found,) = json.loads((tmp_path / "out" / "results.json").read_text())["summaries"]["given"].values()
-    errors = {law: each["metrics"]["ee_error_mean_continuous"]["mean"] for law, each in found.items()}
+    words = [
+        "compare",
+        "case3_wind",
+        "--laws",
+        "paper_ct,mine.py:still,mine.py:pushing",
+        "--out",
+        "out",
+    ]
+    subprocess.run(
+        [sys.executable, "-m", "skyarm", *words],
+        cwd=tmp_path,
+        check=True,
+        capture_output=True,
+    )
+    (found,) = json.loads((tmp_path / "out" / "results.json").read_text())["summaries"][
+        "given"
+    ].values()
+    errors = {
+        law: each["metrics"]["ee_error_mean_continuous"]["mean"]
+        for law, each in found.items()
+    }
     assert errors["mine.py:still"] == pytest.approx(errors["paper_ct"], rel=1e-9)
     assert errors["mine.py:pushing"] != pytest.approx(errors["paper_ct"], rel=1e-3)

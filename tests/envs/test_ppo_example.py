@@ -1,4 +1,6 @@
-"""The example that learns by PPO: the same seed learns the same bits, and what it learned is a law, in C too."""
+"""The example that learns by PPO: the same seed learns the same bits, and what it
+learned is a law, in C too.
+"""
 
 from __future__ import annotations
 
@@ -67,5 +69,7 @@ def test_a_seed_learns_the_same_bits_and_its_policy_is_a_law(tmp_path, monkeypat
     for _ in range(3):
         told = session.measurement, session.reference
         memory, command = controller.law(memory, *told, 0.005, par=controller.par)
-        assert exported(*told) == pytest.approx((*command.rotor_speeds, *command.efforts), rel=1e-9, abs=1e-12)
+        assert exported(*told) == pytest.approx(
+            (*command.rotor_speeds, *command.efforts), rel=1e-9, abs=1e-12
+        )
         session.step()

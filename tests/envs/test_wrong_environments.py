@@ -1,4 +1,6 @@
-"""What an environment is given is looked at before anything flies; each mistake is one line with what is allowed."""
+"""What an environment is given is looked at before anything flies; each mistake is one
+line with what is allowed.
+"""
 
 from __future__ import annotations
 
@@ -42,10 +44,16 @@ def two():
         ({"scenario": "cas3"}, "scenario = 'cas3': did you mean 'case3'"),
         ({"scenario": 3}, "scenario = 3"),
         ({"scenario": "nowhere.toml"}, "nowhere.toml"),
-        ({"actions": "torques"}, "actions = 'torques': must be one of rotors_and_joints"),
+        (
+            {"actions": "torques"},
+            "actions = 'torques': must be one of rotors_and_joints",
+        ),
         ({"observation": "attitude"}, "observation = 'attitude': must be a list"),
         ({"observation": ()}, "at least one quantity"),
-        ({"observation": ["atitude"]}, r"observation\[0\] = 'atitude': did you mean 'attitude'"),
+        (
+            {"observation": ["atitude"]},
+            r"observation\[0\] = 'atitude': did you mean 'attitude'",
+        ),
         ({"reward": []}, "at least one term"),
         ({"reward": [3]}, r"reward\[0\] = 3: must be one of tip_near"),
         ({"precision": "half"}, "precision = 'half': must be one of single"),
@@ -53,11 +61,20 @@ def two():
         ({"duration": 0.0123}, "duration"),
         ({"controller": "paper_ct"}, "controller = 'paper_ct': must be left out"),
         ({"randomise": [MASS]}, "randomise = .*: must be a table"),
-        ({"randomise": {"plant.mass": {"uniform": [0.0, 1.0]}}}, "randomise: .*plant.mass"),
+        (
+            {"randomise": {"plant.mass": {"uniform": [0.0, 1.0]}}},
+            "randomise: .*plant.mass",
+        ),
         ({"randomise": {3: {"uniform": [0.0, 1.0]}}}, "randomise: path = 3"),
-        ({"randomise": {MASS: {"gauss": [0.0, 1.0]}}}, "must have exactly one of uniform"),
+        (
+            {"randomise": {MASS: {"gauss": [0.0, 1.0]}}},
+            "must have exactly one of uniform",
+        ),
         ({"randomise": {MASS: {"uniform": [1.0, 0.0]}}}, "the first below the second"),
-        ({"randomise": {"plant.vehicle.base.mass": {"normal": [0.5, 0.1]}}}, "randomise: .*base.mass"),
+        (
+            {"randomise": {"plant.vehicle.base.mass": {"normal": [0.5, 0.1]}}},
+            "randomise: .*base.mass",
+        ),
     ],
 )
 def test_a_task_that_cannot_be_is_refused(given, words):
@@ -66,11 +83,17 @@ def test_a_task_that_cannot_be_is_refused(given, words):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("actions", ["rates_and_thrust", "rotors_and_joints", "residual"])
+@pytest.mark.parametrize(
+    "actions", ["rates_and_thrust", "rotors_and_joints", "residual"]
+)
 def test_a_governed_path_is_refused_under_all_actions(actions):
-    """In flight a policy would see the slower reference, in the environment the other one."""
+    """In flight a policy would see the slower reference, in the environment the other
+    one.
+    """
     scenario = skyarm.govern(skyarm.load_scenario("case2"), tilt=0.02)
-    with pytest.raises(skyarm.ScenarioError, match="governor: must be left out of an environment"):
+    with pytest.raises(
+        skyarm.ScenarioError, match="governor: must be left out of an environment"
+    ):
         make_task(scenario, actions=actions)
 
 
@@ -88,7 +111,11 @@ def test_scenarios_that_lanes_do_not_fly_are_refused():
 
 @pytest.mark.parametrize(
     ("kind", "numbers"),
-    [(RatesAndThrust, {"rate": 0.0}), (RatesAndThrust, {"rate": "x"}), (REWARDS["tip_near"], {"scale": -1.0})],
+    [
+        (RatesAndThrust, {"rate": 0.0}),
+        (RatesAndThrust, {"rate": "x"}),
+        (REWARDS["tip_near"], {"scale": -1.0}),
+    ],
 )
 def test_records_refuse_numbers_that_cannot_be(kind, numbers):
     with pytest.raises(RecordError, match=kind.__name__):
@@ -98,11 +125,20 @@ def test_records_refuse_numbers_that_cannot_be(kind, numbers):
 @pytest.mark.parametrize(
     ("actions", "words"),
     [
-        (np.zeros((2, 3)), r"shape \(2, 3\), must be of real numbers, of shape \(2, 4\)"),
+        (
+            np.zeros((2, 3)),
+            r"shape \(2, 3\), must be of real numbers, of shape \(2, 4\)",
+        ),
         (np.zeros((4, 2)), r"must be of real numbers, of shape \(2, 4\)"),
         (np.zeros(4), r"must be of real numbers, of shape \(2, 4\)"),
-        (np.zeros((2, 4), dtype=bool), r"bool of shape \(2, 4\), must be of real numbers"),
-        (np.zeros((2, 4), dtype=complex), r"actions: complex128 of shape \(2, 4\), must be of real numbers"),
+        (
+            np.zeros((2, 4), dtype=bool),
+            r"bool of shape \(2, 4\), must be of real numbers",
+        ),
+        (
+            np.zeros((2, 4), dtype=complex),
+            r"actions: complex128 of shape \(2, 4\), must be of real numbers",
+        ),
         ("up", "must be of real numbers"),
         ([[0.0] * 4, [0.0] * 3], "must be an array"),
         ([[0.0] * 4, [0.0, np.nan, 0.0, 0.0]], r"actions\[1\] = .*must be finite"),
@@ -137,14 +173,19 @@ def test_resets_that_cannot_be_are_refused(two, given, words):
 
 def test_other_arguments_of_environments_are_refused():
     for given, words in (
-        ({"autoreset_mode": "Never"}, "autoreset_mode = 'Never': must be one of NextStep"),
+        (
+            {"autoreset_mode": "Never"},
+            "autoreset_mode = 'Never': must be one of NextStep",
+        ),
         ({"num_envs": 0}, "num_envs = 0"),
         ({"copy": "x"}, "copy = 'x': must be True or False"),
         ({"threads": 0}, "threads = 0"),
     ):
         with pytest.raises(skyarm.ScenarioError, match=words):
             VectorEnvironment(**bare(**given))
-    with pytest.raises(skyarm.ScenarioError, match="render_mode = 'ansi': must be rgb_array"):
+    with pytest.raises(
+        skyarm.ScenarioError, match="render_mode = 'ansi': must be rgb_array"
+    ):
         Environment(**bare(render_mode="ansi"))
     with pytest.raises(TypeError, match="unexpected keyword argument 'foo'"):
         Environment(**bare(foo=1))
@@ -157,10 +198,19 @@ def test_a_law_whose_command_is_not_finite_ends_the_episode_where_it_is():
 
     def law(memory, measurement, reference, dt, *, par):
         late = where(measurement.position.z > 0.0, memory[0] + 1.0, 0.0)
-        return (late,), skyarm.Command(rotor_speeds=(where(late > 2.5, float("nan"), 480.0),) * 4, efforts=())
+        return (late,), skyarm.Command(
+            rotor_speeds=(where(late > 2.5, float("nan"), 480.0),) * 4, efforts=()
+        )
 
-    planned = dataclasses.replace(given["scenario"].controller, name="fails", law=law, memory=(0.0,))
-    one = Environment(**{**given, "scenario": dataclasses.replace(given["scenario"], controller=planned)})
+    planned = dataclasses.replace(
+        given["scenario"].controller, name="fails", law=law, memory=(0.0,)
+    )
+    one = Environment(
+        **{
+            **given,
+            "scenario": dataclasses.replace(given["scenario"], controller=planned),
+        }
+    )
     one.reset(seed=0)
     assert not one.step(np.zeros(4))[2]
     assert not one.step(np.zeros(4))[2]
@@ -174,14 +224,31 @@ def test_a_law_whose_command_is_not_finite_ends_the_episode_where_it_is():
 
 def test_a_single_environment_refuses_calls_at_the_wrong_time_and_names_its_end():
     reward = [REWARDS["position_distance"](), "lost"]
-    one = Environment(**bare(actions=skyarm.envs.RotorsAndJoints(span=1.0), reward=reward))
+    one = Environment(
+        **bare(actions=skyarm.envs.RotorsAndJoints(span=1.0), reward=reward)
+    )
     with pytest.raises(skyarm.ScenarioError, match=r"must come after reset\(\)"):
         one.step(np.zeros(4))
     one.reset(seed=2**40 + 3)
     for wrong, words in (
-        (np.zeros((1, 4)), r"^action: float64 of shape \(1, 4\), must be of real numbers, of shape \(4,\)"),
-        (np.zeros(3), r"^action: float64 of shape \(3,\), must be of real numbers, of shape \(4,\)"),
-        (np.zeros(4, dtype=complex), r"^action: complex128 of shape \(4,\), must be of real numbers"),
+        (
+            np.zeros((1, 4)),
+            (
+                r"^action: float64 of shape \(1, 4\), must be of real numbers, of shape"
+                r" \(4,\)"
+            ),
+        ),
+        (
+            np.zeros(3),
+            (
+                r"^action: float64 of shape \(3,\), must be of real numbers, of shape"
+                r" \(4,\)"
+            ),
+        ),
+        (
+            np.zeros(4, dtype=complex),
+            r"^action: complex128 of shape \(4,\), must be of real numbers",
+        ),
     ):
         with pytest.raises(skyarm.ScenarioError, match=words):
             one.step(wrong)
@@ -200,7 +267,8 @@ def test_a_single_environment_refuses_calls_at_the_wrong_time_and_names_its_end(
         one.step(np.zeros(4))
     # an ending that comes in the very last period counts as one
     last = Environment(
-        **bare(actions=skyarm.envs.RotorsAndJoints(span=1.0), reward=reward), duration=one.lanes.loop.ticks[0] / 100.0
+        **bare(actions=skyarm.envs.RotorsAndJoints(span=1.0), reward=reward),
+        duration=one.lanes.loop.ticks[0] / 100.0,
     )
     last.reset(seed=2**40 + 3)
     for _ in range(int(one.lanes.loop.ticks[0])):
@@ -229,7 +297,10 @@ class Untold(RewardTerm):
 
 
 def test_what_diverges_ends_the_episode_with_a_finite_observation():
-    fast = {"initial.velocity.x": {"uniform": [1.05e4, 1.1e4]}, "initial.rate.x": {"uniform": [1.0, 2.0]}}
+    fast = {
+        "initial.velocity.x": {"uniform": [1.05e4, 1.1e4]},
+        "initial.rate.x": {"uniform": [1.0, 2.0]},
+    }
     one = Environment(**bare(randomise=fast, reward=[REWARDS["spin"](scale=1e-9)]))
     one.reset(seed=0)
     observed, reward, ended, truncated, info = one.step(np.zeros(4))
@@ -240,10 +311,13 @@ def test_what_diverges_ends_the_episode_with_a_finite_observation():
 
 
 def test_a_diverged_flight_has_rewards_without_state_and_no_term_spoils_the_others():
-    """A push that no vehicle survives; then a term that is no number; then one that is too large."""
+    """A push that no vehicle survives; then a term that is no number; then one that is
+    too large.
+    """
     push = {"environment.wind.force_W.x": {"uniform": [1.0e9, 1.1e9]}}
     planned = dataclasses.replace(
-        bare()["scenario"], wind=wind_from({"mode": "force_wind", "force": [0.0, 0.0, 0.0]}, "wind")
+        bare()["scenario"],
+        wind=wind_from({"mode": "force_wind", "force": [0.0, 0.0, 0.0]}, "wind"),
     )
     reward = [REWARDS["position_distance"](), Untold(), REWARDS["lost"](weight=10.0)]
     one = Environment(**bare(scenario=planned, randomise=push, reward=reward))
@@ -251,7 +325,15 @@ def test_a_diverged_flight_has_rewards_without_state_and_no_term_spoils_the_othe
     _, given, ended, _, info = one.step(np.zeros(4))
     assert (ended, info["status"]) == (True, "diverged")
     assert given == -10.0
-    sound = Environment(**bare(reward=[Untold(), REWARDS["spin"](scale=1e-9), REWARDS["alive"](weight=2.0**10)]))
+    sound = Environment(
+        **bare(
+            reward=[
+                Untold(),
+                REWARDS["spin"](scale=1e-9),
+                REWARDS["alive"](weight=2.0**10),
+            ]
+        )
+    )
     sound.reset(seed=0)
     assert sound.step(np.array([1.0, 0.0, 0.0, 0.0]))[1] == -1e6 + 2.0**10
 
@@ -260,7 +342,11 @@ def test_seeds_of_numpy_are_seeds_and_huge_actions_count_as_the_bound():
     for precision in ("single", "double"):
         one = Environment(**bare(precision=precision))
         found = []
-        for action in (np.array([1e300, -1e300, 0.5, 0.0]), np.array([1.0, -1.0, 0.5, 0.0]), [1, -1, 0.5, 0]):
+        for action in (
+            np.array([1e300, -1e300, 0.5, 0.0]),
+            np.array([1.0, -1.0, 0.5, 0.0]),
+            [1, -1, 0.5, 0],
+        ):
             one.reset(seed=np.int64(5))
             assert one.lanes.seeds[0] == 5
             with warnings.catch_warnings():
@@ -282,6 +368,9 @@ def test_a_closed_environment_says_so_in_one_line_and_keeps_its_scenario(make):
     env.close()
     env.close()
     for name, call in (("reset", env.reset), ("step", lambda: env.step(still))):
-        with pytest.raises(skyarm.ScenarioError, match=rf"^{name}: must come before close\(\); .*closed[^\n]*$"):
+        with pytest.raises(
+            skyarm.ScenarioError,
+            match=rf"^{name}: must come before close\(\); .*closed[^\n]*$",
+        ):
             call()
     assert env.scenario == bare()["scenario"]

@@ -15,20 +15,38 @@ from skyarm.flight_data.flight_data import FlightData, load_flight
 
 DFReader = pytest.importorskip("pymavlink.DFReader")
 
-CODES = dict(zip("BhHiIfQcCnNZL", ["B", "h", "H", "i", "I", "f", "Q", "h", "H", "4s", "16s", "64s", "i"], strict=True))
+CODES = dict(
+    zip(
+        "BhHiIfQcCnNZL",
+        ["B", "h", "H", "i", "I", "f", "Q", "h", "H", "4s", "16s", "64s", "i"],
+        strict=True,
+    )
+)
 AXES = ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
-OUTPUTS = {**{f"SERVO{k}_FUNCTION": 32.0 + k for k in range(1, 5)}, "MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0}
+OUTPUTS = {
+    **{f"SERVO{k}_FUNCTION": 32.0 + k for k in range(1, 5)},
+    "MOT_PWM_MIN": 1100.0,
+    "MOT_PWM_MAX": 1900.0,
+}
 
 
 class Writer:
     """Bytes of a DataFlash log: types are defined as they come."""
 
     def __init__(self, **types: tuple[str, str]) -> None:
-        self.types = {name: (128 + k, *each) for k, (name, each) in enumerate({"FMT": ("BBnNZ", ""), **types}.items())}
+        self.types = {
+            name: (128 + k, *each)
+            for k, (name, each) in enumerate({"FMT": ("BBnNZ", ""), **types}.items())
+        }
         self.data = b"".join(
             b"\xa3\x95\x80"
             + struct.pack(
-                "<BB4s16s64s", number, 3 + self.size(letters), name.encode(), letters.encode(), fields.encode()
+                "<BB4s16s64s",
+                number,
+                3 + self.size(letters),
+                name.encode(),
+                letters.encode(),
+                fields.encode(),
             )
             for name, (number, letters, fields) in self.types.items()
         )
@@ -38,10 +56,15 @@ class Writer:
 
     def put(self, name: str, *values: Any) -> None:
         number, letters, _ = self.types[name]
-        self.data += b"\xa3\x95" + struct.pack("<B" + "".join(CODES[each] for each in letters), number, *values)
+        self.data += b"\xa3\x95" + struct.pack(
+            "<B" + "".join(CODES[each] for each in letters), number, *values
+        )
 
 
-def recent(parameters: dict[str, float], outputs: tuple[int, ...] = (1500, 1100, 1900, 1300, 0, 0)) -> bytes:
+def recent(
+    parameters: dict[str, float],
+    outputs: tuple[int, ...] = (1500, 1100, 1900, 1300, 0, 0),
+) -> bytes:
     """Log of ArduPilot 4: stamps in us, two inertial units in one message."""
     noise = np.random.default_rng(0)
     log = Writer(
@@ -72,8 +95,13 @@ def recent(parameters: dict[str, float], outputs: tuple[int, ...] = (1500, 1100,
     return log.data
 
 
-def old(parameters: dict[str, float], outputs: tuple[int, ...] = (1500, 1500, 1500, 1500, -3)) -> bytes:
-    """Log of ArduPilot 3: stamps in ms, a message for each inertial unit, angles in hundredths of a degree."""
+def old(
+    parameters: dict[str, float],
+    outputs: tuple[int, ...] = (1500, 1500, 1500, 1500, -3),
+) -> bytes:
+    """Log of ArduPilot 3: stamps in ms, a message for each inertial unit, angles in
+    hundredths of a degree.
+    """
     noise = np.random.default_rng(1)
     log = Writer(
         PARM=("Nf", "Name,Value"),
@@ -125,19 +153,30 @@ def test_the_readings_are_those_that_pymavlink_reads(tmp_path: Path, make: Any) 
         np.testing.assert_allclose(found[name].time + start, rows[:, 0], atol=1e-9)
         np.testing.assert_array_equal(found[name].values, rows[:, 1:] * TURN)
     assert found["gyro"].rate == pytest.approx(100.0 if make is recent else 50.0)
-    assert found["voltage"].values[0, 0] == pytest.approx(12.5 if make is recent else 12.45)
+    assert found["voltage"].values[0, 0] == pytest.approx(
+        12.5 if make is recent else 12.45
+    )
 
 
-def test_the_pose_is_that_of_the_filter_and_outputs_are_shares_of_their_range(tmp_path: Path) -> None:
-    found = read(tmp_path, recent(OUTPUTS | {"INS_POS1_X": 0.1, "INS_POS1_Y": 0.02, "INS_POS1_Z": -0.03}))
+def test_the_pose_is_that_of_the_filter_and_outputs_are_shares_of_their_range(
+    tmp_path: Path,
+) -> None:
+    found = read(
+        tmp_path,
+        recent(OUTPUTS | {"INS_POS1_X": 0.1, "INS_POS1_Y": 0.02, "INS_POS1_Z": -0.03}),
+    )
     rows = decoded(tmp_path, "XKF1", "PN", "PE", "PD", "VN", "VE", "VD")
     np.testing.assert_array_equal(found["position"].values, rows[:, 1:4] * TURN)
     np.testing.assert_array_equal(found["velocity"].values, rows[:, 4:] * TURN)
     q = decoded(tmp_path, "XKQ", "Q1", "Q2", "Q3", "Q4")[:, 1:] * [1.0, 1.0, -1.0, -1.0]
     q /= np.linalg.norm(q, axis=1)[:, None]
-    np.testing.assert_allclose(np.abs(np.sum(found["quaternion"].values * q, axis=1)), 1.0, atol=1e-12)
+    np.testing.assert_allclose(
+        np.abs(np.sum(found["quaternion"].values * q, axis=1)), 1.0, atol=1e-12
+    )
     rows = decoded(tmp_path, "RCOU", "C1", "C2", "C3", "C4")
-    np.testing.assert_allclose(found["rotor_commands"].values, (rows[:, 1:] - 1100.0) / 800.0)
+    np.testing.assert_allclose(
+        found["rotor_commands"].values, (rows[:, 1:] - 1100.0) / 800.0
+    )
     assert found.place == {
         "place.x": pytest.approx(0.1),
         "place.y": pytest.approx(-0.02),
@@ -146,8 +185,12 @@ def test_the_pose_is_that_of_the_filter_and_outputs_are_shares_of_their_range(tm
     assert found.facts["firmware"] == "ArduCopter V4.5.0 (0)"
 
 
-def test_angles_of_an_old_log_are_those_of_its_hundredths_of_a_degree(tmp_path: Path) -> None:
-    """Roll 10, pitch -20, yaw 300 degrees of forward, right, down in north, east, down: pitch and yaw turn about."""
+def test_angles_of_an_old_log_are_those_of_its_hundredths_of_a_degree(
+    tmp_path: Path,
+) -> None:
+    """Roll 10, pitch -20, yaw 300 degrees of forward, right, down in north, east, down:
+    pitch and yaw turn about.
+    """
     rotation = pytest.importorskip("scipy.spatial.transform").Rotation
     found = read(tmp_path, old({}))["quaternion"].values[0]
     wanted = rotation.from_euler("ZYX", [-300.0, 20.0, 10.0], degrees=True).as_quat()
@@ -158,16 +201,81 @@ def test_angles_of_an_old_log_are_those_of_its_hundredths_of_a_degree(tmp_path: 
     ("parameters", "first", "count", "note"),
     [
         ({"RC3_MIN": 1000.0, "RC3_MAX": 1800.0}, 0.625, 4, "4 rotors are assumed"),
-        ({"RC3_MIN": 1000.0, "RC3_MAX": 1800.0, "MOT_PWM_MIN": 0.0, "MOT_PWM_MAX": 0.0}, 0.625, 4, "4 rotors"),
-        ({"RCMAP_THROTTLE": 2.0, "RC3_MIN": 1.0, "RC3_MAX": 2.0, "RC2_MIN": 1300.0, "RC2_MAX": 1700.0}, 0.5, 4, "4 ro"),
+        (
+            {
+                "RC3_MIN": 1000.0,
+                "RC3_MAX": 1800.0,
+                "MOT_PWM_MIN": 0.0,
+                "MOT_PWM_MAX": 0.0,
+            },
+            0.625,
+            4,
+            "4 rotors",
+        ),
+        (
+            {
+                "RCMAP_THROTTLE": 2.0,
+                "RC3_MIN": 1.0,
+                "RC3_MAX": 2.0,
+                "RC2_MIN": 1300.0,
+                "RC2_MAX": 1700.0,
+            },
+            0.5,
+            4,
+            "4 ro",
+        ),
         (OUTPUTS | {"MOT_PWM_TYPE": 6.0, "MOT_PWM_MIN": 1200.0}, 0.5, 4, ""),
-        (OUTPUTS | {f"SERVO{k}_FUNCTION": f for k, f in ((1, 34.0), (2, 33.0), (3, 70.0), (4, 0.0))}, 0.5, 2, ""),
-        (OUTPUTS | {"FRAME_CLASS": 7.0, "SERVO3_FUNCTION": 36.0, "SERVO4_FUNCTION": 39.0}, 0.5, 3, ""),
-        (OUTPUTS | {"Q_FRAME_CLASS": 7.0, "SERVO3_FUNCTION": 36.0, "SERVO4_FUNCTION": 39.0}, 0.5, 3, ""),
-        (OUTPUTS | {"FRAME_CLASS": 9.0, "SERVO1_FUNCTION": 38.0, "SERVO2_FUNCTION": 37.0}, 0.5, 2, ""),
+        (
+            OUTPUTS
+            | {
+                f"SERVO{k}_FUNCTION": f
+                for k, f in ((1, 34.0), (2, 33.0), (3, 70.0), (4, 0.0))
+            },
+            0.5,
+            2,
+            "",
+        ),
+        (
+            OUTPUTS
+            | {
+                "FRAME_CLASS": 7.0,
+                "SERVO3_FUNCTION": 36.0,
+                "SERVO4_FUNCTION": 39.0,
+            },
+            0.5,
+            3,
+            "",
+        ),
+        (
+            OUTPUTS
+            | {
+                "Q_FRAME_CLASS": 7.0,
+                "SERVO3_FUNCTION": 36.0,
+                "SERVO4_FUNCTION": 39.0,
+            },
+            0.5,
+            3,
+            "",
+        ),
+        (
+            OUTPUTS
+            | {
+                "FRAME_CLASS": 9.0,
+                "SERVO1_FUNCTION": 38.0,
+                "SERVO2_FUNCTION": 37.0,
+            },
+            0.5,
+            2,
+            "",
+        ),
         (
             {k: v for k, v in OUTPUTS.items() if "PWM" not in k}
-            | {"Q_M_PWM_MIN": 1000.0, "Q_M_PWM_MAX": 1800.0, "RC3_MIN": 1100.0, "RC3_MAX": 1900.0},
+            | {
+                "Q_M_PWM_MIN": 1000.0,
+                "Q_M_PWM_MAX": 1800.0,
+                "RC3_MIN": 1100.0,
+                "RC3_MAX": 1900.0,
+            },
             0.625,
             4,
             "",
@@ -190,22 +298,37 @@ def test_outputs_and_their_limits_are_those_of_the_parameters(
 def test_outputs_of_no_known_rotors_are_left_out_with_a_note(tmp_path: Path) -> None:
     found = read(tmp_path, old({}, (1500, 1400, 1300, 1200, 0)))
     assert "rotor_commands" not in found
-    assert "rotor_commands: are left out, as nothing says which outputs drive rotors" in found.notes[-1]
-    elsewhere = read(tmp_path, old(OUTPUTS | {"SERVO3_FUNCTION": 0.0, "SERVO15_FUNCTION": 35.0}))
+    assert (
+        "rotor_commands: are left out, as nothing says which outputs drive rotors"
+        in found.notes[-1]
+    )
+    elsewhere = read(
+        tmp_path, old(OUTPUTS | {"SERVO3_FUNCTION": 0.0, "SERVO15_FUNCTION": 35.0})
+    )
     assert "rotor_commands" not in elsewhere
-    assert "no output of RCOU has the SERVOn_FUNCTION 35 of rotors" in elsewhere.notes[-1]
+    assert (
+        "no output of RCOU has the SERVOn_FUNCTION 35 of rotors" in elsewhere.notes[-1]
+    )
 
 
 def test_a_second_unit_and_whole_number_fields_are_tables_apart(tmp_path: Path) -> None:
     gyro = {"topic": "IMU[1]", "columns": list(AXES[:3]), "frame": "FRD"}
     data = recent(OUTPUTS)
     assert "PIDR" in read(tmp_path, data).unused  # its I is no instance
-    second = load_flight(tmp_path / "flight.BIN", columns_from({"gyro": gyro}))["gyro"].values
-    np.testing.assert_array_equal(second, decoded(tmp_path, "IMU", *AXES[:3], instance=1)[:, 1:] * TURN)
+    second = load_flight(tmp_path / "flight.BIN", columns_from({"gyro": gyro}))[
+        "gyro"
+    ].values
+    np.testing.assert_array_equal(
+        second, decoded(tmp_path, "IMU", *AXES[:3], instance=1)[:, 1:] * TURN
+    )
 
 
-def test_of_instances_that_do_not_begin_with_zero_the_least_is_read(tmp_path: Path) -> None:
-    log = Writer(IMU=("QBffffff", f"TimeUS,I,{','.join(AXES)}"), BAT=("QBf", "TimeUS,Inst,Volt"))
+def test_of_instances_that_do_not_begin_with_zero_the_least_is_read(
+    tmp_path: Path,
+) -> None:
+    log = Writer(
+        IMU=("QBffffff", f"TimeUS,I,{','.join(AXES)}"), BAT=("QBf", "TimeUS,Inst,Volt")
+    )
     for k in range(60):
         log.put("IMU", 10_000 * k, 0, *range(6))
         log.put("BAT", 10_000 * k, 2, 11.0)
@@ -215,17 +338,29 @@ def test_of_instances_that_do_not_begin_with_zero_the_least_is_read(tmp_path: Pa
     assert found.unused == ("BAT[2]",)
 
 
-def test_raw_samples_are_taken_at_their_own_times_where_they_are_logged(tmp_path: Path) -> None:
+def test_raw_samples_are_taken_at_their_own_times_where_they_are_logged(
+    tmp_path: Path,
+) -> None:
     fields = "TimeUS,I,SampleUS,GyrX,GyrY,GyrZ"
     log = Writer(IMU=("QBffffff", f"TimeUS,I,{','.join(AXES)}"), GYR=("QBQfff", fields))
     for k in range(40):
-        log.put("GYR", 5_000_000 + 1000 * k, 0, 4_999_000 + 1000 * k + 7 * (k % 3), 0.1 * k, 0.0, -1.0)
+        log.put(
+            "GYR",
+            5_000_000 + 1000 * k,
+            0,
+            4_999_000 + 1000 * k + 7 * (k % 3),
+            0.1 * k,
+            0.0,
+            -1.0,
+        )
         if k % 20 == 0:
             log.put("IMU", 5_000_000 + 1000 * k, 0, 9.0, 9.0, 9.0, 0.0, 0.0, -9.8)
     found = read(tmp_path, log.data)
     assert found["gyro"].source == "GYR: GyrX, GyrY, GyrZ"
     stamps = 4.999 + 0.001 * np.arange(40) + 7e-6 * (np.arange(40) % 3)
-    np.testing.assert_allclose(found["gyro"].time + float(found.facts["start"]), stamps, atol=1e-9)
+    np.testing.assert_allclose(
+        found["gyro"].time + float(found.facts["start"]), stamps, atol=1e-9
+    )
     assert found["accelerometer"].values[0, 2] == pytest.approx(9.8)
 
 
@@ -236,17 +371,27 @@ def rows_of(flight: FlightData) -> set[tuple[Any, ...]]:
         (name, round(start + time, 6), *row)
         for name in ("gyro", "accelerometer", "position", "voltage")
         if name in flight
-        for time, row in zip(flight[name].time.tolist(), flight[name].values.tolist(), strict=True)
+        for time, row in zip(
+            flight[name].time.tolist(), flight[name].values.tolist(), strict=True
+        )
     }
 
 
-def test_of_damaged_logs_rows_are_lost_with_a_note_and_none_is_invented(tmp_path: Path) -> None:
+def test_of_damaged_logs_rows_are_lost_with_a_note_and_none_is_invented(
+    tmp_path: Path,
+) -> None:
     draw, data = np.random.default_rng(0), recent(OUTPUTS)
     every, said = rows_of(read(tmp_path, data)), 0
     for k in range(200):
         begin = int(draw.integers(0, len(data) - 100))
-        end = (len(data), begin + int(draw.integers(1, 14)), begin + int(draw.integers(1, 90)))[k % 3]
-        filling = b"" if k % 3 < 2 else bytes(draw.integers(0, 256, end - begin, np.uint8))
+        end = (
+            len(data),
+            begin + int(draw.integers(1, 14)),
+            begin + int(draw.integers(1, 90)),
+        )[k % 3]
+        filling = (
+            b"" if k % 3 < 2 else bytes(draw.integers(0, 256, end - begin, np.uint8))
+        )
         try:
             found = read(tmp_path, data[:begin] + filling + data[end:])
         except ValueError as error:
@@ -254,7 +399,8 @@ def test_of_damaged_logs_rows_are_lost_with_a_note_and_none_is_invented(tmp_path
             said += 1
             continue
         said += any("belong to no whole message" in note for note in found.notes)
-        # no check sum: bytes replaced within a number are not seen, nor is a loss as long as some messages
+        # no check sum: bytes replaced within a number are not seen, nor is a loss as
+        # long as some messages
         assert len(rows_of(found) - every) <= (0 if k % 3 < 2 else 4)
     assert said > 150
 
@@ -264,7 +410,10 @@ def test_of_two_logs_in_a_file_the_longer_is_read(tmp_path: Path) -> None:
     alone = rows_of(read(tmp_path, data))
     both = read(tmp_path, old({})[:3000] + data)
     assert rows_of(both) == alone
-    assert re.match(r"file: holds flights of \d+ bytes, \d+ bytes; the longest is read, #2; ", both.notes[0])
+    assert re.match(
+        r"file: holds flights of \d+ bytes, \d+ bytes; the longest is read, #2; ",
+        both.notes[0],
+    )
     assert rows_of(load_flight(tmp_path / "flight.BIN#2")) == alone
     (tmp_path / "first").mkdir()
     first = load_flight(tmp_path / "flight.BIN#1")
@@ -275,7 +424,11 @@ def test_of_two_logs_in_a_file_the_longer_is_read(tmp_path: Path) -> None:
     assert rows_of(load_flight(tmp_path / "flight.BIN#1")) == alone
 
 
-def lanes(primary: tuple[int, ...], parameters: dict[str, float], units: tuple[int, ...] = (0, 1, 2)) -> bytes:
+def lanes(
+    primary: tuple[int, ...],
+    parameters: dict[str, float],
+    units: tuple[int, ...] = (0, 1, 2),
+) -> bytes:
     """Log of ArduPilot 4 with two lanes of its filter and three inertial units."""
     noise = np.random.default_rng(4)
     log = Writer(
@@ -312,28 +465,49 @@ def lanes(primary: tuple[int, ...], parameters: dict[str, float], units: tuple[i
     ],
 )
 def test_unit_and_filter_are_those_of_the_lane_that_flew(
-    tmp_path: Path, primary: tuple[int, ...], parameters: dict[str, float], lane: int, unit: int
+    tmp_path: Path,
+    primary: tuple[int, ...],
+    parameters: dict[str, float],
+    lane: int,
+    unit: int,
 ) -> None:
     places = {f"INS_POS{k}_{axis}": 0.1 * k for k in (1, 2, 3) for axis in "XYZ"}
     found = read(tmp_path, lanes(primary, parameters | places))
     for name, fields in (("gyro", AXES[:3]), ("accelerometer", AXES[3:])):
         np.testing.assert_array_equal(
-            found[name].values, decoded(tmp_path, "IMU", *fields, instance=unit)[:, 1:] * TURN
+            found[name].values,
+            decoded(tmp_path, "IMU", *fields, instance=unit)[:, 1:] * TURN,
         )
     rows = decoded(tmp_path, "XKF1", "PN", "PE", "PD", instance=lane)[:, 1:]
     np.testing.assert_array_equal(found["position"].values, rows * TURN)
-    q = decoded(tmp_path, "XKQ", "Q1", "Q2", "Q3", "Q4", instance=lane)[:, 1:] * [1.0, 1.0, -1.0, -1.0]
+    q = decoded(tmp_path, "XKQ", "Q1", "Q2", "Q3", "Q4", instance=lane)[:, 1:] * [
+        1.0,
+        1.0,
+        -1.0,
+        -1.0,
+    ]
     q /= np.linalg.norm(q, axis=1)[:, None]
-    np.testing.assert_allclose(np.abs(np.sum(found["quaternion"].values * q, axis=1)), 1.0, atol=1e-12)
+    np.testing.assert_allclose(
+        np.abs(np.sum(found["quaternion"].values * q, axis=1)), 1.0, atol=1e-12
+    )
     assert found["voltage"].values[0, 0] == 12.5
     assert found.place["place.x"] == pytest.approx(0.1 * (unit + 1))
-    assert f"inertial unit {unit} is read, of the filter's lane {lane}; a columns.toml may name IMU" in found.notes[0]
-    assert ("the filter changed its lane 1 times" in found.notes[-1]) == (len(set(primary)) > 1)
+    assert (
+        f"inertial unit {unit} is read, of the filter's lane {lane}; a columns.toml may"
+        " name IMU" in found.notes[0]
+    )
+    assert ("the filter changed its lane 1 times" in found.notes[-1]) == (
+        len(set(primary)) > 1
+    )
     chosen = {
         name: {"topic": "IMU[2]", "columns": list(each)}
-        for name, each in zip(("gyro", "accelerometer"), (AXES[:3], AXES[3:]), strict=True)
+        for name, each in zip(
+            ("gyro", "accelerometer"), (AXES[:3], AXES[3:]), strict=True
+        )
     }
-    assert load_flight(tmp_path / "flight.BIN", columns_from(chosen)).place["place.x"] == pytest.approx(0.3)
+    assert load_flight(tmp_path / "flight.BIN", columns_from(chosen)).place[
+        "place.x"
+    ] == pytest.approx(0.3)
 
 
 def test_of_an_old_log_the_second_lane_has_topics_of_its_own(tmp_path: Path) -> None:
@@ -348,21 +522,37 @@ def test_of_an_old_log_the_second_lane_has_topics_of_its_own(tmp_path: Path) -> 
         NKF4=("QB", "TimeUS,PI"),
     )
     for k in range(60):
-        for name, width in (("IMU", 6), ("IMU2", 6), ("NKF1", 3), ("NKF6", 3), ("NKQ1", 4), ("NKQ2", 4)):
+        for name, width in (
+            ("IMU", 6),
+            ("IMU2", 6),
+            ("NKF1", 3),
+            ("NKF6", 3),
+            ("NKQ1", 4),
+            ("NKQ2", 4),
+        ):
             log.put(name, 10_000 * k, *noise.normal(size=width))
         log.put("NKF4", 10_000 * k, 1)
     found = read(tmp_path, log.data)
-    assert [found[name].source.partition(":")[0] for name in ("gyro", "position", "quaternion")] == [
+    assert [
+        found[name].source.partition(":")[0]
+        for name in ("gyro", "position", "quaternion")
+    ] == [
         "IMU2",
         "NKF6",
         "NKQ2",
     ]
-    np.testing.assert_array_equal(found["gyro"].values, decoded(tmp_path, "IMU2", *AXES[:3])[:, 1:] * TURN)
-    np.testing.assert_array_equal(found["position"].values, decoded(tmp_path, "NKF6", "PN", "PE", "PD")[:, 1:] * TURN)
+    np.testing.assert_array_equal(
+        found["gyro"].values, decoded(tmp_path, "IMU2", *AXES[:3])[:, 1:] * TURN
+    )
+    np.testing.assert_array_equal(
+        found["position"].values,
+        decoded(tmp_path, "NKF6", "PN", "PE", "PD")[:, 1:] * TURN,
+    )
 
 
 def attitudes(*trims: float) -> bytes:
-    """Log with the attitude of the inertial unit at 10 Hz (XKQ) and the one of the vehicle at 100 Hz (ATT).
+    """Log with the attitude of the inertial unit at 10 Hz (XKQ) and the one of the
+    vehicle at 100 Hz (ATT).
 
     AP_AHRS_NavEKF: R_ATT = R_XKQ R_trim^T, from_euler(AHRS_TRIM_X, Y, Z) of R_trim.
     """
@@ -378,7 +568,9 @@ def attitudes(*trims: float) -> bytes:
         np.linspace(0, 1, 200)[:, None] * [0.6, -0.5, 0.8]
     )
     vehicle = unit * rotation.from_euler("ZYX", [*trims, 0.0, 0.0, 0.0][2::-1]).inv()
-    for k, (angles, q) in enumerate(zip(vehicle.as_euler("ZYX", degrees=True), unit.as_quat(), strict=True)):
+    for k, (angles, q) in enumerate(
+        zip(vehicle.as_euler("ZYX", degrees=True), unit.as_quat(), strict=True)
+    ):
         log.put("ATT", 10_000 * k, *angles[::-1])
         if k % 10 == 0:
             log.put("XKQ", 10_000 * k, 0, *q[[3, 0, 1, 2]])
@@ -386,21 +578,39 @@ def attitudes(*trims: float) -> bytes:
 
 
 @pytest.mark.parametrize("trims", [(), (0.08, -0.12), (-0.1, 0.05, 0.02)])
-def test_angles_of_the_vehicle_are_turned_back_to_its_unit(tmp_path: Path, trims: tuple[float, ...]) -> None:
+def test_angles_of_the_vehicle_are_turned_back_to_its_unit(
+    tmp_path: Path, trims: tuple[float, ...]
+) -> None:
     found = read(tmp_path, attitudes(*trims))
-    assert (found["quaternion"].source, found["quaternion"].rate) == ("ATT: Roll, Pitch, Yaw", pytest.approx(100.0))
+    assert (found["quaternion"].source, found["quaternion"].rate) == (
+        "ATT: Roll, Pitch, Yaw",
+        pytest.approx(100.0),
+    )
     q = decoded(tmp_path, "XKQ", "Q1", "Q2", "Q3", "Q4")[:, 1:] * [1.0, 1.0, -1.0, -1.0]
-    np.testing.assert_allclose(np.abs(np.sum(found["quaternion"].values[::10] * q, axis=1)), 1.0, atol=1e-11)
+    np.testing.assert_allclose(
+        np.abs(np.sum(found["quaternion"].values[::10] * q, axis=1)), 1.0, atol=1e-11
+    )
     assert found.notes == (
-        ("quaternion: is turned back by the trims AHRS_TRIM_X, Y, Z, to the axes of the inertial unit.",)
+        (
+            (
+                "quaternion: is turned back by the trims AHRS_TRIM_X, Y, Z, to the axes"
+                " of the inertial unit."
+            ),
+        )
         if trims
         else ()
     )
 
 
-def test_a_level_vehicle_with_a_trim_has_a_unit_rolled_by_that_trim(tmp_path: Path) -> None:
-    """NavEKF3 getEulerAngles: angles of its quaternion less the trims are those of the vehicle."""
-    log = Writer(PARM=("QNf", "TimeUS,Name,Value"), ATT=("Qfff", "TimeUS,Roll,Pitch,Yaw"))
+def test_a_level_vehicle_with_a_trim_has_a_unit_rolled_by_that_trim(
+    tmp_path: Path,
+) -> None:
+    """NavEKF3 getEulerAngles: angles of its quaternion less the trims are those of the
+    vehicle.
+    """
+    log = Writer(
+        PARM=("QNf", "TimeUS,Name,Value"), ATT=("Qfff", "TimeUS,Roll,Pitch,Yaw")
+    )
     log.put("PARM", 0, b"AHRS_TRIM_X", 0.06)
     for k in range(30):
         log.put("ATT", 10_000 * k, 0.0, 0.0, 0.0)
@@ -428,27 +638,43 @@ def raw(parameters: dict[str, float], rate: int = 1) -> bytes:
 
 def test_a_filtered_unit_is_noted_with_the_delay_of_its_filter(tmp_path: Path) -> None:
     signal = pytest.importorskip("scipy.signal")
-    found = read(tmp_path, raw({"INS_GYRO_FILTER": 20.0, "INS_ACCEL_FILTER": 5.0}, rate=0))
-    for note, name, cut in zip(found.notes, ("gyro", "accelerometer"), (20.0, 5.0), strict=True):
+    found = read(
+        tmp_path, raw({"INS_GYRO_FILTER": 20.0, "INS_ACCEL_FILTER": 5.0}, rate=0)
+    )
+    for note, name, cut in zip(
+        found.notes, ("gyro", "accelerometer"), (20.0, 5.0), strict=True
+    ):
         word = {"gyro": "INS_GYRO_FILTER", "accelerometer": "INS_ACCEL_FILTER"}[name]
-        _, response = signal.freqs(*signal.butter(2, 2 * np.pi * cut, analog=True), worN=[0.01])
+        _, response = signal.freqs(
+            *signal.butter(2, 2 * np.pi * cut, analog=True), worN=[0.01]
+        )
         late = -np.angle(response[0]) / 0.01
-        assert note == (
-            f"{name}: is filtered at {word} = {cut:g} Hz, {1e3 * late:.2g} ms late; log raw IMU (LOG_BITMASK)."
+        assert (
+            note
+            == f"{name}: is filtered at {word} = {cut:g} Hz, {1e3 * late:.2g} ms late;"
+            " log raw IMU (LOG_BITMASK)."
         )
     assert read(tmp_path, raw({"INS_GYRO_FILTER": 0.0}, rate=0)).notes == ()
 
 
 @pytest.mark.parametrize("rate", [1, 3])
 def test_raw_samples_come_before_filtered_ones(tmp_path: Path, rate: int) -> None:
-    found = read(tmp_path, raw({"INS_GYRO_FILTER": 20.0, "INS_ACCEL_FILTER": 0.0}, rate))
+    found = read(
+        tmp_path, raw({"INS_GYRO_FILTER": 20.0, "INS_ACCEL_FILTER": 0.0}, rate)
+    )
     assert found["gyro"].source == "GYR: GyrX, GyrY, GyrZ"
     assert found.notes == ()
 
 
 @pytest.mark.parametrize(
     ("name", "number", "is_reset"),
-    [("EV", 62, True), ("EV", 60, True), ("EV", 10, False), ("ERR", 24, True), ("ERR", 16, False)],
+    [
+        ("EV", 62, True),
+        ("EV", 60, True),
+        ("EV", 10, False),
+        ("ERR", 24, True),
+        ("ERR", 16, False),
+    ],
 )
 # 5 ms: a loop may stamp its start
 @pytest.mark.parametrize(("late", "begin"), [(55_000, 4.2), (5_000, 4.1)])
@@ -478,8 +704,12 @@ def test_resets_of_the_filter_are_jumps(
 
 @pytest.mark.parametrize(("kind", "trim"), [(8.0, 1200), (9.0, 1400)])
 @pytest.mark.parametrize("reverse", [0.0, 1.0])
-def test_scaled_outputs_are_shares_of_their_own_range(tmp_path: Path, kind: float, trim: int, reverse: float) -> None:
-    """AP_Motors::rc_write maps 1000 to 2000 us by pwm_from_range or pwm_from_angle of SRV_Channel."""
+def test_scaled_outputs_are_shares_of_their_own_range(
+    tmp_path: Path, kind: float, trim: int, reverse: float
+) -> None:
+    """AP_Motors::rc_write maps 1000 to 2000 us by pwm_from_range or pwm_from_angle of
+    SRV_Channel.
+    """
     shares, high = (0.2, 0.0, 0.8, 0.5), (1950, 1900, 1850, 1800)
     parameters = OUTPUTS | {"MOT_PWM_TYPE": kind, "SERVO3_REVERSED": reverse}
     parameters |= {
@@ -490,7 +720,8 @@ def test_scaled_outputs_are_shares_of_their_own_range(tmp_path: Path, kind: floa
     sent = []
     for k, share in enumerate(shares, 1):
         low, middle, most = (
-            parameters.get(f"SERVO{k}_{end}", v) for end, v in (("MIN", 1100), ("TRIM", 1500), ("MAX", 1900))
+            parameters.get(f"SERVO{k}_{end}", v)
+            for end, v in (("MIN", 1100), ("TRIM", 1500), ("MAX", 1900))
         )
         value = 1000.0 * (1.0 - share if k == 3 and reverse else share)
         if kind == 8.0:
@@ -499,7 +730,9 @@ def test_scaled_outputs_are_shares_of_their_own_range(tmp_path: Path, kind: floa
             sent.append(middle + int((value - 500.0) * (most - middle) / 500.0))
         else:
             sent.append(middle - int((500.0 - value) * (middle - low) / 500.0))
-    found = read(tmp_path, recent(parameters, (*map(int, sent), 0, 0)))["rotor_commands"]
+    found = read(tmp_path, recent(parameters, (*map(int, sent), 0, 0)))[
+        "rotor_commands"
+    ]
     np.testing.assert_allclose(found.values[0], shares, atol=1.0 / 300.0)
     assert found.source == "rotor signals: output C1, output C2, output C3, output C4"
 
@@ -509,8 +742,17 @@ def test_logs_that_are_none_are_one_line_with_the_cause(tmp_path: Path) -> None:
     log.put("TIME", 1)
     log.put("IMU", 1.0, 2.0)
     for data, words in (
-        (log.data, r"messages: have no times .* PX4 before 2017 \(\.px4log\): log as \.ulg, with a newer version"),
-        (Writer(IMU=("ff", "GyrX,AccX")).data, "messages: have no times .* ArduPilot before 2014"),
+        (
+            log.data,
+            (
+                r"messages: have no times .* PX4 before 2017 \(\.px4log\): log as"
+                r" \.ulg, with a newer version"
+            ),
+        ),
+        (
+            Writer(IMU=("ff", "GyrX,AccX")).data,
+            "messages: have no times .* ArduPilot before 2014",
+        ),
         (b"", "messages: none defines a type"),
         (b"\xa3\x95", "messages: none defines a type"),
         (bytes(5000), "messages: none defines a type"),
@@ -522,25 +764,51 @@ def test_logs_that_are_none_are_one_line_with_the_cause(tmp_path: Path) -> None:
 
 def test_telemetry_is_refused_with_the_log_to_take_in_its_place(tmp_path: Path) -> None:
     (tmp_path / "flight.tlog").write_bytes(bytes(8) + b"\xfe\x09" + bytes(40))
-    with pytest.raises(ValueError, match=r"telemetry \(\.tlog\) is too slow: read the \.bin of its flight$"):
+    with pytest.raises(
+        ValueError,
+        match=r"telemetry \(\.tlog\) is too slow: read the \.bin of its flight$",
+    ):
         load_flight(tmp_path / "flight.tlog")
 
 
-@pytest.mark.parametrize("lost", ["VELOCITY_HORIZ", "VELOCITY_VERT", "POS_HORIZ", "POS_VERT_ABS"])
+@pytest.mark.parametrize(
+    "lost", ["VELOCITY_HORIZ", "VELOCITY_VERT", "POS_HORIZ", "POS_VERT_ABS"]
+)
 @pytest.mark.parametrize("lane", [0, 1])
-def test_rows_that_a_filter_states_to_be_invalid_are_left_out(tmp_path: Path, lost: str, lane: int) -> None:
-    """Bits of its status as MAVLink's EKF_STATUS_FLAGS; a horizontal position may be relative or absolute."""
-    mavlink = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega", reason="needs the extra 'test'")
+def test_rows_that_a_filter_states_to_be_invalid_are_left_out(
+    tmp_path: Path, lost: str, lane: int
+) -> None:
+    """Bits of its status as MAVLink's EKF_STATUS_FLAGS; a horizontal position may be
+    relative or absolute.
+    """
+    mavlink = pytest.importorskip(
+        "pymavlink.dialects.v20.ardupilotmega", reason="needs the extra 'test'"
+    )
     names = ("VELOCITY_HORIZ", "VELOCITY_VERT", "POS_HORIZ_REL", "POS_VERT_ABS")
     whole = sum(getattr(mavlink, f"EKF_{name}") for name in names)
-    part = sum(getattr(mavlink, f"EKF_{name}") for name in names if not name.startswith(lost))
-    log = Writer(XKF1=("QBffffff", "TimeUS,C,VN,VE,VD,PN,PE,PD"), XKF4=("QBHB", "TimeUS,C,SS,PI"))
+    part = sum(
+        getattr(mavlink, f"EKF_{name}") for name in names if not name.startswith(lost)
+    )
+    log = Writer(
+        XKF1=("QBffffff", "TimeUS,C,VN,VE,VD,PN,PE,PD"), XKF4=("QBHB", "TimeUS,C,SS,PI")
+    )
     for k in range(20):
         for core in range(2):
-            log.put("XKF1", 10_000 * k, core, *(100 * core + k + each for each in range(6)))
-            log.put("XKF4", 10_000 * k, core, part if k < 8 and core == lane else whole, lane)
+            log.put(
+                "XKF1", 10_000 * k, core, *(100 * core + k + each for each in range(6))
+            )
+            log.put(
+                "XKF4",
+                10_000 * k,
+                core,
+                part if k < 8 and core == lane else whole,
+                lane,
+            )
     flight = read(tmp_path, log.data)
-    first = {"position": 8 * lost.startswith("POS"), "velocity": 8 * lost.startswith("VEL")}
+    first = {
+        "position": 8 * lost.startswith("POS"),
+        "velocity": 8 * lost.startswith("VEL"),
+    }
     for name, begin in first.items():
         number = 100 * lane + np.arange(begin, 20) + (3 if name == "position" else 0)
         np.testing.assert_array_equal(flight[name].values[:, 0], number)

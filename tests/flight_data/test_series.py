@@ -1,4 +1,6 @@
-"""Series at other times: straight lines, means that leave vibration out, attitudes, and what is said of the rates."""
+"""Series at other times: straight lines, means that leave vibration out, attitudes, and
+what is said of the rates.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ def test_a_slower_measurement_is_interpolated_and_stays_beyond_its_ends() -> Non
     slow, time = np.arange(0, 2.001, 0.1), np.arange(-0.5, 2.5, 0.004)
     found = measured_at(channel(slow, slow**2, -slow), time, 0.004)
     np.testing.assert_allclose(found[:, 0], np.interp(time, slow, slow**2), atol=1e-12)
-    np.testing.assert_array_equal(found, columns_at(time, slow, np.stack([slow**2, -slow], axis=1)))
+    np.testing.assert_array_equal(
+        found, columns_at(time, slow, np.stack([slow**2, -slow], axis=1))
+    )
 
 
 def test_a_faster_measurement_is_averaged_against_vibration_as_slow_motion() -> None:
@@ -58,12 +62,18 @@ def test_an_attitude_whose_sign_jumps_turns_as_one_whose_does_not() -> None:
     jumps = turn * np.where(np.arange(time.size) % 3 == 1, -1.0, 1.0)[:, None]
     np.testing.assert_array_equal(continuous(jumps), turn)
     assert continuous(turn[:0]).shape == (0, 4)
-    found = attitude_at(Channel(time=time, values=2.0 * jumps, source="made"), np.array([0.55, 1.0]))
-    np.testing.assert_allclose(found, [[np.cos(a), np.sin(a), 0, 0] for a in (0.55, 1.0)], atol=1e-12)
+    found = attitude_at(
+        Channel(time=time, values=2.0 * jumps, source="made"), np.array([0.55, 1.0])
+    )
+    np.testing.assert_allclose(
+        found, [[np.cos(a), np.sin(a), 0, 0] for a in (0.55, 1.0)], atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(("step", "every"), [(0.5, 5), (0.26, 3), (0.1, 1), (0.04, 1)])
-def test_samples_are_thinned_to_about_a_step_and_none_is_made(step: float, every: int) -> None:
+def test_samples_are_thinned_to_about_a_step_and_none_is_made(
+    step: float, every: int
+) -> None:
     time = 3.0 + np.arange(41) / 10.0
     given = channel(time, time**2)
     found, values = thin_samples(given, step)
@@ -82,5 +92,13 @@ def test_what_is_averaged_is_said() -> None:
         "rotor_commands": channel(slow, slow),
     }
     flight = FlightData(name="flight", file="", channels=given)
-    assert rates_note(flight, 0.005) == "flight: accelerometer (1000 Hz) averaged to 200 Hz"
-    assert rates_note(FlightData(name="flight", file="", channels={"gyro": given["gyro"]}), 0.005) == ""
+    assert (
+        rates_note(flight, 0.005)
+        == "flight: accelerometer (1000 Hz) averaged to 200 Hz"
+    )
+    assert (
+        rates_note(
+            FlightData(name="flight", file="", channels={"gyro": given["gyro"]}), 0.005
+        )
+        == ""
+    )

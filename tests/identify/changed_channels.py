@@ -18,11 +18,19 @@ def unit(rows):
 
 
 def made(seconds=8.0, rate=100.0):
-    """Channels of smooth random motion, which no vehicle flies, at the lift of a hover."""
+    """Channels of smooth random motion, which no vehicle flies, at the lift of a
+    hover.
+    """
     draw, time = np.random.default_rng(3), np.arange(0.0, seconds, 1.0 / rate)
 
     def smooth(width, size=1.0):
-        waves = [np.sin(draw.uniform(1.0, 4.0, width) * time[:, None] + draw.uniform(0, 6, width)) for _ in range(3)]
+        waves = [
+            np.sin(
+                draw.uniform(1.0, 4.0, width) * time[:, None]
+                + draw.uniform(0, 6, width)
+            )
+            for _ in range(3)
+        ]
         return size * sum(waves) + 0.01 * draw.normal(size=(len(time), width))
 
     hover = np.sqrt(9.81 * VEHICLE.mass / 4.0 / VEHICLE.rotors[0].thrust_coefficient)
@@ -37,7 +45,10 @@ def made(seconds=8.0, rate=100.0):
         "joint_rates": smooth(2),
         "joint_efforts": smooth(2, 0.1),
     }
-    channels = {name: Channel(time=time, values=each, source=name) for name, each in rows.items()}
+    channels = {
+        name: Channel(time=time, values=each, source=name)
+        for name, each in rows.items()
+    }
     return FlightData(name="flight", file="flight.csv", channels=channels)
 
 
@@ -52,7 +63,11 @@ def rows_of(name, values):
 
 def times_of(names, time):
     return lambda flight: flight.with_channels(
-        {name: dataclasses.replace(flight[name], time=time(flight[name].time)) for name in names if name in flight}
+        {
+            name: dataclasses.replace(flight[name], time=time(flight[name].time))
+            for name in names
+            if name in flight
+        }
     )
 
 
@@ -78,14 +93,19 @@ DEGREES = 180.0 / np.pi
 
 
 def same(one, other):
-    """True for flights of the same channels; an attitude and its opposite are the same."""
+    """True for flights of the same channels; an attitude and its opposite are the
+    same.
+    """
     if set(one) != set(other):
         return False
     return all(
         np.allclose(one[name].time, other[name].time, atol=1e-9)
         and (
             np.allclose(one[name].values, other[name].values, atol=1e-9)
-            or (name == "quaternion" and np.allclose(one[name].values, -other[name].values, atol=1e-9))
+            or (
+                name == "quaternion"
+                and np.allclose(one[name].values, -other[name].values, atol=1e-9)
+            )
         )
         for name in one
     )

@@ -14,7 +14,9 @@ from support.flights import GRAVITY, QUAD
 
 
 def fit_of(values, curvature, blocks=20, **changes):
-    """Fit of so many blocks that tell the same, beside very little that was known before."""
+    """Fit of so many blocks that tell the same, beside very little that was known
+    before.
+    """
     size = len(values)
     information = np.linalg.inv(curvature)
     empty = np.zeros((1, 1))
@@ -37,17 +39,29 @@ def fit_of(values, curvature, blocks=20, **changes):
 
 
 STEP = 0.002
-HOVER = math.sqrt(GRAVITY * float(QUAD.mass) / (4.0 * float(QUAD.rotors[0].thrust_coefficient)))
+HOVER = math.sqrt(
+    GRAVITY * float(QUAD.mass) / (4.0 * float(QUAD.rotors[0].thrust_coefficient))
+)
 
 
 def channel(time, values):
     values = np.asarray(values, dtype=float)
-    return Channel(time=np.asarray(time, dtype=float), values=values.reshape(len(time), -1), source="a table")
+    return Channel(
+        time=np.asarray(time, dtype=float),
+        values=values.reshape(len(time), -1),
+        source="a table",
+    )
 
 
-def clocked(size, usable=None, name="flight", step=STEP, channels=None, speeds=None, **more):
+def clocked(
+    size, usable=None, name="flight", step=STEP, channels=None, speeds=None, **more
+):
     """Flight on a clock whose steps are usable but where it is said."""
-    speeds = channel(step * np.arange(size), np.full((size, 4), HOVER)) if speeds is None else speeds
+    speeds = (
+        channel(step * np.arange(size), np.full((size, 4), HOVER))
+        if speeds is None
+        else speeds
+    )
     values = {
         "name": name,
         "begin": 0.0,

@@ -1,10 +1,12 @@
-"""Compare the predictions of held-out flights by two checkouts of the library, flight by flight.
+"""Compare the predictions of held-out flights by two checkouts of the library, flight
+by flight.
 
     python tests/identify/measure_predictions.py OLD/src [NEW/src] [--only WORDS]
 
-Root mean square errors of position over half a second and a second, m, by the identified vehicle alone and with what it
-learns from the flight's past; and the ratio of the second checkout's to the first's. Each checkout runs in a process of
-its own, on the same flights.
+Root mean square errors of position over half a second and a second, m, by the
+identified vehicle alone and with what it learns from the flight's past; and the ratio
+of the second checkout's to the first's. Each checkout runs in a process of its own, on
+the same flights.
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ SPLIT = 40.0
 """s, of a planted flight that are fitted; the rest is predicted."""
 
 Pair = tuple[Any, Any, Any, Mapping[str, Any]]
-"""Flight of the fit, flight that is predicted, start vehicle, and options of the identification."""
+"""Flight of the fit, flight that is predicted, start vehicle, and options of the
+identification."""
 
 
 def split(kind: str, noise: str, *without: str) -> Callable[[], Pair]:
@@ -48,12 +51,22 @@ def split(kind: str, noise: str, *without: str) -> Callable[[], Pair]:
 def of_iris() -> Pair:
     flight = unpacked("gazebo_iris", "quadrotor_model")
     middle = flight.start + 0.6 * flight.duration
-    return flight.section(flight.start, middle), flight.section(middle, flight.end), iris(), {}
+    return (
+        flight.section(flight.start, middle),
+        flight.section(middle, flight.end),
+        iris(),
+        {},
+    )
 
 
 def of_nanobench(fitted: str, unseen: str) -> Callable[[], Pair]:
     options = {"full_voltage": 4.2, "drag_height": True}
-    return lambda: (unpacked("nanobench", fitted), unpacked("nanobench", unseen), crazyflie(), options)
+    return lambda: (
+        unpacked("nanobench", fitted),
+        unpacked("nanobench", unseen),
+        crazyflie(),
+        options,
+    )
 
 
 PAIRS: Mapping[str, Callable[[], Pair]] = {
@@ -72,12 +85,16 @@ PAIRS: Mapping[str, Callable[[], Pair]] = {
 
 
 def errors(name: str) -> dict[str, float | str]:
-    """Errors of position (m) by predictor and horizon of one flight, by the library that is imported here."""
+    """Errors of position (m) by predictor and horizon of one flight, by the library
+    that is imported here.
+    """
     seen, unseen, start, options = PAIRS[name]()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            found = skyarm.identify_flights([seen], start, held_out=[unseen], despite_faults=True, **options)
+            found = skyarm.identify_flights(
+                [seen], start, held_out=[unseen], despite_faults=True, **options
+            )
         except ValueError as error:
             return {"refused": str(error)}
     rows = found.held_out.errors
@@ -93,8 +110,12 @@ def errors(name: str) -> dict[str, float | str]:
 
 def main() -> None:
     """Compare, and print the table; or print one checkout's errors of one flight."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("checkouts", nargs="*", help="one or two folders that hold the package")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "checkouts", nargs="*", help="one or two folders that hold the package"
+    )
     parser.add_argument("--only", default="", help="part of the flights' names")
     parser.add_argument("--flight", help=argparse.SUPPRESS)
     given = parser.parse_args()
@@ -108,11 +129,18 @@ def main() -> None:
     for name in names:
         found = [_elsewhere(name, folder) for folder in given.checkouts]
         for key in dict.fromkeys(key for each in found for key in each):
-            first, second = found[0].get(key, float("nan")), found[-1].get(key, float("nan"))
+            first, second = (
+                found[0].get(key, float("nan")),
+                found[-1].get(key, float("nan")),
+            )
             if key == "refused":
                 print(f"{name:28} refused: {first} | {second}", flush=True)
             else:
-                print(f"{name:28} {key:18} {first:9.4f} {second:9.4f} {second / first:7.2f}", flush=True)
+                print(
+                    f"{name:28} {key:18} {first:9.4f} {second:9.4f}"
+                    f" {second / first:7.2f}",
+                    flush=True,
+                )
 
 
 def _elsewhere(name: str, folder: str) -> dict[str, Any]:
@@ -121,7 +149,12 @@ def _elsewhere(name: str, folder: str) -> dict[str, Any]:
     if not (source / "skyarm").is_dir():
         raise SystemExit(f"{folder}: must be a folder that holds the package skyarm")
     command = [sys.executable, __file__, "--flight", name]
-    done = subprocess.run(command, env={**os.environ, "PYTHONPATH": str(source)}, capture_output=True, check=False)
+    done = subprocess.run(
+        command,
+        env={**os.environ, "PYTHONPATH": str(source)},
+        capture_output=True,
+        check=False,
+    )
     if done.returncode:
         return {"refused": done.stderr.decode().strip().splitlines()[-1]}
     found: dict[str, Any] = json.loads(done.stdout.decode().splitlines()[-1])

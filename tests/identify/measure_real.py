@@ -1,17 +1,20 @@
-"""Identify vehicles on one half of public flights and predict the other: a table of docs/results_identification.md.
+"""Identify vehicles on one half of public flights and predict the other: a table of
+docs/results_identification.md.
 
     python tests/identify/measure_real.py                       make real; ten minutes
     REAL_LOGS=FOLDER python tests/identify/measure_real.py      logs of a folder; nothing is fetched
     python tests/identify/measure_real.py --simulated           simulated flights only
 
-real_flights.toml lists the logs: address, SHA-256, start vehicle, options. They are fetched into out/real once. A
-folder may hold a list of its own of that name, of logs without address and SHA-256. A log that is not there is named
-and skipped.
+real_flights.toml lists the logs: address, SHA-256, start vehicle, options. They are
+fetched into out/real once. A folder may hold a list of its own of that name, of logs
+without address and SHA-256. A log that is not there is named and skipped.
 
-Of the longest time in the air, at most 10 s before its middle are fitted, and as many behind it are predicted. Errors
-are those of the body rate, which every log measures; the standard error has all others, and the turns of the search.
-The range that holds 95 % of the errors of the fitted half should hold as many of the other half's: the coverage.
-The search for a changed channel, which identify makes before, is left out: it takes longer than all else.
+Of the longest time in the air, at most 10 s before its middle are fitted, and as many
+behind it are predicted. Errors are those of the body rate, which every log measures;
+the standard error has all others, and the turns of the search. The range that holds 95
+% of the errors of the fitted half should hold as many of the other half's: the
+coverage. The search for a changed channel, which identify makes before, is left out: it
+takes longer than all else.
 """
 
 from __future__ import annotations
@@ -82,7 +85,8 @@ def file_of(row: Row, folder: Path | None) -> Path:
     """Log of a row: in the folder that was given, in the cache, or fetched into it.
 
     Raises:
-        ValueError: one line: it is not what the list says. OSError: it is not there, or cannot be fetched.
+        ValueError: one line: it is not what the list says. OSError: it is not there, or
+            cannot be fetched.
     """
     name = row.get("file", row["name"])
     file = (folder or CACHE) / name
@@ -104,30 +108,43 @@ def _require_sum(row: Row, content: bytes) -> None:
 
 
 def vehicle_of(name: str, vehicles: Mapping[str, Row]) -> Vehicle:
-    """Start vehicle of the list: a rigid quadrotor whose thrust lifts it at its ``hover`` signal."""
+    """Start vehicle of the list: a rigid quadrotor whose thrust lifts it at its
+    ``hover`` signal.
+    """
     numbers = dict(vehicles[name])
     if "like" in numbers:
         numbers = {**vehicles[numbers.pop("like")], **numbers}
-    mass, inertia, places, hover = (numbers.pop(each) for each in ("mass", "inertia", "places", "hover"))
+    mass, inertia, places, hover = (
+        numbers.pop(each) for each in ("mass", "inertia", "places", "hover")
+    )
     thrust = mass * GRAVITY / len(places) / (hover * numbers["max_speed"]) ** 2
     return quadrotor(name, mass, inertia, places, thrust_coefficient=thrust, **numbers)
 
 
 def halves(flight: FlightData, start: Vehicle) -> tuple[FlightData, FlightData]:
     """Parts before and behind the middle of the longest time in the air."""
-    spans = flying_spans(commanded_speeds(flight, start), start) or [(flight.start, flight.end)]
+    spans = flying_spans(commanded_speeds(flight, start), start) or [
+        (flight.start, flight.end)
+    ]
     begin, end = max(spans, key=lambda each: each[1] - each[0])
     middle, half = 0.5 * (begin + end), min(HALF, 0.5 * (end - begin))
     return flight.section(middle - half, middle), flight.section(middle, middle + half)
 
 
 def sizes(found: Identified, start: Vehicle, flight: FlightData) -> np.ndarray:
-    """Errors (K,) of the body rate, rad/s, of single predictions of a flight by the identified vehicle."""
+    """Errors (K,) of the body rate, rad/s, of single predictions of a flight by the
+    identified vehicle.
+    """
     step = clock_step([flight], start)
     step = SHORTEST / np.ceil(SHORTEST / step - 1e-9)
     clock = on_clock(flight, start, step)
     loop = OpenLoopPredictor(
-        found.vehicle, found.surroundings, [flight], [clock], flight.gravity, [found.surroundings.thrust]
+        found.vehicle,
+        found.surroundings,
+        [flight],
+        [clock],
+        flight.gravity,
+        [found.surroundings.thrust],
     )
     windows = loop.windows([places_of(clock, start, max(1, round(APART / step)))])
     (ends,) = ends_of(loop, windows, [HORIZON], loop.begins(windows.windows))
@@ -135,16 +152,24 @@ def sizes(found: Identified, start: Vehicle, flight: FlightData) -> np.ndarray:
     return np.linalg.norm(left[-1], axis=1)
 
 
-def covered(found: Identified, start: Vehicle, fitted: FlightData, other: FlightData) -> float:
-    """Share (%) of the other half's errors within the range that holds most of the fitted half's."""
+def covered(
+    found: Identified, start: Vehicle, fitted: FlightData, other: FlightData
+) -> float:
+    """Share (%) of the other half's errors within the range that holds most of the
+    fitted half's.
+    """
     range_of_fit = np.percentile(sizes(found, start, fitted), SHARE)
     return 100.0 * float((sizes(found, start, other) <= range_of_fit).mean())
 
 
 def helps(held_out: HeldOut) -> float:
-    """Longest horizon (s) up to which the identified vehicle predicts the body rate better than holding; 0 if none."""
+    """Longest horizon (s) up to which the identified vehicle predicts the body rate
+    better than holding; 0 if none.
+    """
     last = 0.0
-    for own, hold in zip(held_out.errors[IDENTIFIED], held_out.errors[HOLD], strict=True):
+    for own, hold in zip(
+        held_out.errors[IDENTIFIED], held_out.errors[HOLD], strict=True
+    ):
         if not own.rate < hold.rate:
             break
         last = own.horizon
@@ -156,7 +181,13 @@ def told(name: str, line: str) -> None:
     progress(f"{name}: {line}")
 
 
-def judge(name: str, flight: FlightData, start: Vehicle, rate: float, options: Mapping[str, Any]) -> list[str]:
+def judge(
+    name: str,
+    flight: FlightData,
+    start: Vehicle,
+    rate: float,
+    options: Mapping[str, Any],
+) -> list[str]:
     """Row of the table: identify one half, predict the other.
 
     Raises:
@@ -172,7 +203,10 @@ def judge(name: str, flight: FlightData, start: Vehicle, rate: float, options: M
     held_out = predict_held_out(found, start, [other], search, seen=[fitted])
     for line in (*(each.words for each in faults), *prediction_lines(held_out)):
         told(name, line)
-    errors = {each: next(row.rate for row in rows if row.horizon == HORIZON) for each, rows in held_out.errors.items()}
+    errors = {
+        each: next(row.rate for row in rows if row.horizon == HORIZON)
+        for each, rows in held_out.errors.items()
+    }
     return [
         name,
         f"{rate:.0f}",
@@ -185,7 +219,9 @@ def judge(name: str, flight: FlightData, start: Vehicle, rate: float, options: M
 
 
 def refused(name: str, rate: float, cause: str) -> list[str]:
-    """Row of a log that the product refuses, whose cause is told on the standard error."""
+    """Row of a log that the product refuses, whose cause is told on the standard
+    error.
+    """
     progress(f"{name}: refused: {cause}")
     return [name, f"{rate:.0f}", "", "refused", *[""] * 5]
 
@@ -194,7 +230,8 @@ SIMULATED: Mapping[str, tuple[str, Sequence[str]]] = {
     "simulated, good sensors": ("low", POSES),
     "simulated, poor sensors": ("high", POSES),
 }
-"""Name of a row -> noise, and channels that are left out: those that a real log of the table lacks."""
+"""Name of a row -> noise, and channels that are left out: those that a real log of the
+table lacks."""
 
 
 def simulated() -> Iterator[list[str]]:
@@ -205,7 +242,9 @@ def simulated() -> Iterator[list[str]]:
 
 
 def real(folder: Path | None, only: str, failed: list[str]) -> Iterator[list[str]]:
-    """Rows of the logs that are there; the names of those that are not what they must be are added to ``failed``."""
+    """Rows of the logs that are there; the names of those that are not what they must
+    be are added to ``failed``.
+    """
     flights, vehicles = listed(folder)
     for row in flights:
         name = row["name"]
@@ -222,7 +261,13 @@ def real(folder: Path | None, only: str, failed: list[str]) -> Iterator[list[str
             continue
         start = vehicle_of(row["vehicle"], vehicles)
         try:
-            yield judge(name, skyarm.load_flight(file), start, row["rate"], row.get("options", {}))
+            yield judge(
+                name,
+                skyarm.load_flight(file),
+                start,
+                row["rate"],
+                row.get("options", {}),
+            )
         except ValueError as error:
             yield refused(name, row["rate"], str(error))
 
@@ -238,15 +283,28 @@ def rows_of(given: argparse.Namespace, failed: list[str]) -> Iterable[list[str]]
 
 def main(words: Sequence[str] | None = None) -> int:
     """Print the table; 1 if a log is not what the list says."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--simulated", action="store_true", help="simulated flights only")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--simulated", action="store_true", help="simulated flights only"
+    )
     parser.add_argument("--real", action="store_true", help="real flights only")
-    parser.add_argument("--only", default="", metavar="WORDS", help="real flights with these words in their names")
+    parser.add_argument(
+        "--only",
+        default="",
+        metavar="WORDS",
+        help="real flights with these words in their names",
+    )
     given, failed = parser.parse_args(words), list[str]()
     rows = iter(rows_of(given, failed))
     first = next(rows, None)
     if first is None:
-        print("skipped: none of the logs is there" if not failed else f"refused: {', '.join(failed)}")
+        print(
+            "skipped: none of the logs is there"
+            if not failed
+            else f"refused: {', '.join(failed)}"
+        )
     else:
         print_table(HEADS, (row for part in ([first], rows) for row in part))
     return 1 if failed else 0

@@ -1,7 +1,9 @@
-"""Flights of vehicles whose every number is known, as noisy sensors measure them, and start vehicles 20 to 30 % off.
+"""Flights of vehicles whose every number is known, as noisy sensors measure them, and
+start vehicles 20 to 30 % off.
 
-Eight vehicles of a kind fly at once, one in each lane of the machine code; arms are integrated by fourth-order steps
-of 0.4 ms, and a flight is kept for all the channels, noises and clocks that it is measured with.
+Eight vehicles of a kind fly at once, one in each lane of the machine code; arms are
+integrated by fourth-order steps of 0.4 ms, and a flight is kept for all the channels,
+noises and clocks that it is measured with.
 
     case = planted("arm2", seed=3)
     flight = measured(case, noise="low", without=("velocity",))
@@ -39,7 +41,8 @@ LANES = 8
 """Vehicles that fly at once."""
 
 SAMPLE, PHYSICS = 1.0 / 500.0, 20_000
-"""s, between samples of the sensors and between commands; Hz, that delays are whole steps of."""
+"""s, between samples of the sensors and between commands; Hz, that delays are whole
+steps of."""
 
 GRAVITY = 9.81
 SHORT = 5.0
@@ -49,8 +52,8 @@ LONGEST = 0.016
 """s, of the delays."""
 
 STIFF = 1.5e3
-"""1/s, friction for which steps of the fourth-order integrator are chosen, five to a period: states are then within
-1e-9 of those of steps a quarter as long.
+"""1/s, friction for which steps of the fourth-order integrator are chosen, five to a
+period: states are then within 1e-9 of those of steps a quarter as long.
 """
 
 NOISES: Mapping[str, Mapping[str, float]] = {
@@ -83,7 +86,8 @@ NOISES: Mapping[str, Mapping[str, float]] = {
         "joint_rates": 2e-2,
     },
 }
-"""Standard deviations of white noise in SI units, of an attitude that of a rotation vector; coarse: encoders only."""
+"""Standard deviations of white noise in SI units, of an attitude that of a rotation
+vector; coarse: encoders only."""
 
 POSES = ("position", "quaternion", "velocity")
 """Channels at 100 Hz, of a clock of their own where one is asked for."""
@@ -94,16 +98,19 @@ LATE, FAST = 3.7, 3e-5
 """s and s/s: what the other clock shows more, and gains."""
 
 MOTIONS = ("excited", "gentle", "hover")
-"""Everything shakes; a fifth of that; drifts of some centimetres at rest, under a law with noisy measurements."""
+"""Everything shakes; a fifth of that; drifts of some centimetres at rest, under a law
+with noisy measurements."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """Vehicle with its flight: arrays of N instants, and the numbers that are to be found.
+    """Vehicle with its flight: arrays of N instants, and the numbers that are to be
+    found.
 
     Attributes:
         name: of kind, motion and seed.
-        vehicle: that flew. start: what is known before: 20 to 30 % off, of the true total mass.
+        vehicle: that flew. start: what is known before: 20 to 30 % off, of the true
+            total mass.
         truth: reported name -> number.
         place: m, of the inertial unit. offset: m/s^2. bias: rad/s.
         seed: of the noise of its sensors.
@@ -124,7 +131,9 @@ class Case:
 
 
 def nominal(kind: str) -> Vehicle:
-    """Vehicle from which those of a kind are drawn: with hub drag, body drag, friction and armature."""
+    """Vehicle from which those of a kind are drawn: with hub drag, body drag, friction
+    and armature.
+    """
     if kind == "quad":
         found = skyarm.load_vehicle("hummingbird")
         links = ()
@@ -145,12 +154,21 @@ def nominal(kind: str) -> Vehicle:
         )
         for link in links
     ]
-    links = tuple(dataclasses.replace(link, joint=joint) for link, joint in zip(links, joints, strict=True))
+    links = tuple(
+        dataclasses.replace(link, joint=joint)
+        for link, joint in zip(links, joints, strict=True)
+    )
     lags = {} if small else {"time_constant_up": 0.02, "time_constant_down": 0.03}
-    rotors = tuple(dataclasses.replace(each, inertia=1.2e-5 if small else 8e-5, **lags) for each in found.rotors)
+    rotors = tuple(
+        dataclasses.replace(each, inertia=1.2e-5 if small else 8e-5, **lags)
+        for each in found.rotors
+    )
     area = Vec3(0.02, 0.025, 0.04) if small else Vec3(0.04, 0.05, 0.09)
     frames = tuple(
-        dataclasses.replace(found.frames[0], link=len(links) - 1, position=Vec3(0.0, 0.0, -0.15)) for _ in links[:1]
+        dataclasses.replace(
+            found.frames[0], link=len(links) - 1, position=Vec3(0.0, 0.0, -0.15)
+        )
+        for _ in links[:1]
     )
     return dataclasses.replace(
         found,
@@ -165,20 +183,36 @@ def nominal(kind: str) -> Vehicle:
 
 
 def _sines(draw: np.random.Generator, *pairs: tuple[float, float]) -> Sum:
-    """Sines of amplitudes and frequencies (Hz), of random phases, that fade in from rest."""
+    """Sines of amplitudes and frequencies (Hz), of random phases, that fade in from
+    rest.
+    """
     ease = Ramp(start=0.0, duration=3.0, height=1.0, shape="quintic")
     return Sum(
-        tuple(Product(Sine(amplitude=a, frequency_hz=f, phase=float(draw.uniform(-3.0, 3.0))), ease) for a, f in pairs)
+        tuple(
+            Product(
+                Sine(amplitude=a, frequency_hz=f, phase=float(draw.uniform(-3.0, 3.0))),
+                ease,
+            )
+            for a, f in pairs
+        )
     )
 
 
 def _path(vehicle: Vehicle, motion: str) -> Trajectory:
     """Reference motion: phases of its sines differ from vehicle to vehicle."""
-    draw, size = np.random.default_rng(11), {"excited": 0.45, "gentle": 0.1, "hover": 0.0}[motion]
+    draw, size = (
+        np.random.default_rng(11),
+        {"excited": 0.45, "gentle": 0.1, "hover": 0.0}[motion],
+    )
     if motion == "hover":
-        x, y, z = (_sines(draw, (0.05, 0.05 + slow), (0.03, 0.11 + slow)) for slow in (0.0, 0.01, 0.02))
+        x, y, z = (
+            _sines(draw, (0.05, 0.05 + slow), (0.03, 0.11 + slow))
+            for slow in (0.0, 0.01, 0.02)
+        )
         rest = tuple(Constant(0.3 * (i > 0)) for i in range(vehicle.n))
-        return Trajectory(x=x, y=y, z=Sum((Constant(10.0), z)), yaw=Constant(0.0), joints=rest)
+        return Trajectory(
+            x=x, y=y, z=Sum((Constant(10.0), z)), yaw=Constant(0.0), joints=rest
+        )
 
     def sines(*pairs: tuple[float, float]) -> Sum:
         return _sines(draw, *((size * a, f) for a, f in pairs))
@@ -206,13 +240,24 @@ def _path(vehicle: Vehicle, motion: str) -> Trajectory:
 
 
 def _scenario(kind: str, motion: str, seconds: float) -> Scenario:
-    """Flight of the nominal vehicle under a law that knows it; the lanes replace its numbers."""
+    """Flight of the nominal vehicle under a law that knows it; the lanes replace its
+    numbers.
+    """
     vehicle, rates = nominal(kind), Rates(physics=PHYSICS, control=500, reference=100)
     delays = Delays(rotors=0.004, joints=0.003, longest_command=LONGEST)
     named = "centroidal_tip" if vehicle.end_effector else "centroidal_joint"
-    law = make_named_or_tuned(named, Model(vehicle=vehicle, gravity=GRAVITY), loop_facts(rates, Delays()))
+    law = make_named_or_tuned(
+        named, Model(vehicle=vehicle, gravity=GRAVITY), loop_facts(rates, Delays())
+    )
     trim = SignalVector(x=Constant(1e-6), y=Constant(1e-6), z=Constant(1e-6))
-    noise = SensorNoise(position=5e-4, velocity=5e-3, attitude=1e-3, rate=5e-3, joints=5e-4, joint_rates=5e-3)
+    noise = SensorNoise(
+        position=5e-4,
+        velocity=5e-3,
+        attitude=1e-3,
+        rate=5e-3,
+        joints=5e-4,
+        joint_rates=5e-3,
+    )
     return Scenario(
         name=f"{kind}_{motion}",
         rates=rates,
@@ -227,7 +272,9 @@ def _scenario(kind: str, motion: str, seconds: float) -> Scenario:
 
 
 def _drawn(kind: str, vehicle: Vehicle, seed: int) -> dict[str, float]:
-    """Numbers of one vehicle by their path in the scenario, up to 25 % off the nominal one's."""
+    """Numbers of one vehicle by their path in the scenario, up to 25 % off the nominal
+    one's.
+    """
     draw = np.random.default_rng([seed, KINDS.index(kind), 1])
 
     def near(value: float, share: float = 0.25) -> float:
@@ -236,31 +283,42 @@ def _drawn(kind: str, vehicle: Vehicle, seed: int) -> dict[str, float]:
     at, found = "plant.vehicle", dict[str, float]()
     found[f"{at}.base.mass"] = near(vehicle.base.mass, 0.1)
     second = [near(each) for each in _second_moments(vehicle.base.inertia)]
-    for axis, value in zip(("xx", "yy", "zz"), (sum(second) - each for each in second), strict=True):
+    for axis, value in zip(
+        ("xx", "yy", "zz"), (sum(second) - each for each in second), strict=True
+    ):
         found[f"{at}.base.inertia.{axis}"] = value
     for axis in ("xy", "xz", "yz"):
-        found[f"{at}.base.inertia.{axis}"] = 0.02 * sum(second) * float(draw.uniform(-1.0, 1.0))
+        found[f"{at}.base.inertia.{axis}"] = (
+            0.02 * sum(second) * float(draw.uniform(-1.0, 1.0))
+        )
     for axis in "xyz":
         found[f"{at}.base.com.{axis}"] = float(draw.uniform(-0.005, 0.005))
         found[f"{at}.drag.area.{axis}"] = near(getattr(vehicle.drag.area, axis))
     for name in OF_ROTORS:
-        value = near(getattr(vehicle.rotors[0], name), 0.12 if name == "thrust_coefficient" else 0.25)
+        value = near(
+            getattr(vehicle.rotors[0], name),
+            0.12 if name == "thrust_coefficient" else 0.25,
+        )
         found |= {f"{at}.rotors.{i}.{name}": value for i in range(len(vehicle.rotors))}
     for i, link in enumerate(vehicle.links):
         body, joint, here = link.body, link.joint, f"{at}.links.{i}"
         found[f"{here}.body.mass"] = near(body.mass)
         for axis in "xyz":
-            found[f"{here}.body.com.{axis}"] = near(getattr(body.com, axis)) + float(draw.uniform(-0.003, 0.003))
+            found[f"{here}.body.com.{axis}"] = near(getattr(body.com, axis)) + float(
+                draw.uniform(-0.003, 0.003)
+            )
         size = near(1.0)
         for axis in ("xx", "yy", "zz"):
-            found[f"{here}.body.inertia.{axis}"] = size * float(getattr(body.inertia, axis))
+            found[f"{here}.body.inertia.{axis}"] = size * float(
+                getattr(body.inertia, axis)
+            )
         for name in OF_JOINTS:
             found[f"{here}.joint.{name}"] = near(getattr(joint, name))
     found["delays.rotors"] = int(draw.integers(20, 110)) / PHYSICS
     for axis in "xyz":
-        found[f"environment.forces.0.torque.{axis}.value"] = float(draw.uniform(-1.0, 1.0)) * (
-            (0.003 if axis == "z" else 0.01) * float(vehicle.mass) / 0.8
-        )
+        found[f"environment.forces.0.torque.{axis}.value"] = float(
+            draw.uniform(-1.0, 1.0)
+        ) * ((0.003 if axis == "z" else 0.01) * float(vehicle.mass) / 0.8)
     if vehicle.n:
         found["delays.joints"] = int(draw.integers(20, 160)) / PHYSICS
     return found
@@ -279,12 +337,17 @@ OF_JOINTS = ("damping", "coulomb", "coulomb_rate", "armature")
 
 def _phases(scenario: Scenario, seed: int) -> dict[str, float]:
     """Phases of a vehicle's sines by their path."""
-    draw, found = np.random.default_rng([seed, 2, scenario.plant.vehicle.n]), dict[str, float]()
+    draw, found = (
+        np.random.default_rng([seed, 2, scenario.plant.vehicle.n]),
+        dict[str, float](),
+    )
 
     def phases(path: str, signal: Sum) -> None:
         for i, each in enumerate(signal.signals):
             if isinstance(each, Product):
-                found[f"{path}.signals.{i}.signal.phase"] = float(draw.uniform(-3.0, 3.0))
+                found[f"{path}.signals.{i}.signal.phase"] = float(
+                    draw.uniform(-3.0, 3.0)
+                )
             elif isinstance(each, Sum):
                 phases(f"{path}.signals.{i}", each)
 
@@ -310,11 +373,22 @@ def _far(draw: np.random.Generator) -> float:
 
 
 def _start(vehicle: Vehicle, seed: int) -> tuple[Vehicle, dict[str, float]]:
-    """Vehicle 20 to 30 % off, of the same total mass and rotor places, and the factors of its links' inertia."""
-    draw, factors = np.random.default_rng([seed, 3, len(vehicle.links)]), dict[str, float]()
+    """Vehicle 20 to 30 % off, of the same total mass and rotor places, and the factors
+    of its links' inertia.
+    """
+    draw, factors = (
+        np.random.default_rng([seed, 3, len(vehicle.links)]),
+        dict[str, float](),
+    )
     rotor = {name: _far(draw) for name in OF_ROTORS}
     rotors = tuple(
-        dataclasses.replace(each, **{name: factor * float(getattr(each, name)) for name, factor in rotor.items()})
+        dataclasses.replace(
+            each,
+            **{
+                name: factor * float(getattr(each, name))
+                for name, factor in rotor.items()
+            },
+        )
         for each in vehicle.rotors
     )
     links = []
@@ -324,10 +398,21 @@ def _start(vehicle: Vehicle, seed: int) -> tuple[Vehicle, dict[str, float]]:
             link.body,
             mass=_far(draw) * float(link.body.mass),
             com=Vec3(0.0, 0.0, _far(draw) * float(link.body.com.z)),
-            inertia=Sym3(*(factors[link.name] * float(each) for each in link.body.inertia.entries)),
+            inertia=Sym3(
+                *(
+                    factors[link.name] * float(each)
+                    for each in link.body.inertia.entries
+                )
+            ),
         )
-        joint = {name: _far(draw) * float(getattr(link.joint, name)) for name in OF_JOINTS}
-        links.append(dataclasses.replace(link, body=body, joint=dataclasses.replace(link.joint, **joint)))
+        joint = {
+            name: _far(draw) * float(getattr(link.joint, name)) for name in OF_JOINTS
+        }
+        links.append(
+            dataclasses.replace(
+                link, body=body, joint=dataclasses.replace(link.joint, **joint)
+            )
+        )
     second = [_far(draw) * each for each in _second_moments(vehicle.base.inertia)]
     moments = [sum(second) - each for each in second]
     base = dataclasses.replace(
@@ -339,14 +424,24 @@ def _start(vehicle: Vehicle, seed: int) -> tuple[Vehicle, dict[str, float]]:
     area = Vec3(*(_far(draw) * float(each) for each in vehicle.drag.area))
     drag = dataclasses.replace(vehicle.drag, area=area)
     name = f"{vehicle.name}_start"
-    return dataclasses.replace(vehicle, name=name, base=base, rotors=rotors, links=tuple(links), drag=drag), factors
+    return (
+        dataclasses.replace(
+            vehicle, name=name, base=base, rotors=rotors, links=tuple(links), drag=drag
+        ),
+        factors,
+    )
 
 
 def _truth(
-    vehicle: Vehicle, numbers: Mapping[str, float], factors: Mapping[str, float], place: Sequence[float]
+    vehicle: Vehicle,
+    numbers: Mapping[str, float],
+    factors: Mapping[str, float],
+    place: Sequence[float],
 ) -> dict[str, float]:
     """True values by their reported name, but for those of the accelerometer."""
-    found = {f"rotors.{name}": float(getattr(vehicle.rotors[0], name)) for name in OF_ROTORS}
+    found = {
+        f"rotors.{name}": float(getattr(vehicle.rotors[0], name)) for name in OF_ROTORS
+    }
     for axis in ("xx", "yy", "zz", "xy", "xz", "yz"):
         found[f"base.inertia.{axis}"] = float(getattr(vehicle.base.inertia, axis))
     for i, axis in enumerate("xyz"):
@@ -357,9 +452,13 @@ def _truth(
     for link in vehicle.links:
         at = f"links.{link.name}"
         found[f"{at}.mass"] = float(link.body.mass)
-        found |= {f"{at}.com.{axis}": float(getattr(link.body.com, axis)) for axis in "xyz"}
+        found |= {
+            f"{at}.com.{axis}": float(getattr(link.body.com, axis)) for axis in "xyz"
+        }
         found[f"{at}.inertia"] = 1.0 / factors[link.name]
-        found |= {f"{at}.joint.{name}": float(getattr(link.joint, name)) for name in OF_JOINTS}
+        found |= {
+            f"{at}.joint.{name}": float(getattr(link.joint, name)) for name in OF_JOINTS
+        }
     found["delay"] = numbers["delays.rotors"]
     if vehicle.links:
         found["joint_delay"] = numbers["delays.joints"]
@@ -373,12 +472,17 @@ def _columns(record: object, lane: int, names: Sequence[str]) -> np.ndarray:
 
 
 @cache
-def fly(kind: str, motion: str = "excited", seconds: float = 60.0, block: int = 0) -> tuple[Case, ...]:
+def fly(
+    kind: str, motion: str = "excited", seconds: float = 60.0, block: int = 0
+) -> tuple[Case, ...]:
     """Eight vehicles of a kind on their flights: seeds ``8 * block`` on."""
     scenario = _scenario(kind, motion, seconds)
     seeds = range(LANES * block, LANES * (block + 1))
     drawn = [_drawn(kind, scenario.plant.vehicle, seed) for seed in seeds]
-    values = [{**numbers, **_phases(scenario, seed)} for numbers, seed in zip(drawn, seeds, strict=True)]
+    values = [
+        {**numbers, **_phases(scenario, seed)}
+        for numbers, seed in zip(drawn, seeds, strict=True)
+    ]
     paths = tuple(values[0])
     batch = skyarm.Batch(
         scenario,
@@ -388,7 +492,9 @@ def fly(kind: str, motion: str = "excited", seconds: float = 60.0, block: int = 
         log_every=1,
         effort=2 if seconds > SHORT else 0,
     )
-    flown = batch.fly({path: np.array([each[path] for each in values]) for path in paths}, seed=block)
+    flown = batch.fly(
+        {path: np.array([each[path] for each in values]) for path in paths}, seed=block
+    )
     assert flown.completed.all(), f"{kind}, {motion}: {flown.status}"
     return tuple(
         _case(kind, scenario, seed, numbers, flown.log, lane)
@@ -401,14 +507,23 @@ def _stiff(scenario: Scenario) -> Scenario:
     vehicle = scenario.plant.vehicle
     times = STIFF / friction_rate(vehicle)
     numbers = {
-        f"plant.vehicle.links.{i}.joint.{name}": times * float(getattr(link.joint, name))
+        f"plant.vehicle.links.{i}.joint.{name}": (
+            times * float(getattr(link.joint, name))
+        )
         for i, link in enumerate(vehicle.links)
         for name in ("damping", "coulomb")
     }
     return skyarm.with_numbers(scenario, numbers)
 
 
-def _case(kind: str, scenario: Scenario, seed: int, numbers: dict[str, float], log: BatchLog, lane: int) -> Case:
+def _case(
+    kind: str,
+    scenario: Scenario,
+    seed: int,
+    numbers: dict[str, float],
+    log: BatchLog,
+    lane: int,
+) -> Case:
     """One lane's vehicle with its flight."""
     draw = np.random.default_rng([seed, KINDS.index(kind), 4])
     place, offset, bias = (
@@ -419,14 +534,23 @@ def _case(kind: str, scenario: Scenario, seed: int, numbers: dict[str, float], l
     start, factors = _start(vehicle, seed)
     state, command = log.state, log.command
     position, velocity, rate = (
-        _columns(each, lane, ("x", "y", "z")) for each in (state.position, state.velocity, state.rate)
+        _columns(each, lane, ("x", "y", "z"))
+        for each in (state.position, state.velocity, state.rate)
     )
     attitude = _columns(state.quaternion, lane, ("w", "x", "y", "z"))
-    states = {"gyro": rate, "position": position, "quaternion": attitude, "velocity": velocity}
+    states = {
+        "gyro": rate,
+        "position": position,
+        "quaternion": attitude,
+        "velocity": velocity,
+    }
     states["accelerometer"] = _specific_force(velocity, attitude, rate, np.array(place))
     commands = {"rotor_speed_commands": _rows(command.rotor_speeds, lane)}
     if vehicle.n:
-        states |= {"joint_positions": _rows(state.joints, lane), "joint_rates": _rows(state.joint_rates, lane)}
+        states |= {
+            "joint_positions": _rows(state.joints, lane),
+            "joint_rates": _rows(state.joint_rates, lane),
+        }
         commands["joint_efforts"] = _rows(command.efforts, lane)
     return Case(
         name=f"{scenario.name}_{seed}",
@@ -449,7 +573,9 @@ def _rows(columns: Sequence[np.ndarray], lane: int) -> np.ndarray:
 
 
 def rotate(attitude: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (N, 3) in world axes of such in base axes, by attitudes (N, 4) w, x, y, z."""
+    """Vectors (N, 3) in world axes of such in base axes, by attitudes (N, 4) w, x, y,
+    z.
+    """
     w, v = attitude[:, :1], attitude[:, 1:]
     turned = np.cross(v, vectors)
     return vectors + 2.0 * (w * turned + np.cross(v, turned))
@@ -472,11 +598,15 @@ def product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.stack(rows, axis=1)
 
 
-def _specific_force(velocity: np.ndarray, attitude: np.ndarray, rate: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Mean specific force over the sample's period before each instant, at a place of the base, base axes.
+def _specific_force(
+    velocity: np.ndarray, attitude: np.ndarray, rate: np.ndarray, place: np.ndarray
+) -> np.ndarray:
+    """Mean specific force over the sample's period before each instant, at a place of
+    the base, base axes.
 
-    What the velocity there gains over the period, in the axes of its middle: within 1e-4 m/s^2 of the mean of what is
-    felt in turning axes. The first row repeats the second.
+    What the velocity there gains over the period, in the axes of its middle: within
+    1e-4 m/s^2 of the mean of what is felt in turning axes. The first row repeats the
+    second.
     """
     there = velocity + rotate(attitude, np.cross(rate, place))
     middle = attitude[1:] + attitude[:-1]
@@ -486,7 +616,9 @@ def _specific_force(velocity: np.ndarray, attitude: np.ndarray, rate: np.ndarray
     return np.concatenate([felt[:1], felt])
 
 
-def planted(kind: str, seed: int = 0, motion: str = "excited", seconds: float = 60.0) -> Case:
+def planted(
+    kind: str, seed: int = 0, motion: str = "excited", seconds: float = 60.0
+) -> Case:
     """One vehicle of a kind with its flight."""
     return fly(kind, motion, seconds, seed // LANES)[seed % LANES]
 
@@ -506,18 +638,25 @@ def measured(
         case: vehicle and flight.
         noise: name in ``NOISES``.
         without: channels that are left out; ``pose`` means position and quaternion.
-        other_clock: pose and velocity are stamped by a clock that is seconds off and gains.
+        other_clock: pose and velocity are stamped by a clock that is seconds off and
+            gains.
         on_rows: they are held on the gyro's rows, as a logger at its rate writes them.
         seconds: of the flight that are kept; all by default.
     """
-    left_out = {each for name in without for each in (POSES[:2] if name == "pose" else (name,))}
-    draw, sizes = np.random.default_rng([case.seed, list(NOISES).index(noise), 5]), NOISES[noise]
+    left_out = {
+        each for name in without for each in (POSES[:2] if name == "pose" else (name,))
+    }
+    draw, sizes = (
+        np.random.default_rng([case.seed, list(NOISES).index(noise), 5]),
+        NOISES[noise],
+    )
     count = len(case.states["gyro"]) if not seconds else round(seconds / SAMPLE)
     time, channels = SAMPLE * np.arange(count), dict[str, Channel]()
     biases = {"gyro": np.array(case.bias), "accelerometer": np.array(case.offset)}
     for name, rows in case.states.items():
         noisy = draw.normal(
-            scale=sizes.get(name, 0.0) or 0.0, size=(len(rows), 3 if name == "quaternion" else rows.shape[1])
+            scale=sizes.get(name, 0.0) or 0.0,
+            size=(len(rows), 3 if name == "quaternion" else rows.shape[1]),
         )
         if name == "quaternion":
             half = np.concatenate([np.ones((len(rows), 1)), 0.5 * noisy], axis=1)
@@ -541,12 +680,16 @@ def measured(
 
 
 def rubbing(case: Case, share: float) -> Vehicle:
-    """The start of a case that knows damping and dry friction of the joints to a share, and their bend and armature."""
+    """The start of a case that knows damping and dry friction of the joints to a share,
+    and their bend and armature.
+    """
     links = tuple(
         dataclasses.replace(
             link,
             joint=dataclasses.replace(
-                true.joint, damping=share * true.joint.damping, coulomb=share * true.joint.coulomb
+                true.joint,
+                damping=share * true.joint.damping,
+                coulomb=share * true.joint.coulomb,
             ),
         )
         for link, true in zip(case.start.links, case.vehicle.links, strict=True)

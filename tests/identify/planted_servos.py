@@ -1,4 +1,6 @@
-"""Arms on position servos up to 20 % off those of a nominal one: on a bench, and in flights that excite them."""
+"""Arms on position servos up to 20 % off those of a nominal one: on a bench, and in
+flights that excite them.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ from skyarm.vehicle.vehicle_records import MountedDrive
 
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
 STIFFNESS, DAMPING, ARMATURE, COULOMB = 4.0, 0.2, 1e-3, 0.01
-"""N m/rad, N m s/rad, kg m^2, N m: a small geared servo, a tenth of a second from rest to rest."""
+"""N m/rad, N m s/rad, kg m^2, N m: a small geared servo, a tenth of a second from rest
+to rest."""
 
 
 def multisine(amplitude, low, high, count, seed):
@@ -32,7 +35,11 @@ def multisine(amplitude, low, high, count, seed):
     rows = np.linspace(low, high, count)
     size = amplitude * math.sqrt(2.0 / count)
     sines = (
-        Sine(amplitude=size * math.sqrt(low / f), frequency_hz=float(f), phase=float(draw.uniform(-3.0, 3.0)))
+        Sine(
+            amplitude=size * math.sqrt(low / f),
+            frequency_hz=float(f),
+            phase=float(draw.uniform(-3.0, 3.0)),
+        )
         for f in rows
     )
     return Product(Sum(tuple(sines)), EASE)
@@ -41,11 +48,22 @@ def multisine(amplitude, low, high, count, seed):
 def on_servos(vehicle):
     """The vehicle with a position servo on every joint."""
     joints = (
-        dataclasses.replace(link.joint, damping=0.0, armature=ARMATURE, coulomb=COULOMB, coulomb_rate=0.1)
+        dataclasses.replace(
+            link.joint,
+            damping=0.0,
+            armature=ARMATURE,
+            coulomb=COULOMB,
+            coulomb_rate=0.1,
+        )
         for link in vehicle.links
     )
-    links = tuple(dataclasses.replace(link, joint=joint) for link, joint in zip(vehicle.links, joints, strict=True))
-    servo = PositionServo(stiffness=STIFFNESS, damping=DAMPING, inertia=ARMATURE, latency=0.003)
+    links = tuple(
+        dataclasses.replace(link, joint=joint)
+        for link, joint in zip(vehicle.links, joints, strict=True)
+    )
+    servo = PositionServo(
+        stiffness=STIFFNESS, damping=DAMPING, inertia=ARMATURE, latency=0.003
+    )
     drives = tuple(MountedDrive(name=link.joint.name, drive=servo) for link in links)
     return dataclasses.replace(vehicle, name="servo_arm", links=links, drives=drives)
 
@@ -54,7 +72,12 @@ NOMINAL = on_servos(ARM)
 
 
 ONE = dataclasses.replace(
-    NOMINAL, name="bench", links=NOMINAL.links[:1], drives=NOMINAL.drives[:1], frames=(), end_effector=""
+    NOMINAL,
+    name="bench",
+    links=NOMINAL.links[:1],
+    drives=NOMINAL.drives[:1],
+    frames=(),
+    end_effector="",
 )
 """The first joint alone."""
 
@@ -68,7 +91,9 @@ def servo_numbers(seed, vehicle=NOMINAL, off=0.2):
         numbers[f"{drive}.damping"] = DAMPING * draw.uniform(1.0 - off, 1.0 + off)
         numbers[f"{drive}.latency"] = draw.uniform(0.0, 0.012)
         numbers[f"links.{link.name}.joint.coulomb"] = COULOMB * draw.uniform(0.0, 3.0)
-        numbers[f"links.{link.name}.joint.armature"] = ARMATURE * draw.uniform(1.0 - off, 1.0 + off)
+        numbers[f"links.{link.name}.joint.armature"] = ARMATURE * draw.uniform(
+            1.0 - off, 1.0 + off
+        )
     return numbers
 
 
@@ -80,30 +105,49 @@ def _with_given_setpoints(memory, seen, wanted, dt, *, par, inner):
 
 def planted_numbers(seed):
     """Numbers of a vehicle on servos, by name; the delay among them."""
-    others = {name: value for name, value in plant_numbers(seed).items() if not name.endswith("damping")}
+    others = {
+        name: value
+        for name, value in plant_numbers(seed).items()
+        if not name.endswith("damping")
+    }
     return {**others, **servo_numbers(seed)}
 
 
 def swing_on_bench(numbers, seed, duration=8.0, speed_limit=np.inf):
-    """First joint of a base that is held, integrated by hand, as encoders of 4096 steps a turn measure it.
+    """First joint of a base that is held, integrated by hand, as encoders of 4096 steps
+    a turn measure it.
 
-    A pendulum of the link below a level base: inertia q'' = stiffness (goal - q) - damping q' - friction - m g r sin q.
+    A pendulum of the link below a level base: inertia q'' = stiffness (goal - q) -
+    damping q' - friction - m g r sin q.
     """
     vehicle = vehicle_with(ONE, numbers, checked=True)
-    servo, link, noise = vehicle.drives[0].drive, vehicle.links[0], np.random.default_rng([seed, 5])
+    servo, link, noise = (
+        vehicle.drives[0].drive,
+        vehicle.links[0],
+        np.random.default_rng([seed, 5]),
+    )
     reach, joint = -link.body.com.z, link.joint
     inertia = link.body.inertia.yy + link.body.mass * reach**2 + joint.armature
     weight, fine, period = link.body.mass * 9.81 * reach, 2.5e-4, 0.005
     time = np.arange(0.0, duration, period)
     phases = noise.uniform(-3.0, 3.0, 12)
-    setpoints = 0.3 + 0.12 * np.sin(2.0 * np.pi * np.outer(time, np.linspace(0.2, 4.0, 12)) + phases).sum(axis=1)
-    heard = np.floor((np.arange(round(duration / fine)) * fine - servo.latency) / period + 1e-9).astype(int)
+    setpoints = 0.3 + 0.12 * np.sin(
+        2.0 * np.pi * np.outer(time, np.linspace(0.2, 4.0, 12)) + phases
+    ).sum(axis=1)
+    heard = np.floor(
+        (np.arange(round(duration / fine)) * fine - servo.latency) / period + 1e-9
+    ).astype(int)
     targets, most = setpoints[np.maximum(heard, 0)].tolist(), speed_limit * fine
     q, v, goal, angles = targets[0], 0.0, targets[0], []
 
     def acceleration(q, v, goal):
         friction = joint.coulomb * math.tanh(v / joint.coulomb_rate)
-        return (servo.stiffness * (goal - q) - servo.damping * v - friction - weight * math.sin(q)) / inertia
+        return (
+            servo.stiffness * (goal - q)
+            - servo.damping * v
+            - friction
+            - weight * math.sin(q)
+        ) / inertia
 
     for k, target in enumerate(targets):
         if k % round(period / fine) == 0:
@@ -116,17 +160,24 @@ def swing_on_bench(numbers, seed, duration=8.0, speed_limit=np.inf):
     count = len(time)
     rows = {
         "gyro": noise.normal(scale=1e-3, size=(count, 3)),
-        "accelerometer": np.array([0.0, 0.0, 9.81]) + noise.normal(scale=0.01, size=(count, 3)),
+        "accelerometer": (
+            np.array([0.0, 0.0, 9.81]) + noise.normal(scale=0.01, size=(count, 3))
+        ),
         "rotor_speed_commands": np.full((count, 4), 450.0),
         "joint_positions": tick * np.round(np.array(angles)[:, None] / tick),
         "joint_commands": setpoints[:, None],
     }
-    channels = {name: Channel(time=time, values=values, source=name) for name, values in rows.items()}
+    channels = {
+        name: Channel(time=time, values=values, source=name)
+        for name, values in rows.items()
+    }
     return FlightData(name=f"bench_{seed}", file="bench.npz", channels=channels)
 
 
 def fly_servos(numbers, seed, duration=20.0, amplitude=0.4):
-    """Flight of a planted vehicle on servos as its sensors measured it, and the vehicle."""
+    """Flight of a planted vehicle on servos as its sensors measured it, and the
+    vehicle.
+    """
     vehicle = vehicle_with(NOMINAL, numbers, checked=True)
     base = of_vehicle(ARM)
     law = partial(_with_given_setpoints, inner=base.controller.law)
@@ -136,7 +187,12 @@ def fly_servos(numbers, seed, duration=20.0, amplitude=0.4):
         z=Sum((Constant(10.0), multisine(0.3, 0.3, 1.1, 5, 3))),
         yaw=multisine(0.4, 0.17, 0.8, 5, 4),
         joints=tuple(
-            Sum((Constant(0.3 * (i > 0)), multisine(amplitude, 0.2 + 0.03 * i, 3.0 + 0.1 * i, 12, 5 + i)))
+            Sum(
+                (
+                    Constant(0.3 * (i > 0)),
+                    multisine(amplitude, 0.2 + 0.03 * i, 3.0 + 0.1 * i, 12, 5 + i),
+                )
+            )
             for i in range(vehicle.n)
         ),
     )
@@ -148,7 +204,10 @@ def fly_servos(numbers, seed, duration=20.0, amplitude=0.4):
             reference=path,
             duration=duration,
             delays=Delays(measurement=0.005, command=numbers["delay"]),
-            sensors=(NamedSensor(name="imu", sensor=Imu()), NamedSensor(name="encoders", sensor=Encoders())),
+            sensors=(
+                NamedSensor(name="imu", sensor=Imu()),
+                NamedSensor(name="encoders", sensor=Encoders()),
+            ),
             seed=seed,
         )
     )

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-METRICS = ("joint_error_mean", "joint_error_max", "position_error_mean", "pitch_rms", "tau1_rms", "tau2_rms")
+METRICS = (
+    "joint_error_mean",
+    "joint_error_max",
+    "position_error_mean",
+    "pitch_rms",
+    "tau1_rms",
+    "tau2_rms",
+)
 STUDY = """
 schema = 1
 name = "small"

@@ -1,4 +1,6 @@
-"""Of the true numbers of planted vehicles, one in twenty lies outside of its 95 % interval."""
+"""Of the true numbers of planted vehicles, one in twenty lies outside of its 95 %
+interval.
+"""
 
 from __future__ import annotations
 
@@ -17,30 +19,49 @@ LARGE = 100
 
 @pytest.mark.thorough
 def test_intervals_cover_the_truths_of_planted_vehicles(tmp_path):
-    """Up to 8 % of all numbers are outside but not none, and of no large group more than 10 %.
+    """Up to 8 % of all numbers are outside but not none, and of no large group more
+    than 10 %.
 
-    Ten of the 48 cases, a quarter of an hour of a processor; measure_coverage.py identifies all, for the page.
+    Ten of the 48 cases, a quarter of an hour of a processor; measure_coverage.py
+    identifies all, for the page.
     """
     wanted = cases()[::5]
     assert {case[0] for case in wanted} == set(KINDS)
     rows = run(wanted, tmp_path / "coverage.jsonl", workers=2)
     found = groups(rows)
     assert len(found["all"]) >= 300
-    shares = {label: float(np.mean(outside(each))) for label, each in found.items() if len(each) >= LARGE}
+    shares = {
+        label: float(np.mean(outside(each)))
+        for label, each in found.items()
+        if len(each) >= LARGE
+    }
     assert 0.0 < shares["all"] <= 0.08, table(rows)
     assert max(shares.values()) <= 0.1, table(rows)
 
 
 def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch):
-    row = {"noise": "low", "channels": "all", "rates": "joint rates", "seconds": 1.0, "told": []}
+    row = {
+        "noise": "low",
+        "channels": "all",
+        "rates": "joint rates",
+        "seconds": 1.0,
+        "told": [],
+    }
     rows = [
-        {**row, "kind": "quad", "seed": seed, "numbers": [["base.inertia.xx", 1.0, 0.9, 1.1, truth]]}
+        {
+            **row,
+            "kind": "quad",
+            "seed": seed,
+            "numbers": [["base.inertia.xx", 1.0, 0.9, 1.1, truth]],
+        }
         for seed, truth in enumerate((1.0, 2.0))
     ]
 
     file = tmp_path / "rows.jsonl"
     file.write_text("".join(json.dumps(each) + "\n" for each in rows))
-    monkeypatch.setattr("measure_coverage.identify", lambda case: pytest.fail("is there already"))
+    monkeypatch.setattr(
+        "measure_coverage.identify", lambda case: pytest.fail("is there already")
+    )
     found = run([("quad", 0, "low", "all"), ("quad", 1, "low", "all")], file, workers=1)
     assert found == rows
     assert outside(groups(found)["base inertia"]) == [False, True]

@@ -1,4 +1,6 @@
-"""Excitation design: segments from rest to rest, the flight that they need, limits, and the choice of segments."""
+"""Excitation design: segments from rest to rest, the flight that they need, limits, and
+the choice of segments.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +24,18 @@ from skyarm.identify.design import (
     measured_noise,
     volume_gain,
 )
-from skyarm.identify.designed_flight import broken_axes, design_flight, scenario_document
+from skyarm.identify.designed_flight import (
+    broken_axes,
+    design_flight,
+    scenario_document,
+)
 from skyarm.identify.identify_windows import SearchOptions, first_fits, search_of
-from skyarm.identify.multisines import axes_of, draw_segment, mutate_segment, reference_table
+from skyarm.identify.multisines import (
+    axes_of,
+    draw_segment,
+    mutate_segment,
+    reference_table,
+)
 from skyarm.identify.required_flight import arm_clearance, required_flight
 from skyarm.identify.unknowns import unknowns_of
 from skyarm.identify.window_fit import fit_windows
@@ -40,31 +51,45 @@ AXES = axes_of(VEHICLE, 1.5, 3.0)
 
 
 def still(**accelerations):
-    """Motion in the rest posture, with sines of the base in some axes: name -> (amplitude, rad/s)."""
+    """Motion in the rest posture, with sines of the base in some axes: name ->
+    (amplitude, rad/s).
+    """
     motion = np.zeros((3, 6, len(TIMES)))
     for name, (size, rate) in accelerations.items():
         axis = ("x", "y", "z", "yaw", "first", "second").index(name)
         wave = np.sin(rate * TIMES)
-        motion[:, axis] = size * wave, size * rate * np.cos(rate * TIMES), -size * rate**2 * wave
+        motion[:, axis] = (
+            size * wave,
+            size * rate * np.cos(rate * TIMES),
+            -size * rate**2 * wave,
+        )
     return motion
 
 
 def test_hover_needs_the_weight_and_no_torque():
     flight = required_flight(VEHICLE, still(), PERIOD)
-    thrust = sum(r.thrust_coefficient * w**2 for r, w in zip(VEHICLE.rotors, flight.speeds[0], strict=True))
+    thrust = sum(
+        r.thrust_coefficient * w**2
+        for r, w in zip(VEHICLE.rotors, flight.speeds[0], strict=True)
+    )
     assert thrust == pytest.approx(GRAVITY * VEHICLE.mass, rel=1e-9)
     assert np.abs(flight.efforts).max() < 1e-12
     assert flight.tilt.max() == 0.0
 
 
 def test_thrust_tilts_towards_the_acceleration():
-    """By atan(a / g) against a slow sine, whose window and arm matter little; to +x the base pitches forward."""
+    """By atan(a / g) against a slow sine, whose window and arm matter little; to +x the
+    base pitches forward.
+    """
     flight = required_flight(VEHICLE, still(x=(2.0, 1.0)), PERIOD)
     wanted = np.arctan2(-2.0 * np.sin(TIMES), GRAVITY)
     found = np.arctan2(flight.turned[:, 0, 2], flight.turned[:, 2, 2])
     middle = slice(100, -100)
     assert np.abs(found - wanted)[middle].max() < 0.004
-    assert np.abs(flight.rate[middle, 1] - np.gradient(wanted, PERIOD)[middle]).max() < 0.01
+    assert (
+        np.abs(flight.rate[middle, 1] - np.gradient(wanted, PERIOD)[middle]).max()
+        < 0.01
+    )
 
 
 def test_a_fall_with_gravity_needs_no_thrust():
@@ -86,7 +111,9 @@ def test_segments_rest_at_their_ends_and_stay_in_their_ranges():
 
 
 def test_of_segments_near_segments_none_leaves_the_ranges_and_each_is_a_motion():
-    """Offsets of joints grow from one to the next until the joint rests at an end of its range."""
+    """Offsets of joints grow from one to the next until the joint rests at an end of
+    its range.
+    """
     draw, rested = np.random.default_rng(3), 0
     for _ in range(4):
         segment = draw_segment(AXES, LENGTH, draw)
@@ -100,43 +127,62 @@ def test_of_segments_near_segments_none_leaves_the_ranges_and_each_is_a_motion()
 
 
 def test_a_range_is_that_of_box_and_joint_about_its_rest():
-    """Joints of the vehicle: within 1.2 rad of the rest, and by a twentieth of their range inside of their limits."""
+    """Joints of the vehicle: within 1.2 rad of the rest, and by a twentieth of their
+    range inside of their limits.
+    """
     limits = [(-math.inf, math.inf), (-0.4, 0.8)]
     links = [
-        dataclasses.replace(each, joint=dataclasses.replace(each.joint, lower=low, upper=high))
+        dataclasses.replace(
+            each, joint=dataclasses.replace(each.joint, lower=low, upper=high)
+        )
         for each, (low, high) in zip(VEHICLE.links, limits, strict=True)
     ]
     axes = axes_of(dataclasses.replace(VEHICLE, links=tuple(links)), 1.5, 3.0)
     assert axes.rest[:4].tolist() == [0.0, 0.0, 3.0, 0.0]
     assert (axes.high - axes.low)[:4] == pytest.approx([1.5, 1.5, 1.5, 2.4])
     assert (axes.high + axes.low)[:4] == pytest.approx([0.0, 0.0, 6.0, 0.0])
-    assert (axes.low[4], axes.high[4]) == pytest.approx((axes.rest[4] - 1.2, axes.rest[4] + 1.2))
+    assert (axes.low[4], axes.high[4]) == pytest.approx(
+        (axes.rest[4] - 1.2, axes.rest[4] + 1.2)
+    )
     assert (axes.low[5], axes.high[5]) == pytest.approx((-0.4 + 0.06, 0.8 - 0.06))
     assert -0.34 < axes.rest[5] < 0.74
     assert axes.fastest.tolist() == [1.2] * 4 + [2.5] * 2
 
 
 def test_amplitudes_fall_with_a_drawn_power_of_the_frequency_between_none_and_two():
-    """All of them are drawn: equal amplitudes, equal accelerations and what lies between."""
+    """All of them are drawn: equal amplitudes, equal accelerations and what lies
+    between.
+    """
     draw, times = np.random.default_rng(8), np.linspace(0.0, LENGTH, 21)
     segments = [draw_segment(AXES, LENGTH, draw) for _ in range(30)]
     logs = [(np.log(each.frequencies), np.log(each.amplitudes)) for each in segments]
-    powers = np.concatenate([(a[:, 0] - a[:, -1]) / (f[:, -1] - f[:, 0]) for f, a in logs])
+    powers = np.concatenate(
+        [(a[:, 0] - a[:, -1]) / (f[:, -1] - f[:, 0]) for f, a in logs]
+    )
     assert (powers >= 0.0).all()
     assert (powers <= 2.0).all()
-    assert np.quantile(powers, [0.1, 0.5, 0.9]) == pytest.approx([0.2, 1.0, 1.8], abs=0.25)
-    # on every axis four sines, each in a quarter of its own on the logarithm's scale, from 0.15 Hz on
+    assert np.quantile(powers, [0.1, 0.5, 0.9]) == pytest.approx(
+        [0.2, 1.0, 1.8], abs=0.25
+    )
+    # on every axis four sines, each in a quarter of its own on the logarithm's scale,
+    # from 0.15 Hz on
     assert all((np.diff(f, axis=1) > 0.0).all() for f, _ in logs)
-    lowest, highest = (np.stack([each.frequencies[:, i] for each in segments]) for i in (0, -1))
+    lowest, highest = (
+        np.stack([each.frequencies[:, i] for each in segments]) for i in (0, -1)
+    )
     assert lowest.min() == pytest.approx(0.15, rel=0.2)
     assert lowest.min() >= 0.15
     assert highest.max(axis=0) == pytest.approx(AXES.fastest, rel=0.25)
     assert (highest <= AXES.fastest).all()
     factors = np.array([0.5, 1.0, 2.0, 0.0, 0.3, 0.7])
-    segments[0] = dataclasses.replace(segments[0], offsets=np.array([0.1, -0.2, 0.3, 0.4, -0.5, 0.6]))
+    segments[0] = dataclasses.replace(
+        segments[0], offsets=np.array([0.1, -0.2, 0.3, 0.4, -0.5, 0.6])
+    )
     scaled = segments[0].scale(factors).motion(times)
     # of 5 digits
-    assert scaled[0] == pytest.approx(factors[:, None] * segments[0].motion(times)[0], abs=1e-4)
+    assert scaled[0] == pytest.approx(
+        factors[:, None] * segments[0].motion(times)[0], abs=1e-4
+    )
 
 
 def test_the_reference_is_that_of_the_segments():
@@ -147,10 +193,16 @@ def test_the_reference_is_that_of_the_segments():
     for t in (0.0, 4.321, 13.7, 19.999):
         at = segments[int(t // LENGTH)].motion(np.array([t % LENGTH]))[:, :, 0]
         found = path.at(t)
-        assert tuple(found.position) == pytest.approx(tuple(at[0, :3] + AXES.rest[:3]), abs=1e-9)
+        assert tuple(found.position) == pytest.approx(
+            tuple(at[0, :3] + AXES.rest[:3]), abs=1e-9
+        )
         assert tuple(found.velocity) == pytest.approx(tuple(at[1, :3]), abs=1e-9)
-        assert (found.yaw, found.yaw_rate) == pytest.approx((at[0, 3], at[1, 3]), abs=1e-9)
-        assert tuple(found.joints) == pytest.approx(tuple(at[0, 4:] + AXES.rest[4:]), abs=1e-9)
+        assert (found.yaw, found.yaw_rate) == pytest.approx(
+            (at[0, 3], at[1, 3]), abs=1e-9
+        )
+        assert tuple(found.joints) == pytest.approx(
+            tuple(at[0, 4:] + AXES.rest[4:]), abs=1e-9
+        )
         assert tuple(found.joint_rates) == pytest.approx(tuple(at[1, 4:]), abs=1e-9)
 
 
@@ -163,7 +215,9 @@ def test_a_segment_is_shrunk_into_the_limits_and_no_further():
         assert flight.tilt.max() <= limits.tilt
         assert flight.speeds.max() < 0.8 * VEHICLE.rotors[0].max_speed + 1e-9
         assert arm_clearance(VEHICLE, flight.joints)[0].min() >= limits.clear
-        assert limits.broken_by(VEHICLE, required_flight(VEHICLE, motion_of(segment), PERIOD)).any()
+        assert limits.broken_by(
+            VEHICLE, required_flight(VEHICLE, motion_of(segment), PERIOD)
+        ).any()
         assert (np.abs(found.amplitudes) <= np.abs(segment.amplitudes) + 1e-12).all()
     narrow = dataclasses.replace(limits, tilt=math.radians(12.0))
     flat, _ = fitted_segment(VEHICLE, segment, AXES, narrow, PERIOD)
@@ -190,7 +244,10 @@ def test_a_designed_flight_beyond_a_limit_says_which_axes_are_to_shrink():
     folded[700] = [0.0, math.pi]  # the tip in the base
     assert broken(joints=folded) == [0.0] * 4 + [1.0, 1.0]
     # all rotors too fast: by thrust, and not by the heading
-    assert broken(speeds=np.full_like(flight.speeds, 0.81 * VEHICLE.rotors[0].max_speed), shares=lifting(flight)) == [
+    assert broken(
+        speeds=np.full_like(flight.speeds, 0.81 * VEHICLE.rotors[0].max_speed),
+        shares=lifting(flight),
+    ) == [
         *[1.0] * 3,
         *[0.0] * 3,
     ]
@@ -204,7 +261,9 @@ def lifting(flight):
 
 
 def test_segments_are_those_that_leave_the_least_volume(monkeypatch):
-    """Of one segment the best of all candidates; of two none of which a later one serves better, nor a first one."""
+    """Of one segment the best of all candidates; of two none of which a later one
+    serves better, nor a first one.
+    """
     tried, told = [], []
 
     def information(segment):
@@ -222,14 +281,24 @@ def test_segments_are_those_that_leave_the_least_volume(monkeypatch):
 
     module = "skyarm.identify.design"
     monkeypatch.setattr(f"{module}.fitted_segment", fitted)
-    monkeypatch.setattr(f"{module}.information_of", lambda flight, measured: information(flight))
-    measured = SimpleNamespace(flight=None, prior=np.ones(4), in_vehicle=np.array([True, True, True, False]))
+    monkeypatch.setattr(
+        f"{module}.information_of", lambda flight, measured: information(flight)
+    )
+    measured = SimpleNamespace(
+        flight=None, prior=np.ones(4), in_vehicle=np.array([True, True, True, False])
+    )
     for count in (1, 2):
         tried.clear()
         told.clear()
         limits = DesignLimits(seconds=11.0 * count)
         found = design_segments(
-            VEHICLE, measured, AXES, limits, candidates=30, seed=3, progress=lambda *words: told.append(words[:2])
+            VEHICLE,
+            measured,
+            AXES,
+            limits,
+            candidates=30,
+            seed=3,
+            progress=lambda *words: told.append(words[:2]),
         )
         assert len(tried) == 30
         assert told == [(i, 30) for i in range(30)]
@@ -240,17 +309,41 @@ def test_segments_are_those_that_leave_the_least_volume(monkeypatch):
             assert volume(*found) == max(map(volume, kept))
         else:
             first = max(kept[:10], key=volume)
-            assert volume(*found) >= max(volume(first, each) for each in tried[:10] if each in kept)
-            later = kept[max(next(i for i, one in enumerate(kept) if one is each) for each in found) :]
-            assert volume(*found) >= max(volume(one, each) for one in found for each in later)
+            assert volume(*found) >= max(
+                volume(first, each) for each in tried[:10] if each in kept
+            )
+            later = kept[
+                max(
+                    next(i for i, one in enumerate(kept) if one is each)
+                    for each in found
+                ) :
+            ]
+            assert volume(*found) >= max(
+                volume(one, each) for one in found for each in later
+            )
             # Fedorov's exchange, of the same candidates in turn
-            taken = [first, max(kept, key=lambda each: -math.inf if each not in tried[:10] else volume(first, each))]
+            taken = [
+                first,
+                max(
+                    kept,
+                    key=lambda each: (
+                        -math.inf if each not in tried[:10] else volume(first, each)
+                    ),
+                ),
+            ]
             for each in (each for each in tried[10:] if each in kept):
-                taken = max((taken, [each, taken[1]], [taken[0], each]), key=lambda two: volume(*two))
+                taken = max(
+                    (taken, [each, taken[1]], [taken[0], each]),
+                    key=lambda two: volume(*two),
+                )
             assert [id(each) for each in found] == [id(each) for each in taken]
     monkeypatch.setattr(f"{module}.fitted_segment", lambda *_: None)
     with pytest.raises(
-        ValueError, match=r"^box = 1\.5 m, tilt = 25 deg, clear = 0\.1 m: vehicle '.*widen one of them$"
+        ValueError,
+        match=(
+            r"^box = 1\.5 m, tilt = 25 deg, clear = 0\.1 m: vehicle '.*widen one of"
+            r" them$"
+        ),
     ):
         design_segments(VEHICLE, measured, AXES, DesignLimits(), candidates=3)
 
@@ -262,8 +355,12 @@ def motion_of(segment):
 
 
 def test_the_arm_is_clear_by_its_nearest_point():
-    """Hanging: the elbow 0.15 m below the base; folded up: the tip in the base; ahead: the elbow in a rotor's disc."""
-    distance, height = arm_clearance(VEHICLE, np.array([[0.0, 0.0], [0.0, math.pi], [-0.5 * math.pi, 0.0]]))
+    """Hanging: the elbow 0.15 m below the base; folded up: the tip in the base; ahead:
+    the elbow in a rotor's disc.
+    """
+    distance, height = arm_clearance(
+        VEHICLE, np.array([[0.0, 0.0], [0.0, math.pi], [-0.5 * math.pi, 0.0]])
+    )
     assert distance == pytest.approx([0.15, 0.0, 0.01], abs=1e-9)
     assert height == pytest.approx([-0.3, -0.15, 0.0], abs=1e-9)
 
@@ -271,7 +368,10 @@ def test_the_arm_is_clear_by_its_nearest_point():
 def test_the_gain_is_that_of_the_marginal_covariance():
     """Of some numbers beside others, by the inverse of the whole information."""
     rows = np.random.default_rng(6).normal(size=(30, 5))
-    prior, inside = np.array([1.0, 2.0, 0.5, 3.0, 1.0]), np.array([True, True, False, True, False])
+    prior, inside = (
+        np.array([1.0, 2.0, 0.5, 3.0, 1.0]),
+        np.array([True, True, False, True, False]),
+    )
     before = np.diag(prior**2)[np.ix_(inside, inside)]
     after = np.linalg.inv(rows.T @ rows + np.diag(prior**-2.0))[np.ix_(inside, inside)]
     wanted = np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1]
@@ -280,14 +380,19 @@ def test_the_gain_is_that_of_the_marginal_covariance():
 
 def test_the_scenario_that_is_written_is_the_one_that_was_flown():
     segments = [draw_segment(AXES, LENGTH, np.random.default_rng(7))]
-    document = scenario_document(VEHICLE, "hummingbird_arm2_rotors", segments, AXES, LENGTH, 1)
+    document = scenario_document(
+        VEHICLE, "hummingbird_arm2_rotors", segments, AXES, LENGTH, 1
+    )
     text = scenario_text(document)
     assert tomllib.loads(text) == document
     assert "\n[reference.base]\n" in text, "axes stand below each other"
     assert document["seed"] == 1
     flown = scenario_from(document)
     assert {each.name for each in flown.sensors} == {"imu", "encoders"}
-    assert flown.reference.at(4.2).position == trajectory_from(document["reference"], 2, "reference").at(4.2).position
+    assert (
+        flown.reference.at(4.2).position
+        == trajectory_from(document["reference"], 2, "reference").at(4.2).position
+    )
     assert flown.duration == LENGTH
 
 
@@ -308,8 +413,17 @@ def test_a_flight_beyond_a_limit_is_found_with_the_axes_at_fault():
         return broken_axes(flown_log(**arrays), VEHICLE, AXES, DesignLimits()).tolist()
 
     assert not any(broken())
-    assert broken(position=AXES.rest[:3] + np.array([[0.0, 0.76, 0.0]])) == [False, True, *[False] * 4]
-    assert broken(position=AXES.rest[:3] - np.array([[0.74, 0.0, 0.76]])) == [False, False, True, *[False] * 3]
+    assert broken(position=AXES.rest[:3] + np.array([[0.0, 0.76, 0.0]])) == [
+        False,
+        True,
+        *[False] * 4,
+    ]
+    assert broken(position=AXES.rest[:3] - np.array([[0.74, 0.0, 0.76]])) == [
+        False,
+        False,
+        True,
+        *[False] * 3,
+    ]
     # at one instant, to either side
     for angle, found in ((24.9, False), (25.1, True)):
         half = 0.5 * math.radians(angle)
@@ -321,7 +435,9 @@ def test_a_flight_beyond_a_limit_is_found_with_the_axes_at_fault():
     assert not any(broken(quaternion=turned)), "a heading is no tilt"
     assert broken(joints=np.array([[0.0, math.pi]])) == [*[False] * 4, True, True]
     limited = [
-        dataclasses.replace(each, joint=dataclasses.replace(each.joint, lower=-0.5, upper=0.4))
+        dataclasses.replace(
+            each, joint=dataclasses.replace(each.joint, lower=-0.5, upper=0.4)
+        )
         for each in VEHICLE.links
     ]
     vehicle = dataclasses.replace(VEHICLE, links=tuple(limited))
@@ -329,7 +445,9 @@ def test_a_flight_beyond_a_limit_is_found_with_the_axes_at_fault():
         joints = np.zeros((5, 2))
         joints[2] = angles
         wanted = [not -0.5 <= each <= 0.4 for each in angles]
-        assert broken_axes(flown_log(joints=joints), vehicle, AXES, DesignLimits()).tolist() == [*[False] * 4, *wanted]
+        assert broken_axes(
+            flown_log(joints=joints), vehicle, AXES, DesignLimits()
+        ).tolist() == [*[False] * 4, *wanted]
     # at one of 500 instants a rotor may be at its limit
     commands = np.full((500, 4), 500.0)
     commands[:4, 0] = 838.0
@@ -340,7 +458,9 @@ def test_a_flight_beyond_a_limit_is_found_with_the_axes_at_fault():
 
 
 def test_a_required_flight_is_read_as_another_one_was():
-    """Channels of the other one alone, at its rates; commands come before the motion by dead time and lag."""
+    """Channels of the other one alone, at its rates; commands come before the motion by
+    dead time and lag.
+    """
     flight = required_flight(VEHICLE, still(x=(2.0, 3.0)), PERIOD)
     time = np.arange(0.0, 5.0, 0.004)
     like = FlightData(
@@ -348,8 +468,12 @@ def test_a_required_flight_is_read_as_another_one_was():
         file="like",
         channels={
             "gyro": Channel(time=time, values=np.zeros((len(time), 3)), source=""),
-            "quaternion": Channel(time=time[::5], values=np.zeros((len(time[::5]), 4)), source=""),
-            "rotor_speed_commands": Channel(time=time, values=np.zeros((len(time), 4)), source=""),
+            "quaternion": Channel(
+                time=time[::5], values=np.zeros((len(time[::5]), 4)), source=""
+            ),
+            "rotor_speed_commands": Channel(
+                time=time, values=np.zeros((len(time), 4)), source=""
+            ),
         },
     )
     found = flight.flight_data(VEHICLE, like)
@@ -358,22 +482,36 @@ def test_a_required_flight_is_read_as_another_one_was():
     assert found["quaternion"].rate == pytest.approx(50.0)
     k = 1000
     assert found["gyro"].values[k] == pytest.approx(flight.rate[400], abs=1e-9)
-    turned = turn_vectors(found["quaternion"].values[200:201], np.array([[0.3, -0.2, 0.9]]))[0]
+    turned = turn_vectors(
+        found["quaternion"].values[200:201], np.array([[0.3, -0.2, 0.9]])
+    )[0]
     assert turned == pytest.approx(flight.turned[400] @ [0.3, -0.2, 0.9], abs=1e-9)
     speeds, change = flight.speeds[:, 0], np.gradient(flight.speeds[:, 0], PERIOD)
-    lag = np.where(change > 0.0, VEHICLE.rotors[0].time_constant_up, VEHICLE.rotors[0].time_constant_down)
+    lag = np.where(
+        change > 0.0,
+        VEHICLE.rotors[0].time_constant_up,
+        VEHICLE.rotors[0].time_constant_down,
+    )
     ahead = np.interp(4.0 + 0.005, TIMES, speeds + lag * change)
     assert found["rotor_speed_commands"].values[k, 0] == pytest.approx(ahead)
 
 
 def test_a_flight_is_flown_with_less_until_it_stays_in_the_limits(monkeypatch):
-    """The first flight breaks limits of y and the second joint, whose swings shrink; what is told is of the last one.
+    """The first flight breaks limits of y and the second joint, whose swings shrink;
+    what is told is of the last one.
 
     Each number's half width is 2 in the undesigned flight and 1 in the designed one.
     """
-    segments, tried, told = [draw_segment(AXES, LENGTH, np.random.default_rng(9)) for _ in range(2)], [], []
+    segments, tried, told = (
+        [draw_segment(AXES, LENGTH, np.random.default_rng(9)) for _ in range(2)],
+        [],
+        [],
+    )
     extents = np.diag([3.0, 2.0, 1.0])[[0, 0, 1, 2, 2]]
-    plain, flights = flown_log(), [flown_log(position=AXES.rest[:3] + extents * k) for k in (3, 1)]
+    plain, flights = (
+        flown_log(),
+        [flown_log(position=AXES.rest[:3] + extents * k) for k in (3, 1)],
+    )
     flights[1].quaternion[2] = [math.cos(0.1), 0.0, math.sin(0.1), 0.0]
     flights[1].rotor_commands[:2] = 838.0
     flights[1].joints[4] = [0.0, math.pi]  # the tip in the base
@@ -394,7 +532,10 @@ def test_a_flight_is_flown_with_less_until_it_stays_in_the_limits(monkeypatch):
         progress(candidates - 1, candidates, "last")
         return segments
 
-    module, limits = "skyarm.identify.designed_flight", DesignLimits(seconds=20.0, box=2.0)
+    module, limits = (
+        "skyarm.identify.designed_flight",
+        DesignLimits(seconds=20.0, box=2.0),
+    )
     height = math.ceil(10.0 * (1.0 + 0.33 + 0.1)) / 10.0  # an arm of 0.33 m
     fakes = {
         "run": fly,
@@ -402,21 +543,31 @@ def test_a_flight_is_flown_with_less_until_it_stays_in_the_limits(monkeypatch):
         "design_segments": designed,
         "measured_noise": lambda log, vehicle: ("noise of", log),
         "_flight_data": lambda log: log,
-        "expected_numbers": lambda logs, vehicle: [SimpleNamespace(half_width=2.0 if logs[0] is plain else 1.0)],
+        "expected_numbers": lambda logs, vehicle: [
+            SimpleNamespace(half_width=2.0 if logs[0] is plain else 1.0)
+        ],
     }
     for name, fake in fakes.items():
         monkeypatch.setattr(f"{module}.{name}", fake)
 
     def flight():
-        words = {"candidates": 12, "seed": 5, "progress": lambda *each: told.append(each)}
+        words = {
+            "candidates": 12,
+            "seed": 5,
+            "progress": lambda *each: told.append(each),
+        }
         return design_flight(VEHICLE, "hummingbird_arm2_rotors", limits, **words)
 
     found = flight()
     assert len(tried) == 3
     assert [each.ratio for each in found.numbers] == [2.0]
-    shrunk = [each.scale(np.array([1.0, 0.85, 1.0, 1.0, 1.0, 0.85])) for each in segments]
+    shrunk = [
+        each.scale(np.array([1.0, 0.85, 1.0, 1.0, 1.0, 0.85])) for each in segments
+    ]
     axes = axes_of(VEHICLE, 2.0, height)
-    assert found.document == scenario_document(VEHICLE, "hummingbird_arm2_rotors", shrunk, axes, 20.0, 5)
+    assert found.document == scenario_document(
+        VEHICLE, "hummingbird_arm2_rotors", shrunk, axes, 20.0, 5
+    )
     assert tried[2] == scenario_from(found.document)
     assert tomllib.loads(found.text()) == found.document
     assert found.tilt == pytest.approx(0.2)
@@ -433,12 +584,16 @@ def test_a_flight_is_flown_with_less_until_it_stays_in_the_limits(monkeypatch):
     assert len(tried) == 1 + 2
     tried.clear()
     plain.info["status"] = "crashed"
-    with pytest.raises(ValueError, match=r"the law centroidal_joint does not fly it \(crashed\)$"):
+    with pytest.raises(
+        ValueError, match=r"the law centroidal_joint does not fly it \(crashed\)$"
+    ):
         flight()
 
 
 def test_information_of_a_flight_is_that_of_the_fit_to_its_windows(monkeypatch):
-    """At the vehicle that flew: of the fit to all its windows, under the noise and the spread that it found."""
+    """At the vehicle that flew: of the fit to all its windows, under the noise and the
+    spread that it found.
+    """
     fits = []
 
     def fitted(search):
@@ -447,17 +602,30 @@ def test_information_of_a_flight_is_that_of_the_fit_to_its_windows(monkeypatch):
 
     def few_numbers(flights, vehicle):
         every = {
-            each.name: each.start for each in unknowns_of(vehicle, curve=False, velocity=True, voltage=False, driven=[])
+            each.name: each.start
+            for each in unknowns_of(
+                vehicle, curve=False, velocity=True, voltage=False, driven=[]
+            )
         }
         searched = ("rotors.thrust_coefficient", "base.com.x", "delay")
-        known = {**every, "delay": 0.0033, **{f"gyro_bias.{axis}": 0.0 for axis in "xyz"}, "pose_delay": 0.0}
+        known = {
+            **every,
+            "delay": 0.0033,
+            **{f"gyro_bias.{axis}": 0.0 for axis in "xyz"},
+            "pose_delay": 0.0,
+        }
         given = {name: value for name, value in known.items() if name not in searched}
         return search_of(flights, vehicle, SearchOptions(known=given))
 
     monkeypatch.setattr("skyarm.identify.design.search_of", few_numbers)
     monkeypatch.setattr("skyarm.identify.design.first_fits", fitted)
     quick = partial(fit_windows, turns=6)
-    for name, few in (("FEW", 6), ("WHOLE", 0.2), ("FIRST", 0.03), ("fit_windows", quick)):
+    for name, few in (
+        ("FEW", 6),
+        ("WHOLE", 0.2),
+        ("FIRST", 0.03),
+        ("fit_windows", quick),
+    ):
         monkeypatch.setattr(f"skyarm.identify.identify_windows.{name}", few)
     flight = measured(flown(QUAD, 2.0, 0.0033), noise=1.0)
     found = measured_noise(flight, QUAD)
@@ -469,17 +637,24 @@ def test_information_of_a_flight_is_that_of_the_fit_to_its_windows(monkeypatch):
     assert found.loose[others].tolist() == errors.loose[others].tolist()
     unknowns = found.search.unknowns
     assert found.prior.tolist() == [each.spread for each in unknowns]
-    names = [each.name for each, inside in zip(unknowns, found.in_vehicle, strict=True) if inside]
+    names = [
+        each.name
+        for each, inside in zip(unknowns, found.in_vehicle, strict=True)
+        if inside
+    ]
     assert names == ["rotors.thrust_coefficient", "base.com.x"]
     size = np.sqrt(np.diag(fit.stretch_information[0]))
-    off = (information_of(flight, found) - fit.stretch_information[0]) / np.outer(size, size)
+    off = (information_of(flight, found) - fit.stretch_information[0]) / np.outer(
+        size, size
+    )
     assert np.abs(off).max() < 0.1
 
 
 @pytest.mark.thorough
 def test_a_designed_flight_stays_in_its_limits_and_is_sharper_than_an_undesigned_one():
-    """Flown from its file: moments of inertia within 0.55 %, those about x and z, which a swing of the arm in its plane
-    hardly shows, at least twice as sharp; no number of the base worse by two thirds.
+    """Flown from its file: moments of inertia within 0.55 %, those about x and z, which
+    a swing of the arm in its plane hardly shows, at least twice as sharp; no number of
+    the base worse by two thirds.
     """
     limits = DesignLimits(box=1.2, tilt=math.radians(20.0), seconds=40.0)
     found = design_flight(VEHICLE, "hummingbird_arm2_rotors", limits, candidates=60)
@@ -493,4 +668,6 @@ def test_a_designed_flight_stays_in_its_limits_and_is_sharper_than_an_undesigned
     widths = {each.designed.name: each.designed.relative for each in found.numbers}
     assert max(widths[f"base.inertia.{axis}"] for axis in ("xx", "yy", "zz")) < 0.0055
     assert min(sharper["base.inertia.xx"], sharper["base.inertia.zz"]) > 2.0
-    assert min(ratio for name, ratio in sharper.items() if name.startswith("base.")) > 0.6
+    assert (
+        min(ratio for name, ratio in sharper.items() if name.startswith("base.")) > 0.6
+    )

@@ -1,4 +1,6 @@
-"""Words of the reports of lags, numbers, predictions, designs and excitation, as they are printed."""
+"""Words of the reports of lags, numbers, predictions, designs and excitation, as they
+are printed.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,22 @@ from skyarm.identify.flight_page import (
     excited_numbers,
     fault_line,
 )
-from skyarm.identify.held_out_errors import HOLD, IDENTIFIED, PAST, START, HeldOut, HorizonErrors, OneStep
-from skyarm.identify.identified_numbers import APART, GIVEN, NOT_SHOWN, Identified, IdentifiedNumber
+from skyarm.identify.held_out_errors import (
+    HOLD,
+    IDENTIFIED,
+    PAST,
+    START,
+    HeldOut,
+    HorizonErrors,
+    OneStep,
+)
+from skyarm.identify.identified_numbers import (
+    APART,
+    GIVEN,
+    NOT_SHOWN,
+    Identified,
+    IdentifiedNumber,
+)
 from skyarm.identify.identified_parts import IdentifiedSurroundings
 from skyarm.identify.identified_report import (
     IdentifiedReport,
@@ -32,7 +48,12 @@ from skyarm.identify.identified_report import (
     prediction_lines,
 )
 from skyarm.identify.information import ExpectedNumber
-from skyarm.identify.lag_report import lag_lines, lag_tables, nominal_model, stated_delays
+from skyarm.identify.lag_report import (
+    lag_lines,
+    lag_tables,
+    nominal_model,
+    stated_delays,
+)
 from skyarm.identify.log_checks import REFUSED, WARNED, LogFault
 from skyarm.identify.loop_lags import Estimated, Lag, LoopLags
 
@@ -46,12 +67,21 @@ def times(value, half=0.001):
 
 def lag(name, **changed):
     """A lag of 12 ms and of 20 and 30 ms, whose delay is apart from them."""
-    usual = {"together": times(0.036), "delay": times(0.012), "up": times(0.02), "down": times(0.03)}
-    return Lag(name=name, **{**usual, "explained": 0.876, "factor": (1.5, 2.0), **changed})
+    usual = {
+        "together": times(0.036),
+        "delay": times(0.012),
+        "up": times(0.02),
+        "down": times(0.03),
+    }
+    return Lag(
+        name=name, **{**usual, "explained": 0.876, "factor": (1.5, 2.0), **changed}
+    )
 
 
 def lags(rotors, *joints, **left_out):
-    return LoopLags(period=0.005, seconds=2.0, rotors=rotors, joints=joints, left_out=left_out)
+    return LoopLags(
+        period=0.005, seconds=2.0, rotors=rotors, joints=joints, left_out=left_out
+    )
 
 
 NO_WORD = {"command": None, "measurement": None}
@@ -63,32 +93,63 @@ def test_the_table_of_lags_has_a_line_for_the_rotors_and_each_joint_in_milliseco
     lines = lag_lines("title", lags(lag("rotors"), joint, UNKNOWN), NO_WORD)
     assert lines[:5] == [
         "title",
-        "          delay and lag            delay               up             down over model explained",
-        "rotors 36.0 (35.0-37.0) 12.0 (11.0-13.0) 20.0 (19.0-21.0) 30.0 (29.0-31.0)  1.50 2.00       88%",
-        "joint1 36.0 (35.0-37.0) 12.0 (11.0-13.0) 20.0 (19.0-21.0) 20.0 (19.0-21.0)          -       88%",
-        "joint2        not known                                                                      0%",
+        (
+            "          delay and lag            delay               up             down"
+            " over model explained"
+        ),
+        (
+            "rotors 36.0 (35.0-37.0) 12.0 (11.0-13.0) 20.0 (19.0-21.0) 30.0 (29.0-31.0)"
+            "  1.50 2.00       88%"
+        ),
+        (
+            "joint1 36.0 (35.0-37.0) 12.0 (11.0-13.0) 20.0 (19.0-21.0) 20.0 (19.0-21.0)"
+            "          -       88%"
+        ),
+        (
+            "joint2        not known                                                   "
+            "                   0%"
+        ),
     ]
     alike = lag_lines("", lags(lag("rotors", factor=(1.5, 1.5))), NO_WORD)
     assert " 1.50       88%" in alike[2]
 
 
 def test_the_notes_name_what_is_unknown_unasked_or_has_an_inseparable_delay():
-    vague, prompt = lag("joint1", apart=False), lag("joint3", apart=False, together=times(0.0005))
-    found = lags(lag("rotors"), vague, UNKNOWN, prompt, gripper="its drive takes a setpoint, rad")
+    vague, prompt = (
+        lag("joint1", apart=False),
+        lag("joint3", apart=False, together=times(0.0005)),
+    )
+    found = lags(
+        lag("rotors"), vague, UNKNOWN, prompt, gripper="its drive takes a setpoint, rad"
+    )
     notes = lag_lines("", found, NO_WORD)[6:]
     assert notes == [
-        "ms, with the interval of 95 %; 'delay and lag': both together, as a small swing meets them.",
+        (
+            "ms, with the interval of 95 %; 'delay and lag': both together, as a small"
+            " swing meets them."
+        ),
         "joint2: not known: the commands hardly change",
         "gripper: not asked: its drive takes a setpoint, rad",
-        "joint1: delay and lag cannot be told apart in this flight; trust what they are together",
-        "The delay runs from a command to the logged rates: if the log holds them as they were received,",
-        "their age is in it, and what passes through the loop shows the sum of both only.",
+        (
+            "joint1: delay and lag cannot be told apart in this flight; trust what they"
+            " are together"
+        ),
+        (
+            "The delay runs from a command to the logged rates: if the log holds them"
+            " as they were received,"
+        ),
+        (
+            "their age is in it, and what passes through the loop shows the sum of both"
+            " only."
+        ),
     ]
     stated = lag_lines("", lags(lag("rotors")), {"command": 0.012, "measurement": None})
     assert stated[3:] == [
         notes[0],
-        "The log holds the true state: delays are of commands alone. "
-        "The scenario states: command 12 ms, measurement 0 ms.",
+        (
+            "The log holds the true state: delays are of commands alone. "
+            "The scenario states: command 12 ms, measurement 0 ms."
+        ),
     ]
 
 
@@ -108,17 +169,27 @@ def test_delays_of_a_log_are_those_that_its_scenario_states(delays, stated):
 def test_the_model_of_lags_is_the_vehicle_that_is_named_or_that_of_the_log_s_law():
     model = SimpleNamespace(vehicle=VEHICLE, gravity=9.7)
     agent = SimpleNamespace(model=model)
-    log = SimpleNamespace(info={"scenario_record": "a"}, scenario=SimpleNamespace(agent=agent))
+    log = SimpleNamespace(
+        info={"scenario_record": "a"}, scenario=SimpleNamespace(agent=agent)
+    )
     assert nominal_model(log, None, None) == (VEHICLE, 9.7)
     assert nominal_model(log, None, 9.8) == (VEHICLE, 9.8)
-    assert nominal_model(log, "tilted_hexarotor", None) == (skyarm.load_vehicle("tilted_hexarotor"), 9.81)
+    assert nominal_model(log, "tilted_hexarotor", None) == (
+        skyarm.load_vehicle("tilted_hexarotor"),
+        9.81,
+    )
     assert nominal_model(log, "tilted_hexarotor", 1.62)[1] == 1.62
-    with pytest.raises(ValueError, match=r"^--vehicle: is missing; the log does not say which vehicle flew"):
+    with pytest.raises(
+        ValueError,
+        match=r"^--vehicle: is missing; the log does not say which vehicle flew",
+    ):
         nominal_model(SimpleNamespace(info={"scenario_record": ""}), None, None)
 
 
 def test_tables_to_paste_hold_whole_steps_of_physics_and_lags_that_are_some():
-    """A delay of 12.4 ms is 12 steps of 1 ms, and with an age of 8 ms four control periods of 5 ms."""
+    """A delay of 12.4 ms is 12 steps of 1 ms, and with an age of 8 ms four control
+    periods of 5 ms.
+    """
     rotors = lag("rotors", delay=times(0.0124))
     joint = lag("arm.1", up=times(0.02), down=times(0.02))
     lines = lag_tables(lags(rotors, joint, UNKNOWN), measured=0.008).splitlines()
@@ -139,13 +210,25 @@ def test_tables_to_paste_hold_whole_steps_of_physics_and_lags_that_are_some():
     [
         (lag("j", up=times(0.002, 0.0009)), True),
         (lag("j", up=times(0.002, 0.0011)), False),
-        (lag("j", apart=False, up=times(0.002, 0.002), together=times(0.0062, 0.001)), True),
-        (lag("j", apart=False, up=times(0.02, 0.001), together=times(0.0058, 0.001)), False),
+        (
+            lag(
+                "j", apart=False, up=times(0.002, 0.002), together=times(0.0062, 0.001)
+            ),
+            True,
+        ),
+        (
+            lag("j", apart=False, up=times(0.02, 0.001), together=times(0.0058, 0.001)),
+            False,
+        ),
         (dataclasses.replace(UNKNOWN, name="j"), False),
     ],
 )
-def test_a_joint_has_a_drive_with_a_lag_if_its_interval_tells_it_from_none(joint, drive):
-    """From a step of physics on where the delay is apart; else of both together from a control period on."""
+def test_a_joint_has_a_drive_with_a_lag_if_its_interval_tells_it_from_none(
+    joint, drive
+):
+    """From a step of physics on where the delay is apart; else of both together from a
+    control period on.
+    """
     text = lag_tables(lags(lag("rotors", reason="too few"), joint))
     assert bool(text) is drive
     assert ("[plant.drives.j]" in text) is drive
@@ -174,19 +257,34 @@ def flight(name="a", **channels):
     time = 0.01 * np.arange(300)
     draw = np.random.default_rng(1)
     every = {"gyro": 3, "rotor_speed_commands": 4, **channels}
-    made = {key: Channel(time=time, values=draw.normal(size=(300, k)), source="") for key, k in every.items()}
-    return FlightData(name=name, file=f"folder/{name}.csv", channels=made, notes=("file: is cut off.",))
+    made = {
+        key: Channel(time=time, values=draw.normal(size=(300, k)), source="")
+        for key, k in every.items()
+    }
+    return FlightData(
+        name=name,
+        file=f"folder/{name}.csv",
+        channels=made,
+        notes=("file: is cut off.",),
+    )
 
 
 def report(found, *flights, **changed):
     usual = {"known": {}, "faults": (), "clocks": {}}
-    return IdentifiedReport(found=found, start=VEHICLE, flights=flights or (flight(),), **{**usual, **changed})
+    return IdentifiedReport(
+        found=found,
+        start=VEHICLE,
+        flights=flights or (flight(),),
+        **{**usual, **changed},
+    )
 
 
 def test_the_table_of_numbers_has_values_intervals_and_starts_with_units_in_line():
     hidden = number("b", unit="kg m^2", reason=NOT_SHOWN)
     beside = number("base.com.x", unit="", reason=f"{APART}b")
-    lines = report(found_with(number("longest.of.names", 0.123456), hidden, beside)).lines()
+    lines = report(
+        found_with(number("longest.of.names", 0.123456), hidden, beside)
+    ).lines()
     assert lines == [
         "hummingbird from a: 31.2 s",
         "                  value        95 % interval start unit",
@@ -198,15 +296,26 @@ def test_the_table_of_numbers_has_values_intervals_and_starts_with_units_in_line
         "explained beyond noise: rate.x 99%, rate.y 50%",
         "a: file: is cut off.",
     ]
-    short = report(found_with(number("a"), dataclasses.replace(hidden, name="b"))).lines()
+    short = report(
+        found_with(number("a"), dataclasses.replace(hidden, name="b"))
+    ).lines()
     assert [line.partition("     2 ")[2] for line in short[2:4]] == ["m", "kg m^2"]
 
 
 def test_an_uncertain_result_is_said_behind_its_numbers():
-    numbers = [number(name, widened=wide) for name, wide in (("p", 1.49), ("q", 1.51), ("r", 2.26))]
+    numbers = [
+        number(name, widened=wide)
+        for name, wide in (("p", 1.49), ("q", 1.51), ("r", 2.26))
+    ]
     lines = report(found_with(*numbers, settled=False)).lines()
-    assert "the search did not settle: do not rely on these numbers; intervals hold its last moves alone" in lines
-    assert "flights disagree; intervals are wider than their noise explains, times: q 1.5, r 2.3" in lines
+    assert (
+        "the search did not settle: do not rely on these numbers; intervals hold its"
+        " last moves alone" in lines
+    )
+    assert (
+        "flights disagree; intervals are wider than their noise explains, times: q 1.5,"
+        " r 2.3" in lines
+    )
     sure = report(found_with(*numbers[:1])).lines()
     assert not any("settle" in each or "disagree" in each for each in sure)
 
@@ -220,7 +329,9 @@ def test_of_many_pairs_that_are_hard_to_separate_the_dozen_most_alike_are_named(
     lines = report(found_with(*map(number, names), correlation=rows)).lines()
     told = [each for each in lines if each.startswith("hard to separate: ")]
     sizes = sorted(np.abs(rows[np.triu_indices(6, 1)]), reverse=True)
-    assert [abs(float(each.rpartition(" ")[2])) for each in told] == pytest.approx(sizes[:12], abs=6e-4)
+    assert [abs(float(each.rpartition(" ")[2])) for each in told] == pytest.approx(
+        sizes[:12], abs=6e-4
+    )
     assert "pairs with a correlation beyond 0.9 that are not shown: 3" in lines
     i, j = np.unravel_index(np.argmax(np.abs(np.triu(rows, 1))), (6, 6))
     assert told[0] == f"hard to separate: n{i} and n{j}, correlation {rows[i, j]:+.3f}"
@@ -231,8 +342,15 @@ def test_a_pair_is_hard_to_separate_beyond_nine_tenths_if_a_flight_shows_one_of_
     rows[0, 1] = rows[1, 0] = 0.899
     rows[0, 2] = rows[2, 0] = -0.901
     rows[1, 3] = rows[3, 1] = 0.95
-    a, b, c, d = number("a"), number("b", reason=NOT_SHOWN), number("c"), number("d", reason=NOT_SHOWN)
-    assert correlated_pairs(found_with(a, b, c, d, correlation=rows)) == [("a", "c", -0.901)]
+    a, b, c, d = (
+        number("a"),
+        number("b", reason=NOT_SHOWN),
+        number("c"),
+        number("d", reason=NOT_SHOWN),
+    )
+    assert correlated_pairs(found_with(a, b, c, d, correlation=rows)) == [
+        ("a", "c", -0.901)
+    ]
     shown = dataclasses.replace(d, reason="")
     pairs = correlated_pairs(found_with(a, b, c, shown, correlation=rows))
     assert pairs == [("b", "d", 0.95), ("a", "c", -0.901)]
@@ -244,7 +362,10 @@ def test_a_heading_names_four_flights_and_how_many_more_there_are():
 
 
 def test_numbers_that_show_beside_another_one_stand_in_a_line_of_that_one():
-    numbers = [number(name, reason=f"{APART}{of}") for name, of in (("a", "m"), ("b", "n"), ("c", "m"))]
+    numbers = [
+        number(name, reason=f"{APART}{of}")
+        for name, of in (("a", "m"), ("b", "n"), ("c", "m"))
+    ]
     assert _apart_lines([*numbers, number("m"), number("n", reason=NOT_SHOWN)]) == [
         "(*) known only together with m: a, c",
         "(*) known only together with n: b",
@@ -253,52 +374,104 @@ def test_numbers_that_show_beside_another_one_stand_in_a_line_of_that_one():
 
 def test_a_channel_that_is_absent_names_what_it_would_narrow_most_first():
     costs = {"a": 1.6, "b": 3.14159, "c": 1.49, "d": 2.0, "e": 2.5, "f": 1.7}
-    assert _absent_line("pose", costs) == (
-        "pose: not logged; intervals are wider than with one of motion capture, times about: "
-        "b 3.1, e 2.5, d 2, f 1.7 and 1 more"
+    assert (
+        _absent_line("pose", costs)
+        == "pose: not logged; intervals are wider than with one of motion capture,"
+        " times about: b 3.1, e 2.5, d 2, f 1.7 and 1 more"
     )
-    assert _absent_line("joint_efforts", {"a": 1.6}) == (
-        "joint_efforts: not logged; intervals are wider than with them, times about: a 1.6"
+    assert (
+        _absent_line("joint_efforts", {"a": 1.6})
+        == "joint_efforts: not logged; intervals are wider than with them, times about:"
+        " a 1.6"
     )
-    assert _absent_line("position", {"a": 1.5}) == (
-        "position: not logged; no interval would be narrower by more than 1.5 times with it"
+    assert (
+        _absent_line("position", {"a": 1.5})
+        == "position: not logged; no interval would be narrower by more than 1.5 times"
+        " with it"
     )
 
 
 def test_the_vehicle_file_names_files_without_folders_and_given_numbers():
     known = {"voltage": 12.0, "base.com.y": 0.0}
-    text = report(found_with(number("delay")), flight("a"), flight("b"), known=known).vehicle_file()
-    assert text.startswith("# Identified by skyarm from 2 flights, 31.2 s:\n#   a.csv\n#   b.csv\n")
+    text = report(
+        found_with(number("delay")), flight("a"), flight("b"), known=known
+    ).vehicle_file()
+    assert text.startswith(
+        "# Identified by skyarm from 2 flights, 31.2 s:\n#   a.csv\n#   b.csv\n"
+    )
     assert "given: base.com.y = 0\n" in text
     assert "voltage" not in text
 
 
 def test_an_unused_voltage_is_reported_unless_that_of_the_rotors_is_known():
-    said = "voltage: is measured and not used: state that of the rotors' data, --known voltage=VALUE"
+    said = (
+        "voltage: is measured and not used: state that of the rotors' data, --known"
+        " voltage=VALUE"
+    )
     measured = flight("b", voltage=1)
     assert report(found_with(number("a")), flight(), measured).lines()[-1] == said
-    assert said not in report(found_with(number("a")), measured, known={"voltage": 12.0}).lines()
+    assert (
+        said
+        not in report(
+            found_with(number("a")), measured, known={"voltage": 12.0}
+        ).lines()
+    )
     assert said not in report(found_with(number("a"))).lines()
 
 
 def test_measured_speeds_are_said_to_be_unused():
-    said = "rotor_speeds: are measured and not used: to use them, map them as rotor_speed_commands"
-    assert report(found_with(number("a")), flight(), flight("b", rotor_speeds=4)).lines()[-1] == said
+    said = (
+        "rotor_speeds: are measured and not used: to use them, map them as"
+        " rotor_speed_commands"
+    )
+    assert (
+        report(found_with(number("a")), flight(), flight("b", rotor_speeds=4)).lines()[
+            -1
+        ]
+        == said
+    )
     assert said not in report(found_with(number("a"))).lines()
 
 
 def test_the_document_has_no_value_that_flights_do_not_show_and_predictions_if_any():
-    fault = LogFault(severity=WARNED, file="a.csv", channel="gyro", finding="is frozen", remedy="cut it")
+    fault = LogFault(
+        severity=WARNED,
+        file="a.csv",
+        channel="gyro",
+        finding="is frozen",
+        remedy="cut it",
+    )
     numbers = number("a"), number("b", reason=NOT_SHOWN)
     found = found_with(*numbers, period=0.004, absent={"pose": {"a": 2.0}})
     document = report(found, faults=(fault,), known={"mass": 0.8}).document()
     shown, hidden = document["numbers"]
-    assert (shown["value"], shown["low"], shown["high"], shown["start"]) == (1.0, 0.9, 1.1, 2.0)
-    assert (hidden["value"], hidden["low"], hidden["high"], hidden["start"]) == (None, None, None, 2.0)
-    assert (document["start"], document["seconds"], document["period"]) == ("hummingbird", 31.234, 0.004)
-    assert document["flights"] == [{"name": "a", "file": "folder/a.csv", "notes": ("file: is cut off.",)}]
-    assert document["faults"] == [{"severity": WARNED, "text": "a.csv: gyro: is frozen; cut it"}]
-    assert (document["known"], document["absent"]) == ({"mass": 0.8}, {"pose": {"a": 2.0}})
+    assert (shown["value"], shown["low"], shown["high"], shown["start"]) == (
+        1.0,
+        0.9,
+        1.1,
+        2.0,
+    )
+    assert (hidden["value"], hidden["low"], hidden["high"], hidden["start"]) == (
+        None,
+        None,
+        None,
+        2.0,
+    )
+    assert (document["start"], document["seconds"], document["period"]) == (
+        "hummingbird",
+        31.234,
+        0.004,
+    )
+    assert document["flights"] == [
+        {"name": "a", "file": "folder/a.csv", "notes": ("file: is cut off.",)}
+    ]
+    assert document["faults"] == [
+        {"severity": WARNED, "text": "a.csv: gyro: is frozen; cut it"}
+    ]
+    assert (document["known"], document["absent"]) == (
+        {"mass": 0.8},
+        {"pose": {"a": 2.0}},
+    )
     assert "held_out" not in document
     predicted = dataclasses.replace(found, held_out=held_out())
     assert report(predicted).document()["held_out"] is predicted.held_out
@@ -309,7 +482,13 @@ def errors(size, horizons=(0.1, 0.2, 1.0), **changed):
         HorizonErrors(
             horizon=horizon,
             begins=7,
-            **{"position": size * horizon, "velocity": size, "attitude": 0.1 * size, "rate": 0.5, **changed},
+            **{
+                "position": size * horizon,
+                "velocity": size,
+                "attitude": 0.1 * size,
+                "rate": 0.5,
+                **changed,
+            },
         )
         for horizon in horizons
     ]
@@ -321,8 +500,16 @@ def held_out(**changed):
         "flights": ("a", "b"),
         "period": 0.01,
         "horizons": (0.1, 0.2, 1.0),
-        "errors": {IDENTIFIED: errors(0.2), PAST: errors(0.1), START: errors(0.4), HOLD: errors(2.0)},
-        "one_step": {IDENTIFIED: step, HOLD: OneStep(specific_force=0.3, angular_acceleration=0.4)},
+        "errors": {
+            IDENTIFIED: errors(0.2),
+            PAST: errors(0.1),
+            START: errors(0.4),
+            HOLD: errors(2.0),
+        },
+        "one_step": {
+            IDENTIFIED: step,
+            HOLD: OneStep(specific_force=0.3, angular_acceleration=0.4),
+        },
         "has_poses": True,
         "notes": ("the position is the sum of the velocity",),
     }
@@ -344,9 +531,18 @@ def test_predictions_stand_in_lines_of_the_table_s_horizons_and_predictors():
         "        hold               2 m    2 m/s  0.2 rad 0.5 rad/s           7",
         "one step of 10 ms: specific force, m/s^2: identified 0.1, hold 0.3",
         "one step of 10 ms: angular acceleration, rad/s^2: identified 0.2, hold 0.4",
-        "Root mean squares; one step of 'hold': the spread of what is measured about its mean.",
-        "'identified', 'start vehicle': from the state and the commands. 'with past': disturbances estimated until",
-        "the begin go on, and the model counts beside holding as much as is best in the flights of the fit.",
+        (
+            "Root mean squares; one step of 'hold': the spread of what is measured"
+            " about its mean."
+        ),
+        (
+            "'identified', 'start vehicle': from the state and the commands. 'with"
+            " past': disturbances estimated until"
+        ),
+        (
+            "the begin go on, and the model counts beside holding as much as is best in"
+            " the flights of the fit."
+        ),
         "the position is the sum of the velocity",
     ]
 
@@ -355,13 +551,26 @@ def test_of_flights_without_poses_and_pasts_their_errors_are_left_out():
     nothing = {"position": math.nan, "velocity": math.nan, "attitude": math.nan}
     every = {IDENTIFIED: errors(1.0, **nothing), HOLD: errors(1.0, **nothing)}
     lines = prediction_lines(held_out(errors=every, notes=()))
-    assert lines[2].split() == ["0.1", "s", "identified", "-", "-", "-", "0.5", "rad/s", "7"]
+    assert lines[2].split() == [
+        "0.1",
+        "s",
+        "identified",
+        "-",
+        "-",
+        "-",
+        "0.5",
+        "rad/s",
+        "7",
+    ]
     assert lines[-1].startswith("Root mean squares")
 
 
 def test_the_table_of_predictions_has_a_row_for_each_horizon_and_predictor():
     rows = prediction_csv(held_out()).splitlines()
-    assert rows[0] == "horizon_s,predictor,predictions,position_m,velocity_m_s,attitude_rad,rate_rad_s"
+    assert (
+        rows[0]
+        == "horizon_s,predictor,predictions,position_m,velocity_m_s,attitude_rad,rate_rad_s"
+    )
     assert len(rows) == 1 + 3 * 4
     assert rows[1] == "0.1,identified,7,0.02,0.2,0.02,0.5"
     assert rows[-1] == "1,hold,7,2,2,0.2,0.5"
@@ -369,16 +578,26 @@ def test_the_table_of_predictions_has_a_row_for_each_horizon_and_predictor():
 
 def expected(name, half_width=0.001, relative=0.0, data_share=0.9, unit="m"):
     return ExpectedNumber(
-        name=name, unit=unit, start=1.0, half_width=half_width, relative=relative, data_share=data_share
+        name=name,
+        unit=unit,
+        start=1.0,
+        half_width=half_width,
+        relative=relative,
+        data_share=data_share,
     )
 
 
 def design(**changed):
     pairs = [
-        Sharpened(designed=expected("base.com.x", 0.001), undesigned=expected("base.com.x", 0.0025)),
+        Sharpened(
+            designed=expected("base.com.x", 0.001),
+            undesigned=expected("base.com.x", 0.0025),
+        ),
         Sharpened(
             designed=expected("base.inertia.xx", 2e-5, 0.0031, unit="kg m^2"),
-            undesigned=expected("base.inertia.xx", 2e-4, 0.031, data_share=0.3, unit="kg m^2"),
+            undesigned=expected(
+                "base.inertia.xx", 2e-4, 0.031, data_share=0.3, unit="kg m^2"
+            ),
         ),
     ]
     usual = {
@@ -399,8 +618,11 @@ def test_a_design_is_reported_with_both_intervals_and_what_the_flight_needs():
         "                       95 % interval, designed         undesigned sharper by",
         "centre of mass along x               ± 0.001 m         ± 0.0025 m        2.5",
         "roll inertia                          ± 0.31 % not in this flight       10.0",
-        "In a simulated flight: base within 1.00 x 1.25 x 0.50 m, tilt at most 21 deg, "
-        "arm at least 0.12 m from rotors and base; 0.12% of the rotor commands at a limit.",
+        (
+            "In a simulated flight: base within 1.00 x 1.25 x 0.50 m, tilt at most 21"
+            " deg, arm at least 0.12 m from rotors and base; 0.12% of the rotor"
+            " commands at a limit."
+        ),
         "Undesigned: the path on which tuned gains are validated, for as long.",
     ]
     bare = design_lines(design(clearance=math.inf), "hummingbird", 60.0)
@@ -409,19 +631,38 @@ def test_a_design_is_reported_with_both_intervals_and_what_the_flight_needs():
 
 def test_a_design_s_numbers_as_data_have_half_widths_in_the_unit():
     first, second = design_facts(design())
-    assert first == {"name": "base.com.x", "unit": "m", "designed": 0.001, "undesigned": 0.0025, "sharper": 2.5}
-    assert (second["unit"], second["designed"], second["undesigned"]) == ("kg m^2", 2e-5, 2e-4)
+    assert first == {
+        "name": "base.com.x",
+        "unit": "m",
+        "designed": 0.001,
+        "undesigned": 0.0025,
+        "sharper": 2.5,
+    }
+    assert (second["unit"], second["designed"], second["undesigned"]) == (
+        "kg m^2",
+        2e-5,
+        2e-4,
+    )
 
 
 def test_excited_numbers_stand_with_their_accuracy_in_front_of_their_names(monkeypatch):
-    numbers = [expected("base.com.x", 0.0012), expected("base.inertia.zz", relative=0.0123, data_share=0.5)]
+    numbers = [
+        expected("base.com.x", 0.0012),
+        expected("base.inertia.zz", relative=0.0123, data_share=0.5),
+    ]
     numbers.append(expected("drift", data_share=0.49))
     assert excitation_lines(numbers) == [
         "centre of mass along x: excited (± 0.0012 m) base.com.x",
         "yaw inertia:            excited (± 1.2 %)    base.inertia.zz",
         "drift of the thrust:    not in this flight   drift",
     ]
-    fault = LogFault(severity=WARNED, file="a.csv", channel="gyro", finding="is frozen", remedy="cut it")
+    fault = LogFault(
+        severity=WARNED,
+        file="a.csv",
+        channel="gyro",
+        finding="is frozen",
+        remedy="cut it",
+    )
     assert fault_line(fault) == "warned: gyro: is frozen; cut it"
     facts = excitation_facts(VEHICLE, [fault], numbers)
     assert facts["start"] == "hummingbird"
@@ -435,10 +676,20 @@ def test_excited_numbers_stand_with_their_accuracy_in_front_of_their_names(monke
             "words": "a.csv: gyro: is frozen; cut it",
         }
     ]
-    told = [(each["name"], each["excited"], each["title"]) for each in facts["excitation"]]
+    told = [
+        (each["name"], each["excited"], each["title"]) for each in facts["excitation"]
+    ]
     assert told[0] == ("base.com.x", True, "centre of mass along x")
     assert told[2] == ("drift", False, "drift of the thrust")
     assert facts["excitation"][1]["verdict"] == "excited (± 1.2 %)"
-    monkeypatch.setattr("skyarm.identify.flight_page.expected_numbers", lambda flights, start: (flights, start))
+    monkeypatch.setattr(
+        "skyarm.identify.flight_page.expected_numbers",
+        lambda flights, start: (flights, start),
+    )
     assert excited_numbers("flight", VEHICLE, [fault]) == (["flight"], VEHICLE)
-    assert excited_numbers("flight", VEHICLE, [fault, dataclasses.replace(fault, severity=REFUSED)]) == ()
+    assert (
+        excited_numbers(
+            "flight", VEHICLE, [fault, dataclasses.replace(fault, severity=REFUSED)]
+        )
+        == ()
+    )

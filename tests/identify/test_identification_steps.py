@@ -1,4 +1,6 @@
-"""Steps of an identification: what is asked of whom, in which order, of flights and of files; nothing is fitted."""
+"""Steps of an identification: what is asked of whom, in which order, of flights and of
+files; nothing is fitted.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,11 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.identify import identify_files as files_of
 from skyarm.identify import identify_flights as flights_of
 from skyarm.identify.identified_numbers import Identified
-from skyarm.identify.identified_parts import SCALED, IdentifiedSurroundings, vehicle_with
+from skyarm.identify.identified_parts import (
+    SCALED,
+    IdentifiedSurroundings,
+    vehicle_with,
+)
 from skyarm.identify.identify_files import FlightFiles, identify_files
 from skyarm.identify.identify_flights import identify_aligned
 from skyarm.identify.identify_windows import SearchOptions
@@ -30,11 +36,15 @@ def flight(name, seed=0, begin=0.0, **facts):
     time = begin + 0.01 * np.arange(1001)
     rates = np.random.default_rng(seed).normal(size=(time.size, 3))
     gyro = Channel(time=time, values=rates, source="gyro")
-    return FlightData(name=name, file=f"{name}.csv", channels={"gyro": gyro}, facts=facts)
+    return FlightData(
+        name=name, file=f"{name}.csv", channels={"gyro": gyro}, facts=facts
+    )
 
 
 def fault(severity=WARNED, file="a.csv"):
-    return LogFault(severity=severity, file=file, channel="gyro", finding="is odd", remedy="cut it")
+    return LogFault(
+        severity=severity, file=file, channel="gyro", finding="is odd", remedy="cut it"
+    )
 
 
 def found(counted):
@@ -53,8 +63,12 @@ def found(counted):
 
 @pytest.fixture
 def asked(monkeypatch):
-    """What the search for faults, the fit, the doubts and the prediction were asked, and what they answer."""
-    asked = SimpleNamespace(checked=[], fitted=[], doubted=[], predicted=[], faults=(), doubts=())
+    """What the search for faults, the fit, the doubts and the prediction were asked,
+    and what they answer.
+    """
+    asked = SimpleNamespace(
+        checked=[], fitted=[], doubted=[], predicted=[], faults=(), doubts=()
+    )
 
     def checked(flight, start):
         asked.checked.append((flight.name, flight.start, flight.end, start))
@@ -69,7 +83,9 @@ def asked(monkeypatch):
         return asked.doubts
 
     def predicted(found, start, held_out, options, *, seen):
-        asked.predicted.append(([each.name for each in held_out], options, [each.name for each in seen]))
+        asked.predicted.append(
+            ([each.name for each in held_out], options, [each.name for each in seen])
+        )
         return "predictions"
 
     for name, each in (
@@ -112,8 +128,14 @@ def test_options_of_the_function_are_those_of_the_search(asked):
     assert dataclasses.asdict(asked.fitted[1][2]) == dataclasses.asdict(SearchOptions())
 
 
-def test_poses_are_on_the_gyro_s_clock_before_the_fit_and_the_prediction(asked, monkeypatch):
-    monkeypatch.setattr(flights_of, "align_poses", lambda each: (dataclasses.replace(each, name=each.name * 2), None))
+def test_poses_are_on_the_gyro_s_clock_before_the_fit_and_the_prediction(
+    asked, monkeypatch
+):
+    monkeypatch.setattr(
+        flights_of,
+        "align_poses",
+        lambda each: (dataclasses.replace(each, name=each.name * 2), None),
+    )
     result = skyarm.identify_flights([flight("a")], START, held_out=[flight("b")])
     assert [each.name for each in asked.fitted[0][0]] == ["aa"]
     assert asked.predicted == [(["bb"], asked.fitted[0][2], ["aa"])]
@@ -121,12 +143,20 @@ def test_poses_are_on_the_gyro_s_clock_before_the_fit_and_the_prediction(asked, 
 
 
 @pytest.mark.parametrize("sampled", [False, True])
-def test_held_out_flights_have_samples_of_commands_where_those_of_the_fit_had(asked, monkeypatch, sampled):
+def test_held_out_flights_have_samples_of_commands_where_those_of_the_fit_had(
+    asked, monkeypatch, sampled
+):
     monkeypatch.setattr(
-        flights_of, "identify_by_windows", lambda *_: dataclasses.replace(found((True,)), sampled=sampled)
+        flights_of,
+        "identify_by_windows",
+        lambda *_: dataclasses.replace(found((True,)), sampled=sampled),
     )
     seen = []
-    monkeypatch.setattr(flights_of, "predict_held_out", lambda *given, **more: seen.append((given[2], more)))
+    monkeypatch.setattr(
+        flights_of,
+        "predict_held_out",
+        lambda *given, **more: seen.append((given[2], more)),
+    )
     skyarm.identify_flights([flight("a")], START, held_out=[flight("b")])
     ((held_out, more),) = seen
     assert [are_samples(each) for each in (*held_out, *more["seen"])] == [sampled] * 2
@@ -137,7 +167,12 @@ def test_faults_are_sought_in_sections_of_the_fit_and_in_whole_held_out_flights(
     options = SearchOptions(sections=[(1.0, 2.0), (4.0, 6.0)])
     asked.faults, asked.doubts = (fault(),), (fault(file="doubt"),)
     identify_aligned(
-        [flight("a"), flight("b")], START, options, reported.append, held_out=[flight("c")], progress=told.append
+        [flight("a"), flight("b")],
+        START,
+        options,
+        reported.append,
+        held_out=[flight("c")],
+        progress=told.append,
     )
     assert asked.checked == [
         ("a", 1.0, 2.0, START),
@@ -150,17 +185,35 @@ def test_faults_are_sought_in_sections_of_the_fit_and_in_whole_held_out_flights(
     assert asked.doubted == [(START, "a.csv", ["a", "b"])]
     assert told == ["look for faults", "predict the held-out flights"]
     asked.checked.clear()
-    identify_aligned([flight("a")], START, SearchOptions(), reported.append, held_out=(), progress=None)
+    identify_aligned(
+        [flight("a")],
+        START,
+        SearchOptions(),
+        reported.append,
+        held_out=(),
+        progress=None,
+    )
     assert asked.checked == [("a", 0.0, 10.0, START)]
 
 
 def test_a_flight_of_which_no_part_counts_is_warned_of(asked, monkeypatch):
-    monkeypatch.setattr(flights_of, "identify_by_windows", lambda *_: found((True, False)))
+    monkeypatch.setattr(
+        flights_of, "identify_by_windows", lambda *_: found((True, False))
+    )
     reported = []
-    identify_aligned([flight("a"), flight("b")], START, SearchOptions(), reported.append, held_out=(), progress=None)
+    identify_aligned(
+        [flight("a"), flight("b")],
+        START,
+        SearchOptions(),
+        reported.append,
+        held_out=(),
+        progress=None,
+    )
     ((short,),) = [each for each in reported if each]
-    assert short.words == (
-        "b.csv: time: no part counts: nowhere 0.25 s in the air without a gap; leave it out, or fly longer"
+    assert (
+        short.words
+        == "b.csv: time: no part counts: nowhere 0.25 s in the air without a gap; leave"
+        " it out, or fly longer"
     )
     assert short.severity == WARNED
 
@@ -186,12 +239,25 @@ def files(monkeypatch):
 
 
 def of_files(*names, held_out=(), **changed):
-    """Report of files of the fit, words that were told, and faults that were warned of."""
+    """Report of files of the fit, words that were told, and faults that were warned
+    of.
+    """
     told, warned = [], []
-    usual = {"options": SearchOptions(), "join": None, "columns": None, "gravity": None, "despite_faults": False}
+    usual = {
+        "options": SearchOptions(),
+        "join": None,
+        "columns": None,
+        "gravity": None,
+        "despite_faults": False,
+    }
     words = {**usual, **changed}
     report = identify_files(
-        FlightFiles(fit=names, held_out=held_out, join=words.pop("join"), columns=words.pop("columns")),
+        FlightFiles(
+            fit=names,
+            held_out=held_out,
+            join=words.pop("join"),
+            columns=words.pop("columns"),
+        ),
         START,
         words.pop("options"),
         warn=warned.append,
@@ -201,25 +267,54 @@ def of_files(*names, held_out=(), **changed):
     return report, told, warned
 
 
-def test_files_are_read_one_after_the_other_and_the_held_out_ones_are_predicted(asked, files):
+def test_files_are_read_one_after_the_other_and_the_held_out_ones_are_predicted(
+    asked, files
+):
     report, told, warned = of_files("a.csv", "b.csv", held_out=["c.csv"])
-    assert told[:5] == [(0, 3, "read a.csv"), (1, 3, "read b.csv"), (2, 3, "read c.csv"), (), ("look for faults",)]
+    assert told[:5] == [
+        (0, 3, "read a.csv"),
+        (1, 3, "read b.csv"),
+        (2, 3, "read c.csv"),
+        (),
+        ("look for faults",),
+    ]
     assert [each.name for each in report.flights] == ["a", "b"]
     assert asked.predicted[0][0] == ["c"]
     assert asked.predicted[0][2] == ["a", "b"]
-    assert (report.start, report.known, report.clocks, report.faults, warned) == (START, {}, {}, [], [])
+    assert (report.start, report.known, report.clocks, report.faults, warned) == (
+        START,
+        {},
+        {},
+        [],
+        [],
+    )
 
 
-def test_flights_of_which_no_part_counts_are_not_in_the_report(asked, files, monkeypatch):
-    monkeypatch.setattr(flights_of, "identify_by_windows", lambda *_: found((False, True)))
+def test_flights_of_which_no_part_counts_are_not_in_the_report(
+    asked, files, monkeypatch
+):
+    monkeypatch.setattr(
+        flights_of, "identify_by_windows", lambda *_: found((False, True))
+    )
     report, _, warned = of_files("a.csv", "b.csv")
     assert [each.name for each in report.flights] == ["b"]
-    assert [each.file for each in warned] == [each.file for each in report.faults] == ["a.csv"]
+    assert (
+        [each.file for each in warned]
+        == [each.file for each in report.faults]
+        == ["a.csv"]
+    )
 
 
-def test_the_first_of_the_files_is_joined_with_another_computer_s(asked, files, monkeypatch):
+def test_the_first_of_the_files_is_joined_with_another_computer_s(
+    asked, files, monkeypatch
+):
     monkeypatch.setattr(
-        files_of, "join_flights", lambda one, other: (dataclasses.replace(one, name=f"{one.name}{other.name}"), CLOCK)
+        files_of,
+        "join_flights",
+        lambda one, other: (
+            dataclasses.replace(one, name=f"{one.name}{other.name}"),
+            CLOCK,
+        ),
     )
     report, *_ = of_files("a.csv", held_out=["b.csv"], join="c.csv")
     assert [each.name for each in report.flights] == ["ac"]
@@ -230,7 +325,11 @@ def test_the_first_of_the_files_is_joined_with_another_computer_s(asked, files, 
 def test_the_voltage_of_the_rotors_data_is_no_number_of_the_search(asked, files):
     known = {"voltage": 12.5, "delay": 0.0}
     with pytest.raises(
-        ValueError, match=r"^--known voltage = 12\.5: must be left out: no flight measures the voltage$"
+        ValueError,
+        match=(
+            r"^--known voltage = 12\.5: must be left out: no flight measures the"
+            r" voltage$"
+        ),
     ):
         of_files("a.csv", held_out=["b.csv"], options=SearchOptions(known=known))
     volts = dataclasses.replace(files["b.csv"]["gyro"], values=np.full((1001, 1), 12.0))
@@ -242,9 +341,12 @@ def test_the_voltage_of_the_rotors_data_is_no_number_of_the_search(asked, files)
 
 
 @pytest.mark.parametrize(
-    ("stated", "given", "felt"), [({}, None, 9.81), ({"gravity": 9.7}, None, 9.7), ({"gravity": 9.7}, 1.62, 1.62)]
+    ("stated", "given", "felt"),
+    [({}, None, 9.81), ({"gravity": 9.7}, None, 9.7), ({"gravity": 9.7}, 1.62, 1.62)],
 )
-def test_gravity_is_given_or_that_of_the_flights_or_the_usual_one(asked, files, stated, given, felt):
+def test_gravity_is_given_or_that_of_the_flights_or_the_usual_one(
+    asked, files, stated, given, felt
+):
     files["b.csv"] = dataclasses.replace(files["b.csv"], facts=stated)
     of_files("a.csv", "b.csv", gravity=given)
     assert asked.fitted[0][2].gravity == felt
@@ -254,7 +356,11 @@ def test_flights_of_two_gravities_need_one_that_is_given(asked, files):
     for name, value in (("a.csv", 9.7), ("c.csv", 9.75)):
         files[name] = dataclasses.replace(files[name], facts={"gravity": value})
     with pytest.raises(
-        ValueError, match=r"^--gravity: is missing: the flights state several, m/s\^2: a 9\.7, c 9\.75$"
+        ValueError,
+        match=(
+            r"^--gravity: is missing: the flights state several, m/s\^2: a 9\.7, c"
+            r" 9\.75$"
+        ),
     ):
         of_files("a.csv", "b.csv", held_out=["c.csv"])
 
@@ -278,14 +384,22 @@ def test_sections_lie_within_every_flight_of_the_fit(asked, files, section, word
 
 
 def test_a_measurement_counts_once(asked, files):
-    with pytest.raises(ValueError, match=r"^--held-out = '\./a\.csv': must not be among the flights of the fit$"):
+    with pytest.raises(
+        ValueError,
+        match=r"^--held-out = '\./a\.csv': must not be among the flights of the fit$",
+    ):
         of_files("a.csv", held_out=["./a.csv"])
     files["b.csv"] = dataclasses.replace(files["a.csv"], name="b", file="b.csv")
-    with pytest.raises(ValueError, match=r"^flight = 'b\.csv': must be another measurement than 'a\.csv'$"):
+    with pytest.raises(
+        ValueError,
+        match=r"^flight = 'b\.csv': must be another measurement than 'a\.csv'$",
+    ):
         of_files("a.csv", "b.csv")
 
 
-def test_a_refused_fault_of_a_file_is_in_the_report_only_if_it_is_flown_despite(asked, files):
+def test_a_refused_fault_of_a_file_is_in_the_report_only_if_it_is_flown_despite(
+    asked, files
+):
     asked.faults = (fault(REFUSED), fault())
     with pytest.raises(ValueError, match="is odd"):
         of_files("a.csv")
@@ -295,14 +409,18 @@ def test_a_refused_fault_of_a_file_is_in_the_report_only_if_it_is_flown_despite(
 
 @pytest.mark.parametrize("name", SCALED)
 def test_numbers_of_the_first_rotor_keep_the_ratios_of_the_others(name):
-    """A rotor that has 1.3 times the number at the start has it afterwards; alike ones have what was found, exactly."""
+    """A rotor that has 1.3 times the number at the start has it afterwards; alike ones
+    have what was found, exactly.
+    """
     start = skyarm.load_vehicle("hummingbird_arm2_rotors")
     first, second, *rest = start.rotors
     odd = dataclasses.replace(second, **{name: 1.3 * float(getattr(second, name))})
     found = 1.1 * float(getattr(first, name))
     for checked in (False, True):
         vehicle = vehicle_with(
-            start.with_checked(rotors=(first, odd, *rest)), {f"rotors.{name}": found}, checked=checked
+            start.with_checked(rotors=(first, odd, *rest)),
+            {f"rotors.{name}": found},
+            checked=checked,
         )
         values = [float(getattr(rotor, name)) for rotor in vehicle.rotors]
         assert values[1] == pytest.approx(1.3 * found, rel=1e-12)

@@ -1,4 +1,6 @@
-"""``skyarm identify`` of a damaged flight: one line that names the fault, exit code 2, and nothing written."""
+"""``skyarm identify`` of a damaged flight: one line that names the fault, exit code 2,
+and nothing written.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ def hover():
     speed = np.sqrt(9.81 * VEHICLE.mass / 4.0 / VEHICLE.rotors[0].thrust_coefficient)
     rates = noise.normal(scale=0.1, size=(len(time), 3))
     forces = noise.normal([0.0, 0.0, 9.81], 0.1, (len(time), 3))
-    return np.column_stack([time, rates, forces, noise.normal(speed, 5.0, (len(time), 4))])
+    return np.column_stack(
+        [time, rates, forces, noise.normal(speed, 5.0, (len(time), 4))]
+    )
 
 
 def write(rows, end=None):
@@ -72,23 +76,44 @@ def standing(rows):
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
-        (grams, ("hover.csv: accelerometer: is 1 on the median", "it looks like g; state its unit in columns.toml")),
+        (
+            grams,
+            (
+                "hover.csv: accelerometer: is 1 on the median",
+                "it looks like g; state its unit in columns.toml",
+            ),
+        ),
         (gaps, ("hover.csv: accelerometer: 180 of 540 rows are without numbers",)),
         (endless, ("hover.csv: gyro: 180 of 540 rows are without numbers",)),
-        (standing, ("hover.csv: gyro: 180 of 540 rows are left out, as their times do not rise",)),
+        (
+            standing,
+            (
+                (
+                    "hover.csv: gyro: 180 of 540 rows are left out, as their times do"
+                    " not rise"
+                ),
+            ),
+        ),
     ],
 )
 def test_a_fault_is_named_in_one_line_and_nothing_is_written(damage, words):
     rows = hover()
     damage(rows)
     write(rows)
-    refused(skyarm("identify", "hover.csv", "--vehicle", "hummingbird", "--out", "found"), *words)
+    refused(
+        skyarm("identify", "hover.csv", "--vehicle", "hummingbird", "--out", "found"),
+        *words,
+    )
     assert not Path("found").exists()
 
 
 def test_a_file_that_is_cut_off_is_too_short_or_damaged():
     write(hover(), end=0.3)
-    refused(skyarm("identify", "hover.csv", "--vehicle", "hummingbird"), "hover.csv: flight:", "too short, or cut off")
+    refused(
+        skyarm("identify", "hover.csv", "--vehicle", "hummingbird"),
+        "hover.csv: flight:",
+        "too short, or cut off",
+    )
     Path("log").write_bytes(CRAZYFLIE_LOG.read_bytes()[:150])
     refused(skyarm("identify", "log", "--vehicle", "hummingbird"), "log")
 
@@ -99,5 +124,7 @@ def test_a_fault_is_warned_of_if_the_flight_is_wanted_despite_it(monkeypatch):
     rows = hover()
     grams(rows)
     write(rows)
-    done = skyarm("identify", "hover.csv", "--vehicle", "hummingbird", "--despite-faults")
+    done = skyarm(
+        "identify", "hover.csv", "--vehicle", "hummingbird", "--despite-faults"
+    )
     assert "warning: hover.csv: accelerometer: is 1 on the median" in done.err

@@ -1,4 +1,6 @@
-"""Nothing is said against sound logs; damaged ones are named by channel and kind, or give the right numbers."""
+"""Nothing is said against sound logs; damaged ones are named by channel and kind, or
+give the right numbers.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,13 @@ MISSED: dict[str, str] = {}
 def expected(names, failures):
     """Cases, those of which fail today marked."""
     return [
-        pytest.param(name, marks=pytest.mark.xfail(strict=True, reason=failures[name])) if name in failures else name
+        (
+            pytest.param(
+                name, marks=pytest.mark.xfail(strict=True, reason=failures[name])
+            )
+            if name in failures
+            else name
+        )
         for name in names
     ]
 

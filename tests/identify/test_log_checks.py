@@ -1,4 +1,6 @@
-"""Thresholds of the checks of a log that need no model: a damage a little below each is passed over, above it told."""
+"""Thresholds of the checks of a log that need no model: a damage a little below each is
+passed over, above it told.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,10 @@ MAX = float(VEHICLE.rotors[0].max_speed)
 
 
 def told(flight, vehicle=VEHICLE):
-    return [f"{each.severity} {each.channel}: {each.finding}" for each in check_log(flight, vehicle)]
+    return [
+        f"{each.severity} {each.channel}: {each.finding}"
+        for each in check_log(flight, vehicle)
+    ]
 
 
 def rows(name, chosen):
@@ -28,7 +33,11 @@ def rows(name, chosen):
     def of(flight):
         channel = flight[name]
         return flight.with_channels(
-            {name: dataclasses.replace(channel, time=channel.time[chosen], values=channel.values[chosen])}
+            {
+                name: dataclasses.replace(
+                    channel, time=channel.time[chosen], values=channel.values[chosen]
+                )
+            }
         )
 
     return of
@@ -61,7 +70,9 @@ def without(name, *parts):
 
     def of(flight):
         time = flight[name].time
-        return rows(name, ~np.any([(time > a) & (time < b) for a, b in parts], axis=0))(flight)
+        return rows(name, ~np.any([(time > a) & (time < b) for a, b in parts], axis=0))(
+            flight
+        )
 
     return of
 
@@ -69,7 +80,9 @@ def without(name, *parts):
 def dropped(name, share):
     """Single rows, evenly spread, that are missing."""
     count = SOUND[name].time.size
-    return rows(name, ~np.isin(np.arange(count), np.arange(5, count - 5, round(1.0 / share))))
+    return rows(
+        name, ~np.isin(np.arange(count), np.arange(5, count - 5, round(1.0 / share)))
+    )
 
 
 def on_lines(name):
@@ -115,10 +128,22 @@ def shares(flight):
 
 
 def quiet(noise, path, axes=(1.0, 1.0, 1.0)):
-    """Flight whose gyro deviates by some rad/s about some axes and whose position moves along x by so many m."""
+    """Flight whose gyro deviates by some rad/s about some axes and whose position moves
+    along x by so many m.
+    """
     return then(
-        rows_of("gyro", lambda rows: noise * np.where(np.arange(len(rows)) % 2, 1.0, -1.0)[:, None] * np.array(axes)),
-        rows_of("position", lambda rows: np.linspace(0.0, path, len(rows))[:, None] * [1.0, 0.0, 0.0]),
+        rows_of(
+            "gyro",
+            lambda rows: (
+                noise
+                * np.where(np.arange(len(rows)) % 2, 1.0, -1.0)[:, None]
+                * np.array(axes)
+            ),
+        ),
+        rows_of(
+            "position",
+            lambda rows: np.linspace(0.0, path, len(rows))[:, None] * [1.0, 0.0, 0.0],
+        ),
     )
 
 
@@ -128,7 +153,13 @@ def noted(text):
 
 def added(name, values):
     return lambda flight: flight.with_channels(
-        {name: Channel(time=flight["gyro"].time, values=np.full((flight["gyro"].time.size, 1), values), source="made")}
+        {
+            name: Channel(
+                time=flight["gyro"].time,
+                values=np.full((flight["gyro"].time.size, 1), values),
+                source="made",
+            )
+        }
     )
 
 
@@ -142,12 +173,36 @@ AROUND = {
         noted("gyro: 201 of 1000 rows are without numbers."),
         "refused gyro: 201 of 1000 rows are without numbers",
     ),
-    "frozen sensor": (held("position", 29), held("position", 31), "warned position: is frozen for 0.31 s at 2 s"),
-    "frozen needed sensor": (held("gyro", 29), held("gyro", 31), "refused gyro: is frozen for 0.31 s"),
-    "frozen axis": (held("gyro", 59, 1), held("gyro", 61, 1), "refused gyro: axis y is frozen for 0.61 s"),
-    "frozen axis of a pose": (held("position", 400, 1), held("position", 31), "warned position: is frozen"),
-    "stuck commands": (held(SPEED, 99), held(SPEED, 101), f"refused {SPEED}: is frozen for 1.01 s"),
-    "commands that seldom change": (held(SPEED, 370), held(SPEED, 330), f"refused {SPEED}: is frozen for 3.3 s"),
+    "frozen sensor": (
+        held("position", 29),
+        held("position", 31),
+        "warned position: is frozen for 0.31 s at 2 s",
+    ),
+    "frozen needed sensor": (
+        held("gyro", 29),
+        held("gyro", 31),
+        "refused gyro: is frozen for 0.31 s",
+    ),
+    "frozen axis": (
+        held("gyro", 59, 1),
+        held("gyro", 61, 1),
+        "refused gyro: axis y is frozen for 0.61 s",
+    ),
+    "frozen axis of a pose": (
+        held("position", 400, 1),
+        held("position", 31),
+        "warned position: is frozen",
+    ),
+    "stuck commands": (
+        held(SPEED, 99),
+        held(SPEED, 101),
+        f"refused {SPEED}: is frozen for 1.01 s",
+    ),
+    "commands that seldom change": (
+        held(SPEED, 370),
+        held(SPEED, 330),
+        f"refused {SPEED}: is frozen for 3.3 s",
+    ),
     "frozen channel of few rows": (
         then(rows("position", slice(None, 792, 8)), held("position", 20, begin=40)),
         then(rows("position", slice(None, None, 8)), held("position", 20, begin=40)),
@@ -156,16 +211,34 @@ AROUND = {
     "repeated rows": (
         repeated("gyro", 0.29),
         repeated("gyro", 0.31),
-        "warned gyro: 31 % of the rows repeat the one before, so that its rate is 69.1 Hz rather than 100 Hz",
+        (
+            "warned gyro: 31 % of the rows repeat the one before, so that its rate is"
+            " 69.1 Hz rather than 100 Hz"
+        ),
     ),
     "lines between samples": (
         on_lines("velocity"),
         on_lines("gyro"),
-        "warned gyro: is on straight lines between samples of 50 Hz, rather than of 100 Hz",
+        (
+            "warned gyro: is on straight lines between samples of 50 Hz, rather than of"
+            " 100 Hz"
+        ),
     ),
-    "a limit, in all": (at_limit(4), at_limit(5), "warned gyro: axis x is saturated at 9 in 5 samples"),
-    "a limit, in runs": (at_limit(3, 1, 1), at_limit(3, 3), "warned gyro: axis x is saturated at 9 in 6 samples"),
-    "a lower limit": (at_limit(4, limit=-9.0), at_limit(6, limit=-9.0), "warned gyro: axis x is saturated at -9 in 6"),
+    "a limit, in all": (
+        at_limit(4),
+        at_limit(5),
+        "warned gyro: axis x is saturated at 9 in 5 samples",
+    ),
+    "a limit, in runs": (
+        at_limit(3, 1, 1),
+        at_limit(3, 3),
+        "warned gyro: axis x is saturated at 9 in 6 samples",
+    ),
+    "a lower limit": (
+        at_limit(4, limit=-9.0),
+        at_limit(6, limit=-9.0),
+        "warned gyro: axis x is saturated at -9 in 6",
+    ),
     "a gap of a sensor": (
         without("position", (3.0, 3.085)),
         without("position", (3.0, 3.105)),
@@ -239,25 +312,46 @@ AROUND = {
     "many damaged shares": (
         then(shares, beyond("rotor_commands", 0.009, 0.06, -1.0)),
         then(shares, beyond("rotor_commands", 0.011, 0.06, -1.0)),
-        r"refused rotor_commands: 1.1 % of the rows are outside 0 to 1, from -0.06 to [\d.]+: they are damaged",
+        (
+            r"refused rotor_commands: 1.1 % of the rows are outside 0 to 1, from -0.06"
+            r" to [\d.]+: they are damaged"
+        ),
     ),
     "accelerometer in another unit": (
         rows_of("accelerometer", times(0.6, 0.6, 0.6)),
         rows_of("accelerometer", times(0.4, 0.4, 0.4)),
-        "refused accelerometer: is .* on the median, and flights have 4.91 to 19.62: no unit fits",
+        (
+            "refused accelerometer: is .* on the median, and flights have 4.91 to"
+            " 19.62: no unit fits"
+        ),
     ),
     "accelerometer without gravity": (
         rows_of("accelerometer", lambda rows: rows + np.array([8.0, 0.0, 0.0])),
         rows_of("accelerometer", lambda rows: rows - [0.0, 0.0, 9.81]),
         "refused accelerometer: .* it looks as if gravity were taken off",
     ),
-    "voltage": (added("voltage", 99.0), added("voltage", 1.1e4), "refused voltage: .* it looks like mV"),
-    "low voltage": (added("voltage", 1.1), added("voltage", 0.9), "refused voltage: .* no unit fits"),
-    "high voltage": (added("voltage", 100.0), added("voltage", 100.1), "refused voltage: .* no unit fits"),
+    "voltage": (
+        added("voltage", 99.0),
+        added("voltage", 1.1e4),
+        "refused voltage: .* it looks like mV",
+    ),
+    "low voltage": (
+        added("voltage", 1.1),
+        added("voltage", 0.9),
+        "refused voltage: .* no unit fits",
+    ),
+    "high voltage": (
+        added("voltage", 100.0),
+        added("voltage", 100.1),
+        "refused voltage: .* no unit fits",
+    ),
     "fast velocity": (
         rows_of("velocity", lambda rows: rows + np.array([0.0, 98.0, 0.0])),
         rows_of("velocity", lambda rows: rows + np.array([0.0, 102.0, 0.0])),
-        "refused velocity: is .* on the median, and flights have 0 to 100: it looks like mm/s",
+        (
+            "refused velocity: is .* on the median, and flights have 0 to 100: it looks"
+            " like mm/s"
+        ),
     ),
     "angles": (
         rows_of("joint_positions", lambda rows: rows + 12.0),
@@ -324,7 +418,9 @@ def test_a_damage_is_told_from_its_threshold_on(name):
     passed, found = told(below(SOUND)), told(above(SOUND))
     assert any(re.match(words, each) for each in found), found
     kind = re.sub(r"[\d.]+ s?.*$", "", words)
-    assert not any(re.match(words if kind == words else kind, each) for each in passed), passed
+    assert not any(
+        re.match(words if kind == words else kind, each) for each in passed
+    ), passed
 
 
 @pytest.mark.parametrize(
@@ -332,12 +428,30 @@ def test_a_damage_is_told_from_its_threshold_on(name):
     [
         (rows_of("accelerometer", times(*(100.0,) * 3)), "it looks like mg or cm/s^2"),
         (rows_of("accelerometer", times(*(0.102,) * 3)), "it looks like g"),
-        (rows_of("velocity", lambda rows: 100.0 * rows + [0.0, 300.0, 0.0]), "it looks like mm/s or cm/s"),
-        (rows_of("velocity", lambda rows: 1e3 * rows + [0.0, 2e4, 0.0]), "it looks like mm/s"),
-        (then(shares, rows_of("rotor_commands", lambda rows: 0.0 * rows + 90.0)), "it looks like percent or a byte"),
-        (then(shares, rows_of("rotor_commands", lambda rows: 0.0 * rows + 30.0)), "it looks like percent"),
-        (then(shares, rows_of("rotor_commands", lambda rows: 0.0 * rows + 150.0)), "it looks like a byte"),
-        (rows_of(SPEED, times(*(60.0**0.5,) * 4)), "look like rpm or rad/s of a motor behind a gear, or of poles"),
+        (
+            rows_of("velocity", lambda rows: 100.0 * rows + [0.0, 300.0, 0.0]),
+            "it looks like mm/s or cm/s",
+        ),
+        (
+            rows_of("velocity", lambda rows: 1e3 * rows + [0.0, 2e4, 0.0]),
+            "it looks like mm/s",
+        ),
+        (
+            then(shares, rows_of("rotor_commands", lambda rows: 0.0 * rows + 90.0)),
+            "it looks like percent or a byte",
+        ),
+        (
+            then(shares, rows_of("rotor_commands", lambda rows: 0.0 * rows + 30.0)),
+            "it looks like percent",
+        ),
+        (
+            then(shares, rows_of("rotor_commands", lambda rows: 0.0 * rows + 150.0)),
+            "it looks like a byte",
+        ),
+        (
+            rows_of(SPEED, times(*(60.0**0.5,) * 4)),
+            "look like rpm or rad/s of a motor behind a gear, or of poles",
+        ),
     ],
 )
 def test_units_that_cannot_be_told_apart_are_all_named(change, words):
@@ -346,44 +460,75 @@ def test_units_that_cannot_be_told_apart_are_all_named(change, words):
 
 
 @pytest.mark.parametrize(
-    ("height", "words"), [(0.49, "0.28 of the weight: the flight never took off"), (0.51, "0.28 times the weight of")]
+    ("height", "words"),
+    [
+        (0.49, "0.28 of the weight: the flight never took off"),
+        (0.51, "0.28 times the weight of"),
+    ],
 )
-def test_a_calm_flight_that_climbs_took_off_however_little_its_rotors_seem_to_lift(height, words):
-    rise = rows_of("position", lambda rows: np.outer(np.linspace(0.0, height, len(rows)), [0.0, 0.0, 1.0]))
-    (found,) = told(then(quiet(0.01, 0.0), rise, rows_of(SPEED, times(*(0.28**0.5,) * 4)))(SOUND))
+def test_a_calm_flight_that_climbs_took_off_however_little_its_rotors_seem_to_lift(
+    height, words
+):
+    rise = rows_of(
+        "position",
+        lambda rows: np.outer(np.linspace(0.0, height, len(rows)), [0.0, 0.0, 1.0]),
+    )
+    (found,) = told(
+        then(quiet(0.01, 0.0), rise, rows_of(SPEED, times(*(0.28**0.5,) * 4)))(SOUND)
+    )
     assert f"lift {words}" in found
 
 
 def test_measured_speeds_are_offered_where_no_commands_were_logged():
     speeds = dataclasses.replace(SOUND[SPEED], source="measured")
-    channels = {name: SOUND[name] for name in SOUND if name != SPEED} | {"rotor_speeds": speeds}
+    channels = {name: SOUND[name] for name in SOUND if name != SPEED} | {
+        "rotor_speeds": speeds
+    }
     (found,) = check_log(dataclasses.replace(SOUND, channels=channels), VEHICLE)
-    assert found.remedy == "log them, or map the measured rotor_speeds as rotor_speed_commands"
+    assert (
+        found.remedy
+        == "log them, or map the measured rotor_speeds as rotor_speed_commands"
+    )
 
 
 def test_a_sound_flight_has_nothing_to_tell():
     assert told(SOUND) == told(made(2.05)) == told(shares(SOUND)) == []
-    assert told(made(2.0)) == ["refused flight: 0.98 s in the air: too short, or cut off"]
+    assert told(made(2.0)) == [
+        "refused flight: 0.98 s in the air: too short, or cut off"
+    ]
 
 
 @pytest.mark.parametrize(
-    ("name", "least", "most"), [("position", 0.09, 0.11), ("rotor_commands", 0.49, 0.51), ("voltage", 0.09, 0.11)]
+    ("name", "least", "most"),
+    [("position", 0.09, 0.11), ("rotor_commands", 0.49, 0.51), ("voltage", 0.09, 0.11)],
 )
 @pytest.mark.parametrize("count", [19, 20, 60])
 def test_gaps_are_told_of_channels_whose_rate_is_known(name, least, most, count):
-    """A sensor may miss five of its usual times between samples, a held command twenty."""
+    """A sensor may miss five of its usual times between samples, a held command
+    twenty.
+    """
     times = 20.0 if name == "rotor_commands" else 5.0
     for usual in (0.01, 0.1):
-        for gap, found in ((max(least, 0.98 * times * usual), False), (max(most, 1.02 * times * usual), True)):
+        for gap, found in (
+            (max(least, 0.98 * times * usual), False),
+            (max(most, 1.02 * times * usual), True),
+        ):
             time = np.arange(count) * usual
             time[10:] += gap - usual
-            gaps = channel_gaps(name, Channel(time=time, values=np.zeros((count, 1)), source="made"))
-            expected = [(pytest.approx(9.0 * usual), pytest.approx(gap))] if found and count >= 20 else []
+            gaps = channel_gaps(
+                name, Channel(time=time, values=np.zeros((count, 1)), source="made")
+            )
+            expected = (
+                [(pytest.approx(9.0 * usual), pytest.approx(gap))]
+                if found and count >= 20
+                else []
+            )
             assert gaps == expected
 
 
 @pytest.mark.parametrize(
-    ("rest", "words"), [(1.9, []), (2.1, ["warned gyro: ends 2.1 s before the flight: it is cut off"])]
+    ("rest", "words"),
+    [(1.9, []), (2.1, ["warned gyro: ends 2.1 s before the flight: it is cut off"])],
 )
 def test_of_a_long_flight_a_twentieth_may_lack(rest, words):
     flight = made(40.0, 20.0)
@@ -391,7 +536,9 @@ def test_of_a_long_flight_a_twentieth_may_lack(rest, words):
 
 
 def test_what_hides_other_damage_is_told_alone():
-    empty = rows("gyro", slice(0))(then(held("position", 40), held("accelerometer", 40))(SOUND))
+    empty = rows("gyro", slice(0))(
+        then(held("position", 40), held("accelerometer", 40))(SOUND)
+    )
     assert told(empty) == ["refused gyro: has no sample in this part of the flight"]
     unused = rows("velocity", slice(0))(held("position", 40)(SOUND))
     assert told(unused) == [
@@ -399,24 +546,40 @@ def test_what_hides_other_damage_is_told_alone():
         "warned position: is frozen for 0.4 s at 2 s",
     ]
     lost = noted("gyro: 900 of 1000 rows are lost.")(held("position", 40)(SOUND))
-    assert told(lost) == ["refused gyro: 900 of 1000 rows are lost", "warned position: is frozen for 0.4 s at 2 s"]
-    wrong = then(beyond("gyro", 0.005, 99.0), rows_of("accelerometer", times(0.1, 0.1, 0.1)))(SOUND)
-    assert [each.channel for each in check_log(wrong, VEHICLE)] == ["gyro"], "units are looked at without spikes"
+    assert told(lost) == [
+        "refused gyro: 900 of 1000 rows are lost",
+        "warned position: is frozen for 0.4 s at 2 s",
+    ]
+    wrong = then(
+        beyond("gyro", 0.005, 99.0), rows_of("accelerometer", times(0.1, 0.1, 0.1))
+    )(SOUND)
+    assert [each.channel for each in check_log(wrong, VEHICLE)] == ["gyro"], (
+        "units are looked at without spikes"
+    )
 
 
 def test_rotors_that_turn_the_other_way_may_have_negative_speeds():
     """Whether their thrust is that of a coefficient or of a table."""
     first = VEHICLE.rotors[0]
     speeds = tuple(MAX * share for share in (0.25, 0.5, 0.75, 1.0))
-    table = ThrustTable(speed=speeds, thrust=tuple(first.thrust_coefficient * speed**2 for speed in speeds))
+    table = ThrustTable(
+        speed=speeds,
+        thrust=tuple(first.thrust_coefficient * speed**2 for speed in speeds),
+    )
     own = {"table": table, "thrust_coefficient": table.thrust_coefficient}
     rotors = [dataclasses.replace(each, **own) for each in VEHICLE.rotors]
     signed = rows_of(SPEED, times(1, -1, 1, -1))(SOUND)
-    assert told(signed) == told(signed, dataclasses.replace(VEHICLE, rotors=tuple(rotors))) == []
+    assert (
+        told(signed)
+        == told(signed, dataclasses.replace(VEHICLE, rotors=tuple(rotors)))
+        == []
+    )
 
 
 def test_a_warning_is_no_reason_to_refuse_a_flight_and_the_first_fault_is_named():
-    faults = check_log(then(held("position", 40), held("gyro", 40), held(SPEED, 120))(SOUND), VEHICLE)
+    faults = check_log(
+        then(held("position", 40), held("gyro", 40), held(SPEED, 120))(SOUND), VEHICLE
+    )
     assert [each.severity for each in faults] == ["refused", "warned", "refused"]
     require_no_refusal(faults[1:2])
     require_no_refusal(())
@@ -425,13 +588,24 @@ def test_a_warning_is_no_reason_to_refuse_a_flight_and_the_first_fault_is_named(
 
 
 def test_speeds_tell_more_than_shares():
-    both = SOUND.with_channels({"rotor_commands": dataclasses.replace(SOUND[SPEED], values=70.0 + SOUND[SPEED].values)})
+    both = SOUND.with_channels(
+        {
+            "rotor_commands": dataclasses.replace(
+                SOUND[SPEED], values=70.0 + SOUND[SPEED].values
+            )
+        }
+    )
     assert told(both) == []
 
 
 def test_a_flight_of_the_simulator_is_told_how_to_log_more():
     flight = dataclasses.replace(
-        SOUND, channels={name: SOUND[name] for name in SOUND if name not in ("gyro", SPEED, "joint_positions")}
+        SOUND,
+        channels={
+            name: SOUND[name]
+            for name in SOUND
+            if name not in ("gyro", SPEED, "joint_positions")
+        },
     )
     remedies = {each.channel: each.remedy for each in check_log(flight, VEHICLE)}
     assert remedies == {
@@ -445,19 +619,25 @@ def test_a_flight_of_the_simulator_is_told_how_to_log_more():
 
 
 def test_a_position_or_velocity_without_an_attitude_is_not_used():
-    blind = dataclasses.replace(SOUND, channels={name: SOUND[name] for name in SOUND if name != "quaternion"})
+    blind = dataclasses.replace(
+        SOUND, channels={name: SOUND[name] for name in SOUND if name != "quaternion"}
+    )
     assert "warned position: no attitude is measured beside it" in told(blind)
     assert not any("attitude" in each for each in told(SOUND))
 
 
 def test_a_flight_below_a_second_is_short_rather_than_on_the_ground():
-    assert told(made(seconds=0.9)) == ["refused flight: 0 s in the air: too short, or cut off"]
+    assert told(made(seconds=0.9)) == [
+        "refused flight: 0 s in the air: too short, or cut off"
+    ]
 
 
 def test_the_cure_of_commands_in_percent_is_their_range():
     shares = SOUND["rotor_speed_commands"].values / MAX
     percent = dataclasses.replace(SOUND["rotor_speed_commands"], values=100.0 * shares)
-    channels = {name: SOUND[name] for name in SOUND if name != SPEED} | {"rotor_commands": percent}
+    channels = {name: SOUND[name] for name in SOUND if name != SPEED} | {
+        "rotor_commands": percent
+    }
     (fault,) = check_log(dataclasses.replace(SOUND, channels=channels), VEHICLE)
     assert fault.finding.endswith("it looks like percent or a byte")
     assert fault.remedy == "state low and high in columns.toml"
@@ -468,5 +648,10 @@ def test_angles_beyond_two_turns_look_like_degrees(name):
     channel = SOUND["joint_positions"]
     for size, refused in ((4.0 * np.pi - 0.05, False), (4.0 * np.pi + 0.05, True)):
         values = np.full_like(channel.values, size)
-        flight = SOUND.with_channels({name: dataclasses.replace(channel, values=values)})
-        assert any(f"{name}: is" in each and "degrees" in each for each in told(flight)) is refused
+        flight = SOUND.with_channels(
+            {name: dataclasses.replace(channel, values=values)}
+        )
+        assert (
+            any(f"{name}: is" in each and "degrees" in each for each in told(flight))
+            is refused
+        )

@@ -1,4 +1,6 @@
-"""Multisines: how far a drawn segment swings, and how its offsets, frequencies and amplitudes fill the ranges."""
+"""Multisines: how far a drawn segment swings, and how its offsets, frequencies and
+amplitudes fill the ranges.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,13 @@ import math
 import numpy as np
 import pytest
 
-from skyarm.identify.multisines import Axes, Segment, draw_segment, mutate_segment, within
+from skyarm.identify.multisines import (
+    Axes,
+    Segment,
+    draw_segment,
+    mutate_segment,
+    within,
+)
 
 LENGTH = 10.0
 TIMES = np.linspace(0.0, LENGTH, 4001)
@@ -34,13 +42,18 @@ def sines(*frequencies, amplitude=1.0, offset=0.0):
 
 def swings(segment):
     """Sums of the sines (axes, N) without the envelope."""
-    angles = 2.0 * np.pi * segment.frequencies[:, :, None] * TIMES + segment.phases[:, :, None]
+    angles = (
+        2.0 * np.pi * segment.frequencies[:, :, None] * TIMES
+        + segment.phases[:, :, None]
+    )
     return (segment.amplitudes[:, :, None] * np.sin(angles)).sum(axis=1)
 
 
 @pytest.mark.parametrize("amplitude", [0.01, 20.0])
 def test_a_swing_has_the_size_that_is_wanted_whatever_its_sines_were(amplitude):
-    """By its peak, which is below the sum of the amplitudes: sines of different frequencies do not meet at once."""
+    """By its peak, which is below the sum of the amplitudes: sines of different
+    frequencies do not meet at once.
+    """
     size = np.array([0.1, 0.2, 0.3, 1.0, 0.15])
     found = within(sines(0.21, 0.34, 0.4, amplitude=amplitude), AXES, size)
     assert np.abs(swings(found)).max(axis=1) == pytest.approx(size, rel=2e-3)
@@ -51,10 +64,14 @@ def test_without_a_size_a_swing_in_its_range_stays_and_a_wider_one_fills_the_ran
     assert within(soft, AXES, None).amplitudes == pytest.approx(soft.amplitudes)
     loud = within(sines(0.21, 0.34, amplitude=9.0), AXES, None)
     # the joint rests 0.2 from its lower end
-    assert np.abs(swings(loud)).max(axis=1) == pytest.approx([0.75, 0.75, 0.75, 1.2, 0.2], rel=2e-3)
+    assert np.abs(swings(loud)).max(axis=1) == pytest.approx(
+        [0.75, 0.75, 0.75, 1.2, 0.2], rel=2e-3
+    )
 
 
-@pytest.mark.parametrize(("offset", "left"), [(0.7, 0.5), (1.0, 0.2), (-0.1, 0.1), (1.3, 0.0), (-0.3, 0.0)])
+@pytest.mark.parametrize(
+    ("offset", "left"), [(0.7, 0.5), (1.0, 0.2), (-0.1, 0.1), (1.3, 0.0), (-0.3, 0.0)]
+)
 def test_about_an_offset_a_joint_swings_as_far_as_to_the_nearer_end(offset, left):
     """An offset beyond the range ends at it, and there the joint rests."""
     found = within(sines(0.21, 0.34, amplitude=9.0, offset=offset), AXES, None)
@@ -66,7 +83,9 @@ def test_the_pull_on_the_base_is_limited_to_4_m_per_s2_and_the_rest_is_not():
     """Of a sine of 2 Hz: 4 m/s^2 at an amplitude of 2.5 cm."""
     found = within(sines(2.0), AXES, np.full(5, 0.15))
     most = 4.0 / (4.0 * math.pi) ** 2
-    assert np.abs(swings(found)).max(axis=1) == pytest.approx([most, most, most, 0.15, 0.15], rel=2e-3)
+    assert np.abs(swings(found)).max(axis=1) == pytest.approx(
+        [most, most, most, 0.15, 0.15], rel=2e-3
+    )
     slow = within(sines(0.5), AXES, np.full(5, 0.15))
     assert np.abs(swings(slow)).max(axis=1) == pytest.approx(np.full(5, 0.15), rel=2e-3)
 
@@ -79,7 +98,8 @@ def test_drawn_offsets_of_a_joint_are_about_mid_range_and_the_base_has_none():
     about = offsets[:, 4] + AXES.rest[4]
     # of 200 draws: four standard deviations
     assert about.mean() == pytest.approx(1.0, abs=0.06)
-    # an offset leaves room for the swing, between a tenth of the range's half and the whole of it
+    # an offset leaves room for the swing, between a tenth of the range's half and the
+    # whole of it
     sizes = np.array([np.abs(swings(each)[4]).max() for each in drawn[:60]])
     assert (np.abs(about[:60] - 1.0) + sizes <= 0.7 * (1.0 + 2e-3)).all()
     assert sizes.min() == pytest.approx(0.07, abs=0.03)
@@ -90,7 +110,9 @@ def test_drawn_offsets_of_a_joint_are_about_mid_range_and_the_base_has_none():
 
 def test_phases_are_drawn_from_the_whole_circle():
     draw = np.random.default_rng(2)
-    phases = np.concatenate([draw_segment(AXES, LENGTH, draw).phases.ravel() for _ in range(50)])
+    phases = np.concatenate(
+        [draw_segment(AXES, LENGTH, draw).phases.ravel() for _ in range(50)]
+    )
     assert np.abs(phases).max() <= math.pi
     assert np.abs(np.exp(1j * phases).mean()) < 0.1
     assert phases.min() < -3.0
@@ -138,13 +160,18 @@ def test_a_scenario_file_has_amplitudes_to_10_micrometres_and_phases_to_1_mrad()
         ):
             told = [each[name] for each in waves]
             assert told == pytest.approx(given[axis].tolist(), abs=0.51 * 0.1**digits)
-            assert all(len(repr(each).partition(".")[2]) <= digits or "e" in repr(each) for each in told)
+            assert all(
+                len(repr(each).partition(".")[2]) <= digits or "e" in repr(each)
+                for each in told
+            )
 
 
 def test_derivatives_of_a_segment_are_those_of_its_values():
     value, first, second = sines(0.21, 0.4, amplitude=0.2, offset=0.3).motion(TIMES)
     inside = slice(5, -5)
-    np.testing.assert_allclose(np.gradient(value, TIMES, axis=1)[:, inside], first[:, inside], atol=1e-4)
+    np.testing.assert_allclose(
+        np.gradient(value, TIMES, axis=1)[:, inside], first[:, inside], atol=1e-4
+    )
     np.testing.assert_allclose(
         np.gradient(first, TIMES, axis=1)[:, inside], second[:, inside], atol=5e-3
     )  # jerk jumps at 1.5 s

@@ -1,6 +1,8 @@
-"""What identification must get right on planted flights and does not yet, beside what it must keep.
+"""What identification must get right on planted flights and does not yet, beside what
+it must keep.
 
-A test that is expected to fail names today's number; it must be turned into a plain one as soon as it passes.
+A test that is expected to fail names today's number; it must be turned into a plain one
+as soon as it passes.
 """
 
 from __future__ import annotations
@@ -31,7 +33,9 @@ def off(found, case, name):
 @THOROUGH
 def test_inertia_of_a_quadrotor_is_found_without_its_velocity():
     case, found = quad_without_velocity()
-    assert all(off(found, case, f"base.inertia.{axis}") < 1e-3 for axis in ("xx", "yy", "zz"))
+    assert all(
+        off(found, case, f"base.inertia.{axis}") < 1e-3 for axis in ("xx", "yy", "zz")
+    )
 
 
 @THOROUGH
@@ -43,7 +47,10 @@ def test_the_torque_coefficient_is_found_without_the_velocity():
 @THOROUGH
 def test_the_place_of_the_inertial_unit_is_found_without_the_velocity():
     case, found = quad_without_velocity()
-    assert all(abs(found[f"place.{axis}"].value - case.truth[f"place.{axis}"]) < 1e-3 for axis in "xyz")
+    assert all(
+        abs(found[f"place.{axis}"].value - case.truth[f"place.{axis}"]) < 1e-3
+        for axis in "xyz"
+    )
 
 
 ENCODERS = ("joint_rates",)
@@ -63,11 +70,18 @@ def test_coarse_encoders_leave_inertia_thrust_and_masses_right(seed):
     case = planted("arm2", seed)
     said = judge(measured(case, "coarse", ENCODERS), case.start)
     assert said.found is not None, said.told
-    assert all(off(said.found, case, f"base.inertia.{axis}") < 3e-3 for axis in ("xx", "yy", "zz"))
+    assert all(
+        off(said.found, case, f"base.inertia.{axis}") < 3e-3
+        for axis in ("xx", "yy", "zz")
+    )
     assert off(said.found, case, "rotors.thrust_coefficient") < 1e-3
     masses = [said.found[f"links.{link.name}.mass"] for link in case.vehicle.links]
     # of one vehicle in twenty the truth is outside of 95 %
-    assert all(abs(np.log(each.value / case.truth[each.name])) < 0.75 * np.log(each.high / each.low) for each in masses)
+    assert all(
+        abs(np.log(each.value / case.truth[each.name]))
+        < 0.75 * np.log(each.high / each.low)
+        for each in masses
+    )
 
 
 @THOROUGH
@@ -75,19 +89,27 @@ def test_coarse_encoders_leave_friction_inside_its_intervals():
     case = planted("arm3", 1)
     found = judge(measured(case, "coarse", ENCODERS), case.start).found
     losses = [
-        found[f"links.{link.name}.joint.{name}"] for link in case.vehicle.links for name in ("damping", "coulomb")
+        found[f"links.{link.name}.joint.{name}"]
+        for link in case.vehicle.links
+        for name in ("damping", "coulomb")
     ]
     assert all(each.low <= case.truth[each.name] <= each.high for each in losses)
 
 
 @THOROUGH
 @pytest.mark.parametrize("kind", ["arm2", "arm3"])
-def test_the_height_of_the_centre_of_mass_is_found_without_efforts_and_joint_rates(kind):
+def test_the_height_of_the_centre_of_mass_is_found_without_efforts_and_joint_rates(
+    kind,
+):
     """Within 1 mm, or inside an interval of at most 5 mm to each side."""
     case = planted(kind, 3)
-    found = judge(measured(case, "low", ("joint_efforts", "joint_rates")), case.start).found
+    found = judge(
+        measured(case, "low", ("joint_efforts", "joint_rates")), case.start
+    ).found
     height, true = found["base.com.z"], case.truth["base.com.z"]
-    assert abs(height.value - true) < 1e-3 or (height.low <= true <= height.high and height.high - height.low <= 0.01)
+    assert abs(height.value - true) < 1e-3 or (
+        height.low <= true <= height.high and height.high - height.low <= 0.01
+    )
 
 
 @THOROUGH
@@ -116,7 +138,10 @@ def test_a_pose_that_is_held_on_the_gyros_rows_is_taken_as_one():
     case = planted("quad", 2)
     said = judge(measured(case, "low", on_rows=True), case.start)
     assert said.told == ()
-    assert all(off(said.found, case, f"base.inertia.{axis}") < 1e-3 for axis in ("xx", "yy", "zz"))
+    assert all(
+        off(said.found, case, f"base.inertia.{axis}") < 1e-3
+        for axis in ("xx", "yy", "zz")
+    )
     areas = [said.found[f"drag.area.{axis}"] for axis in "xyz"]
     assert all(each.low <= case.truth[each.name] <= each.high for each in areas)
 
@@ -132,23 +157,36 @@ def test_joints_that_are_late_are_told(kind):
 @THOROUGH
 def test_the_pose_of_another_flight_is_told():
     case = planted("quad", 2)
-    assert judge(pose_of(("quad", 6))(measured(case, "low", seconds=30.0)), case.start).told != ()
+    assert (
+        judge(
+            pose_of(("quad", 6))(measured(case, "low", seconds=30.0)), case.start
+        ).told
+        != ()
+    )
 
 
 @THOROUGH
 def test_an_inverse_quaternion_is_told():
     case = planted("quad", 1)
-    flight = change("quaternion", times(1, -1, -1, -1))(measured(case, "high", seconds=30.0))
+    flight = change("quaternion", times(1, -1, -1, -1))(
+        measured(case, "high", seconds=30.0)
+    )
     assert judge(flight, case.start).told != ()
 
 
 def test_a_planted_flight_is_what_its_vehicle_flies():
-    """Sensors without noise: rotor thrusts carry it, the accelerometer measures at its place, the start is off."""
+    """Sensors without noise: rotor thrusts carry it, the accelerometer measures at its
+    place, the start is off.
+    """
     case = planted("quad", 3, "gentle", 4.0)
     flight, rotor = measured(case, "none"), case.vehicle.rotors[0]
     felt, rate = flight["accelerometer"].values, flight["gyro"].values - case.bias
     speeds = flight["rotor_speed_commands"].values[100:]
-    lifted = float(rotor.thrust_coefficient) * (speeds**2).sum(axis=1) / float(case.vehicle.mass)
+    lifted = (
+        float(rotor.thrust_coefficient)
+        * (speeds**2).sum(axis=1)
+        / float(case.vehicle.mass)
+    )
     # speeds lag behind their commands, and the accelerometer stands off the middle
     off_thrust = felt[100:, 2] - case.offset[2] - lifted
     assert abs(off_thrust.mean()) < 0.02
@@ -156,17 +194,26 @@ def test_a_planted_flight_is_what_its_vehicle_flies():
     there = np.array(case.place)
     turned = np.gradient(rate, SAMPLE, axis=0)
     extra = np.cross(turned, there) + np.cross(rate, np.cross(rate, there))
-    falling = np.gradient(case.states["velocity"], SAMPLE, axis=0) + np.array([0.0, 0.0, GRAVITY])
+    falling = np.gradient(case.states["velocity"], SAMPLE, axis=0) + np.array(
+        [0.0, 0.0, GRAVITY]
+    )
     middle = rotate(inverse(case.states["quaternion"]), falling) + extra + case.offset
     assert np.abs(0.5 * (felt[2:-1] + felt[3:]) - middle[2:-1]).max() < 5e-3
     for name in ("thrust_coefficient", "inertia", "time_constant_up"):
-        assert 0.2 <= abs(getattr(case.start.rotors[0], name) / getattr(rotor, name) - 1.0) <= 0.3
+        assert (
+            0.2
+            <= abs(getattr(case.start.rotors[0], name) / getattr(rotor, name) - 1.0)
+            <= 0.3
+        )
     assert case.start.mass == pytest.approx(case.vehicle.mass)
 
 
 def test_noise_and_clocks_are_those_that_were_asked_for():
     case = planted("quad", 3, "gentle", 4.0)
-    flight, plain = measured(case, "low", ("velocity",), other_clock=True), measured(case, "none")
+    flight, plain = (
+        measured(case, "low", ("velocity",), other_clock=True),
+        measured(case, "none"),
+    )
     for name in ("gyro", "accelerometer", "position"):
         deviation = (flight[name].values - plain[name].values).std()
         assert deviation == pytest.approx(NOISES["low"][name], rel=0.1), name
@@ -178,5 +225,10 @@ def test_noise_and_clocks_are_those_that_were_asked_for():
 
 
 def test_words_of_a_fault_are_told_apart_from_doubts_of_a_number():
-    told = ("f.csv: joint_positions: the sign is turned; check it", "f.csv: base.com.z: is 100 mm off; check it")
-    assert Judged(None, told).accused("f.csv") == [("joint positions", "the sign is turned; check it")]
+    told = (
+        "f.csv: joint_positions: the sign is turned; check it",
+        "f.csv: base.com.z: is 100 mm off; check it",
+    )
+    assert Judged(None, told).accused("f.csv") == [
+        ("joint positions", "the sign is turned; check it")
+    ]

@@ -1,4 +1,6 @@
-"""Vehicles with arms, 20 % off what is believed, behind noise and delays, are found from one flight of a minute."""
+"""Vehicles with arms, 20 % off what is believed, behind noise and delays, are found
+from one flight of a minute.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ COUNT = 6
 
 
 def truth_of(name, numbers, vehicle):
-    """True value of an identified number; None of those that no vehicle has, as offsets of its sensors."""
+    """True value of an identified number; None of those that no vehicle has, as offsets
+    of its sensors.
+    """
     if name.startswith("base.inertia"):
         return float(getattr(vehicle.base.inertia, name[-2:]))
     if name.startswith("place") or name == "accelerometer_delay":
@@ -25,7 +29,8 @@ def truth_of(name, numbers, vehicle):
 
 @pytest.mark.thorough
 def test_planted_vehicles_are_found_and_intervals_cover_them():
-    """After the designed flight, medians: inertia 0.2 %, centre of mass 0.1 mm, motor constants 0.3 %, link masses 5 %.
+    """After the designed flight, medians: inertia 0.2 %, centre of mass 0.1 mm, motor
+    constants 0.3 %, link masses 5 %.
 
     And 93 of 100 intervals cover at least.
     """
@@ -62,7 +67,12 @@ def test_excited_numbers_are_those_that_the_search_finds():
     for seed in range(2):
         _, vehicle, flight = fly_designed(seed, 15.0)
         start = weighed(vehicle)
-        expected, found = expected_numbers([flight], start), identify_by_windows([flight], start).numbers
+        expected, found = (
+            expected_numbers([flight], start),
+            identify_by_windows([flight], start).numbers,
+        )
         assert [each.name for each in expected] == [each.name for each in found]
-        agreed += [a.is_excited == b.is_known for a, b in zip(expected, found, strict=True)]
+        agreed += [
+            a.is_excited == b.is_known for a, b in zip(expected, found, strict=True)
+        ]
     assert np.mean(agreed) >= 0.95

@@ -1,4 +1,6 @@
-"""Vehicles of published flights: numbers that are known otherwise are found, from starts that are off."""
+"""Vehicles of published flights: numbers that are known otherwise are found, from
+starts that are off.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ def unpacked(folder, name, into):
     """Packed flight of a folder, with the mapping of its columns."""
     shutil.copy(FLIGHTS / folder / "columns.toml", into)
     file = into / f"{name}.csv"
-    file.write_bytes(lzma.decompress((FLIGHTS / folder / f"{name}.csv.xz").read_bytes()))
+    file.write_bytes(
+        lzma.decompress((FLIGHTS / folder / f"{name}.csv.xz").read_bytes())
+    )
     return load_flight(file)
 
 
@@ -44,9 +48,11 @@ IRIS_INERTIA = {
 
 
 def test_gazebo_s_iris_is_found_from_its_flight(tmp_path):
-    """Thrust and drag within 1 %, inertia about y 1 %, x 11 %, z 6 %, from a start that is 15 % off.
+    """Thrust and drag within 1 %, inertia about y 1 %, x 11 %, z 6 %, from a start that
+    is 15 % off.
 
-    Commands are logged at 10 Hz. What they did in between puts the latter two beside their intervals.
+    Commands are logged at 10 Hz. What they did in between puts the latter two beside
+    their intervals.
     """
     true = iris()
     rotors = tuple(
@@ -61,7 +67,9 @@ def test_gazebo_s_iris_is_found_from_its_flight(tmp_path):
         )
         for each in true.rotors
     )
-    xx, yy, zz = (factor * float(getattr(true.base.inertia, axis)) for axis, factor in OFF.items())
+    xx, yy, zz = (
+        factor * float(getattr(true.base.inertia, axis)) for axis, factor in OFF.items()
+    )
     base = dataclasses.replace(true.base, mass=IRIS_MASS, inertia=Sym3(xx, yy, zz))
     start = dataclasses.replace(true, base=base, rotors=rotors)
     flight = unpacked("gazebo_iris", "quadrotor_model", tmp_path)
@@ -74,7 +82,9 @@ def test_gazebo_s_iris_is_found_from_its_flight(tmp_path):
     for axis, truth in IRIS_INERTIA.items():
         number = found[f"base.inertia.{axis}"]
         assert number.is_known
-        assert number.value == pytest.approx(truth, rel={"xx": 0.11, "yy": 0.01, "zz": 0.06}[axis]), axis
+        assert number.value == pytest.approx(
+            truth, rel={"xx": 0.11, "yy": 0.01, "zz": 0.06}[axis]
+        ), axis
         assert abs(number.value - truth) < 0.85 * (number.high - number.low), axis
     assert found["rotors.drag_coefficient"].value == pytest.approx(1.75e-4, rel=0.01)
     assert found["rotors.moment_coefficient"].value == pytest.approx(0.06, rel=0.01)
@@ -88,13 +98,22 @@ OFF = {"xx": 0.85, "yy": 1.15, "zz": 0.95}
 
 
 def test_a_flight_of_nanobench_is_predicted_from_the_fit_of_another(tmp_path):
-    """Fitted on the second of two flights of one kind, predicted on the first, from commands and from what was before.
+    """Fitted on the second of two flights of one kind, predicted on the first, from
+    commands and from what was before.
 
-    At half a second 0.127 m and 0.254 rad, and acceleration within a third of 2.17 m/s^2, which the data set's authors
-    reach; nowhere worse than holding.
+    At half a second 0.127 m and 0.254 rad, and acceleration within a third of 2.17
+    m/s^2, which the data set's authors reach; nowhere worse than holding.
     """
-    seen, unseen = (unpacked("nanobench", name, tmp_path) for name in ("B8_star_fast_rep2", "B8_star_fast_rep1"))
-    options = {"held_out": [unseen], "full_voltage": 4.2, "drag_height": True, "despite_faults": True}
+    seen, unseen = (
+        unpacked("nanobench", name, tmp_path)
+        for name in ("B8_star_fast_rep2", "B8_star_fast_rep1")
+    )
+    options = {
+        "held_out": [unseen],
+        "full_voltage": 4.2,
+        "drag_height": True,
+        "despite_faults": True,
+    }
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         found = skyarm.identify_flights([seen], crazyflie(), **options)
@@ -104,7 +123,9 @@ def test_a_flight_of_nanobench_is_predicted_from_the_fit_of_another(tmp_path):
         assert model.begins > 100
         for name in ("position", "velocity", "attitude", "rate"):
             # over a few samples both are within the noise
-            assert getattr(model, name) < (1.1 if model.horizon < 0.05 else 1.0) * getattr(held, name), (model, name)
+            assert getattr(model, name) < (
+                1.1 if model.horizon < 0.05 else 1.0
+            ) * getattr(held, name), (model, name)
     half = next(each for each in errors[PAST] if each.horizon == 0.5)
     assert half.position < 0.127
     assert half.attitude < 0.254

@@ -33,7 +33,10 @@ def test_it_finds_a_minimum_at_the_edge_and_stays_inside():
 
 
 def test_the_same_seed_gives_the_same_points_and_another_others():
-    runs = [differential_evolution(rugged, 3, population=12, generations=5, seed=seed) for seed in (5, 5, 6)]
+    runs = [
+        differential_evolution(rugged, 3, population=12, generations=5, seed=seed)
+        for seed in (5, 5, 6)
+    ]
     assert np.array_equal(runs[0], runs[1])
     assert not np.array_equal(runs[0], runs[2])
 
@@ -61,18 +64,27 @@ def test_what_is_held_stays():
 
 
 def parameter(low, high, step, scale="linear"):
-    return Parameter(name="p", words="", unit="", low=low, high=high, step=step, scale=scale)
+    return Parameter(
+        name="p", words="", unit="", low=low, high=high, step=step, scale=scale
+    )
 
 
 def test_values_are_whole_steps_from_the_low_end_as_decimals():
-    values = decode([parameter(0.0, 0.1, 0.001)], np.linspace(0.0, 1.0, 1001)[:, None])["p"]
+    values = decode([parameter(0.0, 0.1, 0.001)], np.linspace(0.0, 1.0, 1001)[:, None])[
+        "p"
+    ]
     assert set(values.tolist()) == {round(0.001 * k, 5) for k in range(101)}
     assert 0.06 in values.tolist()
-    assert decode([parameter(4.0, 9.0, 0.05)], np.array([[0.39]]))["p"].tolist() == [5.95]
+    assert decode([parameter(4.0, 9.0, 0.05)], np.array([[0.39]]))["p"].tolist() == [
+        5.95
+    ]
 
 
 def test_a_log_scale_has_its_middle_at_the_geometric_mean():
-    values = decode([parameter(0.2, 5.0, 0.01, "log")], np.array([[0.0], [0.5], [1.0], [-3.0], [7.0]]))["p"]
+    values = decode(
+        [parameter(0.2, 5.0, 0.01, "log")],
+        np.array([[0.0], [0.5], [1.0], [-3.0], [7.0]]),
+    )["p"]
     assert values.tolist() == pytest.approx([0.2, 1.0, 5.0, 0.2, 5.0])
 
 
@@ -91,7 +103,9 @@ def trials_of(cost, **options):
         asked.append(points.copy())
         return cost(points)
 
-    best = differential_evolution(recorded, 3, **{"population": 24, "generations": 12, "seed": 4} | options)
+    best = differential_evolution(
+        recorded, 3, **{"population": 24, "generations": 12, "seed": 4} | options
+    )
     return best, asked
 
 
@@ -113,20 +127,30 @@ def test_the_first_points_are_even_and_everyone_is_asked_about_once_a_generation
     assert [len(each) for each in asked] == [32] * 4
     for column in asked[0].T:
         counts = np.bincount((column * 8).astype(int), minlength=8)
-        assert counts.min() >= 3, "four in each eighth, but for the origin that is left out"
+        assert counts.min() >= 3, (
+            "four in each eighth, but for the origin that is left out"
+        )
         assert counts.max() <= 5
 
 
 def test_half_of_the_steps_lead_towards_the_best():
-    """A narrow valley that lies askew: steps elsewhere, or of one coordinate at a time, do not come to its end."""
-    turn, _ = np.linalg.qr(np.array([[1.0, 2.0, -1.0], [0.5, -1.0, 3.0], [2.0, 0.3, 0.7]]))
+    """A narrow valley that lies askew: steps elsewhere, or of one coordinate at a time,
+    do not come to its end.
+    """
+    turn, _ = np.linalg.qr(
+        np.array([[1.0, 2.0, -1.0], [0.5, -1.0, 3.0], [2.0, 0.3, 0.7]])
+    )
 
     def valley(points):
         along = (points - np.array([0.3, 0.7, 0.45])) @ turn
         return (along**2 * np.array([1.0, 300.0, 10_000.0])).sum(axis=1)
 
     ends = [
-        valley(differential_evolution(valley, 3, population=24, generations=60, seed=seed)[None, :])[0]
+        valley(
+            differential_evolution(valley, 3, population=24, generations=60, seed=seed)[
+                None, :
+            ]
+        )[0]
         for seed in range(8)
     ]
     assert np.median(ends) < 1e-7
@@ -148,7 +172,11 @@ def test_the_compass_halves_its_steps_from_an_eighth_to_a_512th():
 @pytest.mark.parametrize("scale", ["linear", "log"])
 def test_no_value_leaves_its_range_however_coarse_the_step(scale):
     points = np.linspace(0.0, 1.0, 201)[:, None]
-    for low, high, step in ((0.0004, 0.26, 0.1), (0.12345, 1.0, 0.5), (5e-05, 0.005, 1e-05)):
+    for low, high, step in (
+        (0.0004, 0.26, 0.1),
+        (0.12345, 1.0, 0.5),
+        (5e-05, 0.005, 1e-05),
+    ):
         values = decode([parameter(low, high, step, scale)], points)["p"]
         assert (values.min(), values.max()) == (low, high)
 

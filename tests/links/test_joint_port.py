@@ -49,7 +49,11 @@ def settle(condition, seconds=2.0):
 
 
 def test_a_datagram_keeps_its_numbers():
-    assert unpack(pack(COMMAND, 2, 1.5, (0.25, -3.0)), 2) == (COMMAND, 1.5, (0.25, -3.0))
+    assert unpack(pack(COMMAND, 2, 1.5, (0.25, -3.0)), 2) == (
+        COMMAND,
+        1.5,
+        (0.25, -3.0),
+    )
     assert unpack(pack(STATE, 1, 2.5, (1.0, 2.0)), 1) == (STATE, 2.5, (1.0, 2.0))
     assert len(pack(HELLO, 2, 0.0)) == 16
 
@@ -78,7 +82,11 @@ def test_states_come_and_setpoints_go(server, arm):
     server.exchange(3.0, (0.5, 0.6), (0.7, 0.8))
     server.exchange(4.0, (0.9, 1.0), (1.1, 1.2))
     found = settle(arm.read)
-    assert (found.time, found.joints, found.joint_rates) == (4.0, (0.9, 1.0), (1.1, 1.2))
+    assert (found.time, found.joints, found.joint_rates) == (
+        4.0,
+        (0.9, 1.0),
+        (1.1, 1.2),
+    )
     arm.send((5.0, 6.0), 3.5)
     assert settle(lambda: server.exchange(4.5, (0.0, 0.0), (0.0, 0.0))) == (5.0, 6.0)
     assert server.facts["commands"] == 1
@@ -103,7 +111,12 @@ def test_a_silent_commander_loses_the_arm(server, arm, monkeypatch):
 def test_ages_are_told_by_their_median_and_their_99_percent(server):
     assert server.facts == {"commands": 0, "refused": 0}
     server._ages.extend(each / 1000.0 for each in reversed(range(201)))
-    assert server.facts == {"commands": 0, "refused": 0, "age_p50_s": 0.1, "age_p99_s": 0.198}
+    assert server.facts == {
+        "commands": 0,
+        "refused": 0,
+        "age_p50_s": 0.1,
+        "age_p99_s": 0.198,
+    }
 
 
 def test_a_second_commander_is_refused_while_the_first_is_there(server, arm):
@@ -112,13 +125,20 @@ def test_a_second_commander_is_refused_while_the_first_is_there(server, arm):
     other = UdpJoints("127.0.0.1", server.port, 2)
     try:
         other.send((7.0, 8.0), 0.0)
-        settle(lambda: (server.exchange(0.0, (0.0, 0.0), (0.0, 0.0)), server.facts["refused"])[1])
+        settle(
+            lambda: (
+                server.exchange(0.0, (0.0, 0.0), (0.0, 0.0)),
+                server.facts["refused"],
+            )[1]
+        )
         assert server.exchange(0.0, (0.0, 0.0), (0.0, 0.0)) == (5.0, 6.0)
     finally:
         other.close()
 
 
-def test_a_new_commander_does_not_find_the_setpoints_of_the_last(server, arm, monkeypatch):
+def test_a_new_commander_does_not_find_the_setpoints_of_the_last(
+    server, arm, monkeypatch
+):
     monkeypatch.setattr(joint_port, "FRESH", 0.05)
     arm.send((5.0, 6.0), 0.0)
     settle(lambda: server.exchange(0.0, (0.0, 0.0), (0.0, 0.0)))
@@ -134,7 +154,9 @@ def test_a_new_commander_does_not_find_the_setpoints_of_the_last(server, arm, mo
 
 
 def test_a_taken_port_is_one_line(server):
-    with pytest.raises(JointPortError, match=f"UDP port {server.port} of the joints: must be free"):
+    with pytest.raises(
+        JointPortError, match=f"UDP port {server.port} of the joints: must be free"
+    ):
         JointServer(server.port, 2)
 
 
@@ -149,8 +171,15 @@ def test_a_vehicle_without_joints_needs_no_port():
 
 
 def fuzzed(rng, kind):
-    """Datagram that is none for two joints: noise, cut, longer, a changed head, an odd number; or a STATE's."""
-    whole = pack(kind, 2, rng.uniform(0.0, 9.0), [rng.uniform(-9.0, 9.0) for _ in range(2 * kind)])
+    """Datagram that is none for two joints: noise, cut, longer, a changed head, an odd
+    number; or a STATE's.
+    """
+    whole = pack(
+        kind,
+        2,
+        rng.uniform(0.0, 9.0),
+        [rng.uniform(-9.0, 9.0) for _ in range(2 * kind)],
+    )
     match rng.randrange(5):
         case 0:
             return rng.randbytes(rng.randrange(300))
@@ -160,14 +189,28 @@ def fuzzed(rng, kind):
             return whole + rng.randbytes(rng.randint(1, 100))
         case 3:
             place = rng.choice((0, 1, 2, 3, 5, 6, 7))  # all but the kind
-            return whole[:place] + bytes([whole[place] ^ rng.randint(1, 255)]) + whole[place + 1 :]
+            return (
+                whole[:place]
+                + bytes([whole[place] ^ rng.randint(1, 255)])
+                + whole[place + 1 :]
+            )
         case _:
-            return whole[:8] + struct.pack("<d", rng.choice((math.nan, math.inf, -math.inf))) + whole[16:]
+            return (
+                whole[:8]
+                + struct.pack("<d", rng.choice((math.nan, math.inf, -math.inf)))
+                + whole[16:]
+            )
 
 
-@pytest.mark.parametrize("packets", [1000, pytest.param(20_000, marks=pytest.mark.thorough)])
-def test_fuzzed_datagrams_change_nothing_and_hide_no_command(server, arm, monkeypatch, packets):
-    """Both ends: set points of the commander and states of the owner pass, all else does not."""
+@pytest.mark.parametrize(
+    "packets", [1000, pytest.param(20_000, marks=pytest.mark.thorough)]
+)
+def test_fuzzed_datagrams_change_nothing_and_hide_no_command(
+    server, arm, monkeypatch, packets
+):
+    """Both ends: set points of the commander and states of the owner pass, all else
+    does not.
+    """
     monkeypatch.setattr(joint_port, "FRESH", 1e3)
     rng, expected, refused = random.Random(3), (0.5, 0.5), 0
     arm.send(expected, 0.0)
@@ -178,15 +221,26 @@ def test_fuzzed_datagrams_change_nothing_and_hide_no_command(server, arm, monkey
                 expected = (rng.uniform(-1e9, 1e9), 1.0 / (step + 1))
                 arm.send(expected, 0.0)
             else:
-                sender = (arm._socket.send, lambda data: other.sendto(data, ("127.0.0.1", server.port)))[step % 2]
-                sender(pack(COMMAND, 2, 0.0, (7.0, 7.0)) if step % 8 == 1 and step % 2 else fuzzed(rng, COMMAND))
+                sender = (
+                    arm._socket.send,
+                    lambda data: other.sendto(data, ("127.0.0.1", server.port)),
+                )[step % 2]
+                sender(
+                    pack(COMMAND, 2, 0.0, (7.0, 7.0))
+                    if step % 8 == 1 and step % 2
+                    else fuzzed(rng, COMMAND)
+                )
                 refused += 1
             arm.read()
             server._socket.sendto(fuzzed(rng, STATE), arm._socket.getsockname())
             assert server.exchange(step, (0.1, 0.2), (0.3, step)) == expected
             assert server.facts["refused"] == refused
             found = arm.read()
-            assert (found.time, found.joints, found.joint_rates) == (step, (0.1, 0.2), (0.3, step))
+            assert (found.time, found.joints, found.joint_rates) == (
+                step,
+                (0.1, 0.2),
+                (0.3, step),
+            )
 
 
 def test_a_flood_of_datagrams_does_not_hold_the_owner_up(server, arm):
@@ -224,14 +278,17 @@ def test_an_address_that_does_not_fit_is_one_line(url, words):
 def test_a_users_function_makes_a_port(tmp_path):
     file = tmp_path / "own_arm.py"
     file.write_text(
-        "from skyarm.links.joint_port import NoJoints\n\n"
-        "def make(vehicle):\n    found = NoJoints()\n    found.count = vehicle.n\n    return found\n\n"
-        "def wrong(vehicle):\n    return vehicle\n"
+        "from skyarm.links.joint_port import NoJoints\n\ndef make(vehicle):\n    found"
+        " = NoJoints()\n    found.count = vehicle.n\n    return found\n\ndef"
+        " wrong(vehicle):\n    return vehicle\n"
     )
     vehicle = load_vehicle("hummingbird_arm2")
     with registry_kept():
         assert open_joints(f"{file}:make", vehicle).count == 2
-        for maker, words in (("wrong", "wrong must return a JointLink"), ("none", "must have a function 'none'")):
+        for maker, words in (
+            ("wrong", "wrong must return a JointLink"),
+            ("none", "must have a function 'none'"),
+        ):
             with pytest.raises(JointPortError, match=words):
                 open_joints(f"{file}:{maker}", vehicle)
 
@@ -241,6 +298,11 @@ def test_the_newest_ages_are_kept_and_all_commands_counted(server, arm, monkeypa
     server._ages = deque(maxlen=3)
     for k in range(5):
         arm.send((0.0, 0.0), 0.0)
-        settle(lambda k=k: server.exchange(1.0, (0.0, 0.0), (0.0, 0.0)) is not None and server.facts["commands"] > k)
+        settle(
+            lambda k=k: (
+                server.exchange(1.0, (0.0, 0.0), (0.0, 0.0)) is not None
+                and server.facts["commands"] > k
+            )
+        )
     assert server.facts["commands"] == 5
     assert len(server._ages) == 3

@@ -1,4 +1,6 @@
-"""Definitions of MAVLink messages against the oracle pymavlink, and the checksum against its definition bit by bit."""
+"""Definitions of MAVLink messages against the oracle pymavlink, and the checksum
+against its definition bit by bit.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +10,21 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
 from skyarm.links import mavlink
-from skyarm.links.mavlink_messages import DEFINITIONS, DEFINITIONS_BY_NUMBER, checksum, is_possible_checksum
+from skyarm.links.mavlink_messages import (
+    DEFINITIONS,
+    DEFINITIONS_BY_NUMBER,
+    checksum,
+    is_possible_checksum,
+)
 
 ORACLE = {each.msgname: each for each in ardupilotmega.mavlink_map.values()}
 
-NEWER = {"SET_ATTITUDE_TARGET": {"thrust_body"}, "TIMESYNC": {"target_system", "target_component"}}
-"""Extensions of mavlink.io's ``common`` (2026-02, which PX4 takes) that the dialects in pymavlink do not have yet."""
+NEWER = {
+    "SET_ATTITUDE_TARGET": {"thrust_body"},
+    "TIMESYNC": {"target_system", "target_component"},
+}
+"""Extensions of mavlink.io's ``common`` (2026-02, which PX4 takes) that the dialects in
+pymavlink do not have yet."""
 
 NAMES = [
     "HEARTBEAT",
@@ -40,7 +51,9 @@ NAMES = [
 
 
 def bitwise(data: bytes) -> int:
-    """Bit by bit: polynomial x^16 + x^12 + x^5 + 1, lowest bit first, from 0xFFFF on."""
+    """Bit by bit: polynomial x^16 + x^12 + x^5 + 1, lowest bit first, from 0xFFFF
+    on.
+    """
     crc = 0xFFFF
     for byte in data:
         for bit in range(8):
@@ -64,12 +77,16 @@ def test_a_definition_is_the_oracle_s(name: str) -> None:
     assert [each.name for each in fields] == list(oracle.ordered_fieldnames)
     assert [each.count for each in fields] == list(oracle.array_lengths)
     letters = bytes(oracle.native_format).decode()
-    assert "<" + "".join(each.format[-1] for each in fields) == letters.replace("c", "s")
+    assert "<" + "".join(each.format[-1] for each in fields) == letters.replace(
+        "c", "s"
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_extensions_follow_the_base_part(name: str) -> None:
-    """The check byte depends on names and types of the base part, so the oracle's confirms where it ends."""
+    """The check byte depends on names and types of the base part, so the oracle's
+    confirms where it ends.
+    """
     extensions = [each.extension for each in DEFINITIONS[name].fields]
     assert extensions == sorted(extensions)
 
@@ -87,9 +104,13 @@ def test_no_field_has_the_name_of_an_argument_of_pack() -> None:
         ("TIMESYNC", "tc1", -(2**63), 2**63 - 1),
     ],
 )
-def test_whole_numbers_are_refused_beyond_the_range_that_is_named(name: str, field: str, low: int, high: int) -> None:
+def test_whole_numbers_are_refused_beyond_the_range_that_is_named(
+    name: str, field: str, low: int, high: int
+) -> None:
     for value in (low, high):
-        (message,) = mavlink.Parser().feed(mavlink.pack(name, sequence=0, **{field: value}))
+        (message,) = mavlink.Parser().feed(
+            mavlink.pack(name, sequence=0, **{field: value})
+        )
         assert message[field] == value
     for value in (low - 1, high + 1):
         with pytest.raises(mavlink.MavlinkError, match=f"from {low} to {high}"):
@@ -109,4 +130,6 @@ def test_a_checksum_is_possible_where_one_more_byte_gives_it() -> None:
     data = random.Random(30).randbytes(20)
     possible = {bitwise(data + bytes([byte])) for byte in range(256)}
     assert len(possible) == 256
-    assert {crc for crc in range(1 << 16) if is_possible_checksum(data, crc)} == possible
+    assert {
+        crc for crc in range(1 << 16) if is_possible_checksum(data, crc)
+    } == possible

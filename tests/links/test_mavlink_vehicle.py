@@ -1,4 +1,6 @@
-"""The MAVLink conversation with an autopilot: what is sent, by its fields, and what is heard, and from whom."""
+"""The MAVLink conversation with an autopilot: what is sent, by its fields, and what is
+heard, and from whom.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +16,18 @@ from skyarm.links.mavlink_vehicle import MODES, MavlinkVehicle
 def talk(**options: object) -> tuple[MavlinkVehicle, list[mavlink.Message]]:
     """Vehicle, and the messages that are sent to it."""
     sent, parser = list[mavlink.Message](), mavlink.Parser()
-    return MavlinkVehicle(MODES, lambda frame: sent.extend(parser.feed(frame)), **options), sent  # type: ignore[arg-type]
+    return MavlinkVehicle(
+        MODES, lambda frame: sent.extend(parser.feed(frame)), **options
+    ), sent  # type: ignore[arg-type]
 
 
-def say(vehicle: MavlinkVehicle, name: str, system: int = 7, component: int = 1, **fields: object) -> bool:
+def say(
+    vehicle: MavlinkVehicle,
+    name: str,
+    system: int = 7,
+    component: int = 1,
+    **fields: object,
+) -> bool:
     """Give the vehicle's side a message; whether it was taken."""
     frame = mavlink.pack(name, sequence=0, system=system, component=component, **fields)  # type: ignore[arg-type]
     (message,) = mavlink.Parser().feed(frame)
@@ -31,8 +41,20 @@ def test_the_first_autopilot_that_beats_is_the_one_that_is_heard() -> None:
     assert not say(vehicle, "HEARTBEAT", autopilot=8)  # a ground station
     assert not say(vehicle, "HEARTBEAT", autopilot=12, component=2)
     assert (vehicle.system, vehicle.beaten) == (0, -math.inf)
-    assert say(vehicle, "HEARTBEAT", autopilot=12, base_mode=128, custom_mode=6 << 16, system_status=5)
-    assert (vehicle.system, vehicle.mode, vehicle.armed, vehicle.status) == (7, 6 << 16, True, 5)
+    assert say(
+        vehicle,
+        "HEARTBEAT",
+        autopilot=12,
+        base_mode=128,
+        custom_mode=6 << 16,
+        system_status=5,
+    )
+    assert (vehicle.system, vehicle.mode, vehicle.armed, vehicle.status) == (
+        7,
+        6 << 16,
+        True,
+        5,
+    )
     assert 0.0 <= time.monotonic() - vehicle.beaten < 5.0
     assert vehicle.modes is MODES[12]
     assert not say(vehicle, "HEARTBEAT", system=8, autopilot=12, custom_mode=1)
@@ -69,8 +91,17 @@ def test_of_parameters_only_those_that_were_asked_for_are_kept() -> None:
     assert vehicle.parameters == {"MC_ROLL_P": 6.5}
     vehicle.set_parameter("MPC_XY_P", 0.5)
     asked, told = sent
-    assert (asked.name, asked["param_index"], asked["param_id"]) == ("PARAM_REQUEST_READ", -1, "MC_ROLL_P")
-    assert (told.name, told["param_id"], told["param_value"], told["param_type"]) == ("PARAM_SET", "MPC_XY_P", 0.5, 9)
+    assert (asked.name, asked["param_index"], asked["param_id"]) == (
+        "PARAM_REQUEST_READ",
+        -1,
+        "MC_ROLL_P",
+    )
+    assert (told.name, told["param_id"], told["param_value"], told["param_type"]) == (
+        "PARAM_SET",
+        "MPC_XY_P",
+        0.5,
+        9,
+    )
 
 
 def test_commands_are_addressed_and_numbered() -> None:
@@ -83,26 +114,47 @@ def test_commands_are_addressed_and_numbered() -> None:
     vehicle.request_streams({"LOCAL_POSITION_NED": 50, "ODOMETRY": 250})
     vehicle.command(400, 1)
     beat, *commands = mavlink.Parser().feed(b"".join(frames))
-    assert (beat.name, beat["type"], beat["autopilot"], beat["system_status"]) == ("HEARTBEAT", 18, 8, 4)
+    assert (beat.name, beat["type"], beat["autopilot"], beat["system_status"]) == (
+        "HEARTBEAT",
+        18,
+        8,
+        4,
+    )
     # sequence and sender
     assert [tuple(frame[4:7]) for frame in frames] == [(k, 7, 191) for k in range(6)]
     assert {(m["target_system"], m["target_component"]) for m in commands} == {(7, 1)}
-    assert [[m["command"], m["param1"], m["param2"], m["param3"]] for m in commands] == [
-        [176, 1, 6, 0], [176, 1, 4, 3], [511, 32, 20_000, 0], [511, 331, 4000, 0], [400, 1, 0, 0],
+    assert [
+        [m["command"], m["param1"], m["param2"], m["param3"]] for m in commands
+    ] == [
+        [176, 1, 6, 0],
+        [176, 1, 4, 3],
+        [511, 32, 20_000, 0],
+        [511, 331, 4000, 0],
+        [400, 1, 0, 0],
     ]
 
 
 def test_ours_is_system_255_or_what_is_stated_and_1_for_an_unknown_autopilot() -> None:
-    for options, system in (({}, 255), ({"sender": (0, 191)}, 1), ({"sender": (9, 1)}, 9)):
+    for options, system in (
+        ({}, 255),
+        ({"sender": (0, 191)}, 1),
+        ({"sender": (9, 1)}, 9),
+    ):
         vehicle, sent = talk(**options)
         vehicle.beat()
         assert sent[0].system == system
 
 
-@pytest.mark.parametrize(("kind", "outside", "hold"), [(12, 6 << 16, 4 << 16 | 3 << 24), (3, 4, 17)])
-def test_modes_are_told_apart_by_all_their_bits(kind: int, outside: int, hold: int) -> None:
+@pytest.mark.parametrize(
+    ("kind", "outside", "hold"), [(12, 6 << 16, 4 << 16 | 3 << 24), (3, 4, 17)]
+)
+def test_modes_are_told_apart_by_all_their_bits(
+    kind: int, outside: int, hold: int
+) -> None:
     modes = MODES[kind]
     for mode in (outside, hold, outside | 1 << 24, hold ^ 1 << 24, 0):
         assert modes.is_outside(mode) == (mode == outside)
         assert modes.is_hold(mode) == (mode == hold)
-    assert (modes.main(outside), modes.main(hold)) == ((6, 4) if kind == 12 else (4, 17))
+    assert (modes.main(outside), modes.main(hold)) == (
+        (6, 4) if kind == 12 else (4, 17)
+    )

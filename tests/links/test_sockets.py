@@ -19,7 +19,9 @@ def test_datagrams_come_with_their_senders_and_no_more_than_asked_for() -> None:
         theirs.bind(("127.0.0.1", 0))
         for k in range(20):
             theirs.sendto(bytes([k]), ours.getsockname())
-        assert drain(ours, most=15) == [(bytes([k]), theirs.getsockname()) for k in range(15)]
+        assert drain(ours, most=15) == [
+            (bytes([k]), theirs.getsockname()) for k in range(15)
+        ]
         assert [data for data, _ in drain(ours)] == [bytes([k]) for k in range(15, 20)]
         assert drain(ours) == []
 

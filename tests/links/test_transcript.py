@@ -1,4 +1,6 @@
-"""Transcripts: what is recorded is played back to the byte; another exchange and damaged files are refused."""
+"""Transcripts: what is recorded is played back to the byte; another exchange and
+damaged files are refused.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,10 @@ def test_an_exchange_is_played_back_to_the_byte(tmp_path: Path) -> None:
     tape = Tape(played=str(tmp_path / "t.gz"))
     assert tape.plays
     tape.send("simulator", b"one", lambda data: pytest.fail("nothing is sent"))
-    assert tape.receive("simulator", lambda: pytest.fail("nothing is received")) == b"two\x00\xff"
+    assert (
+        tape.receive("simulator", lambda: pytest.fail("nothing is received"))
+        == b"two\x00\xff"
+    )
     assert tape.receive("onboard", lambda: b"x") == b""
     with pytest.raises(TranscriptError, match="ends at 0 s, before the flight does"):
         tape.receive("onboard", lambda: b"")
@@ -37,11 +42,18 @@ def test_an_exchange_is_played_back_to_the_byte(tmp_path: Path) -> None:
 
 def test_another_exchange_is_refused_with_time_and_channel(tmp_path: Path) -> None:
     record(tmp_path / "t.gz")
-    with pytest.raises(TranscriptError, match="at 0 s: 3 bytes sent over simulator differ from the 3 recorded"):
+    with pytest.raises(
+        TranscriptError,
+        match="at 0 s: 3 bytes sent over simulator differ from the 3 recorded",
+    ):
         Tape(played=str(tmp_path / "t.gz")).send("simulator", b"ons", lambda data: None)
-    with pytest.raises(TranscriptError, match="sent over onboard, but sent over simulator is recorded"):
+    with pytest.raises(
+        TranscriptError, match="sent over onboard, but sent over simulator is recorded"
+    ):
         Tape(played=str(tmp_path / "t.gz")).send("onboard", b"one", lambda data: None)
-    with pytest.raises(TranscriptError, match="received over simulator, but sent over simulator"):
+    with pytest.raises(
+        TranscriptError, match="received over simulator, but sent over simulator"
+    ):
         Tape(played=str(tmp_path / "t.gz")).receive("simulator", lambda: b"")
 
 
@@ -51,25 +63,40 @@ def test_a_transcript_names_its_autopilot(tmp_path: Path) -> None:
     tape.send("simulator", b"one", lambda data: None)
     tape.close()
     Tape(played=file, name="px4").send("simulator", b"one", lambda data: None)
-    with pytest.raises(TranscriptError, match=r"^controller.replayed = '.*t.gz': must be .* ardupilot, is of px4$"):
+    with pytest.raises(
+        TranscriptError,
+        match=r"^controller.replayed = '.*t.gz': must be .* ardupilot, is of px4$",
+    ):
         Tape(played=file, name="ardupilot")
     record(tmp_path / "old.gz")  # without a name
-    Tape(played=str(tmp_path / "old.gz"), name="px4").send("simulator", b"one", lambda data: None)
+    Tape(played=str(tmp_path / "old.gz"), name="px4").send(
+        "simulator", b"one", lambda data: None
+    )
 
 
 def test_two_records_of_an_exchange_are_the_same_file(tmp_path: Path) -> None:
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         record(tmp_path / name / "t.gz")
-    assert (tmp_path / "a" / "t.gz").read_bytes() == (tmp_path / "b" / "t.gz").read_bytes()
+    assert (tmp_path / "a" / "t.gz").read_bytes() == (
+        tmp_path / "b" / "t.gz"
+    ).read_bytes()
 
 
 def test_files_that_are_no_transcripts_are_refused_when_opened(tmp_path: Path) -> None:
     record(tmp_path / "t.gz")
     whole = (tmp_path / "t.gz").read_bytes()
-    for data in (b"", b"x", whole[:20], gzip.compress(b"other"), b"\x1f\x8b" + b"\0" * 40):
+    for data in (
+        b"",
+        b"x",
+        whole[:20],
+        gzip.compress(b"other"),
+        b"\x1f\x8b" + b"\0" * 40,
+    ):
         (tmp_path / "bad").write_bytes(data)
-        with pytest.raises(TranscriptError, match="must be a transcript that was recorded") as caught:
+        with pytest.raises(
+            TranscriptError, match="must be a transcript that was recorded"
+        ) as caught:
             Tape(played=str(tmp_path / "bad"))
         assert "\n" not in str(caught.value)
     with pytest.raises(TranscriptError, match="must be a transcript"):
@@ -78,7 +105,9 @@ def test_files_that_are_no_transcripts_are_refused_when_opened(tmp_path: Path) -
         Tape(str(tmp_path / "absent" / "t.gz"))
 
 
-def test_a_transcript_begins_with_the_first_message_and_replaces_only_a_transcript(tmp_path: Path) -> None:
+def test_a_transcript_begins_with_the_first_message_and_replaces_only_a_transcript(
+    tmp_path: Path,
+) -> None:
     file = tmp_path / "t.gz"
     record(file)
     whole = file.read_bytes()
@@ -89,7 +118,10 @@ def test_a_transcript_begins_with_the_first_message_and_replaces_only_a_transcri
     (tmp_path / "thesis.txt").write_text("years", "utf-8")
     with pytest.raises(TranscriptError, match="must not be a file of another kind"):
         Tape(str(tmp_path / "thesis.txt"))
-    with pytest.raises(TranscriptError, match=r"controller\.transcript: must be left out beside controller\.replayed"):
+    with pytest.raises(
+        TranscriptError,
+        match=r"controller\.transcript: must be left out beside controller\.replayed",
+    ):
         Tape(str(file), str(file))
     assert file.read_bytes() == whole
     cut = Tape(str(file))
@@ -105,7 +137,11 @@ def test_damaged_transcripts_end_in_one_line(tmp_path: Path) -> None:
     for trial in range(300):
         changed = bytearray(plain)
         changed[random.integers(len(MAGIC), len(changed))] = random.integers(256)
-        data = gzip.compress(bytes(changed)) if trial % 2 else file.read_bytes()[: random.integers(30, 60)]
+        data = (
+            gzip.compress(bytes(changed))
+            if trial % 2
+            else file.read_bytes()[: random.integers(30, 60)]
+        )
         (tmp_path / "bad").write_bytes(data)
         try:
             tape = Tape(played=str(tmp_path / "bad"))
@@ -117,11 +153,16 @@ def test_damaged_transcripts_end_in_one_line(tmp_path: Path) -> None:
             pytest.fail("four messages of three")
 
 
-def test_a_full_disk_is_named_with_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_named_with_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    words = rf"^controller\.transcript = '{tmp_path}/t.gz': must be a file .* \(No space left on device\)$"
+    words = (
+        rf"^controller\.transcript = '{tmp_path}/t.gz': must be a file .* \(No space"
+        r" left on device\)$"
+    )
     tape = Tape(str(tmp_path / "t.gz"))
     tape.send("simulator", b"one", lambda data: None)
     monkeypatch.setattr(gzip.GzipFile, "write", full)

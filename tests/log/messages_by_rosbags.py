@@ -1,4 +1,6 @@
-"""Messages of a recorded flight as rosbags reads them, and frames composed of its transforms."""
+"""Messages of a recorded flight as rosbags reads them, and frames composed of its
+transforms.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +14,20 @@ Rotation = pytest.importorskip("scipy.spatial.transform").Rotation
 
 
 def by_rosbags(path: Path):
-    """Topic -> (type, times in ns, messages), and how many were the same bytes once written again."""
+    """Topic -> (type, times in ns, messages), and how many were the same bytes once
+    written again.
+    """
     found, same = {}, 0
     with rosbags.AnyReader([path]) as reader:
         for connection, time, raw in reader.messages():
             message = reader.deserialize(raw, connection.msgtype)
             store = reader.typestore
-            same += bytes(store.serialize_cdr(message, connection.msgtype)) == bytes(raw)
-            _, times, messages = found.setdefault(connection.topic, (connection.msgtype, [], []))
+            same += bytes(store.serialize_cdr(message, connection.msgtype)) == bytes(
+                raw
+            )
+            _, times, messages = found.setdefault(
+                connection.topic, (connection.msgtype, [], [])
+            )
             times.append(time)
             messages.append(message)
     return found, same

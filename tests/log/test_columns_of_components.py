@@ -1,4 +1,6 @@
-"""Columns of a log that a user's component declares: in every file, by its own names and units."""
+"""Columns of a log that a user's component declares: in every file, by its own names
+and units.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from skyarm.world import Wrench
 
 @dataclasses.dataclass(frozen=True)
 class Cable(skyarm.Force):
-    """A force whose tension is logged in an array of its own, and its state in one of two units."""
+    """A force whose tension is logged in an array of its own, and its state in one of
+    two units.
+    """
 
     tension: float = 0.1
     columns: ClassVar = (
@@ -34,9 +38,13 @@ class Cable(skyarm.Force):
 
 
 def test_a_component_logs_what_it_declares(tmp_path):
-    scenario = dataclasses.replace(skyarm.load_scenario("case1", duration=0.1), forces=(Cable(),))
+    scenario = dataclasses.replace(
+        skyarm.load_scenario("case1", duration=0.1), forces=(Cable(),)
+    )
     log = skyarm.run(scenario)
-    assert np.array_equal(log["components.cable_tension"], np.tile([0.1, 0.2], (log.time.size, 1)))
+    assert np.array_equal(
+        log["components.cable_tension"], np.tile([0.1, 0.2], (log.time.size, 1))
+    )
     found = {each.name: each.unit for each in columns(log) if "cable" in each.name}
     assert found == {
         "cable_tension_near_end": "N",
@@ -47,7 +55,9 @@ def test_a_component_logs_what_it_declares(tmp_path):
     assert log.readings == {}
     log.save_npz(tmp_path / "log.npz")
     read = skyarm.Log.load_npz(tmp_path / "log.npz")
-    assert np.array_equal(read["components.cable_tension"], log["components.cable_tension"])
+    assert np.array_equal(
+        read["components.cable_tension"], log["components.cable_tension"]
+    )
     # by the name of an array, as an attribute and in files, and by that of a column
     units = {
         "components.cable_tension": "N",
@@ -60,12 +70,16 @@ def test_a_component_logs_what_it_declares(tmp_path):
         "cable_rate": "m/s, drawn",
     }
     for each in (log, read):
-        assert {name: unit.words for name, unit in each.units.items() if "cable" in name} == units
+        assert {
+            name: unit.words for name, unit in each.units.items() if "cable" in name
+        } == units
         assert set(each.units) == set(each.arrays()) | set(units)
 
 
 def test_they_have_panels():
-    scenario = dataclasses.replace(skyarm.load_scenario("case1", duration=0.1), forces=(Cable(),))
+    scenario = dataclasses.replace(
+        skyarm.load_scenario("case1", duration=0.1), forces=(Cable(),)
+    )
     log = skyarm.run(scenario)
     near, far, *_ = panels_of("parts", [log])
     assert (near.label, near.unit) == ("cable_tension_near_end", "N")

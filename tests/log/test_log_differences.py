@@ -1,4 +1,6 @@
-"""Two logs compared: a difference that was put in is the one that is found, with its time, name, unit and size."""
+"""Two logs compared: a difference that was put in is the one that is found, with its
+time, name, unit and size.
+"""
 
 from __future__ import annotations
 
@@ -52,18 +54,29 @@ def test_one_number_is_found_with_its_name_unit_time_and_size(
 
 
 def test_the_earliest_is_first_and_the_largest_is_where_it_is() -> None:
-    other = put("position", 30, 0, 5.0, put("position", 12, 0, -2.0, put("velocity", 3, 2, 1e-9)))
+    other = put(
+        "position",
+        30,
+        0,
+        5.0,
+        put("position", 12, 0, -2.0, put("velocity", 3, 2, 1e-9)),
+    )
     first, second = log_differences(LOG, other).columns
     assert (first.name, first.time) == ("velocity_z", 3 / 200)
     assert first.largest == pytest.approx(1e-9)
     assert (second.name, second.time, second.at) == ("position_x", 12 / 200, 30 / 200)
-    assert (second.largest, second.second - second.first) == (pytest.approx(5.0), pytest.approx(-2.0))
+    assert (second.largest, second.second - second.first) == (
+        pytest.approx(5.0),
+        pytest.approx(-2.0),
+    )
 
 
 def test_what_is_within_the_tolerance_is_none() -> None:
     other = put("position", 12, 0, 1e-6)
     assert log_differences(LOG, other, 2e-6).equal
-    assert [each.name for each in log_differences(LOG, other, 5e-7).columns] == ["position_x"]
+    assert [each.name for each in log_differences(LOG, other, 5e-7).columns] == [
+        "position_x"
+    ]
 
 
 def test_a_difference_of_the_tolerance_is_within_it() -> None:
@@ -88,13 +101,19 @@ def test_what_is_infinite_in_both_is_no_difference() -> None:
 
 
 def test_instants_are_matched_by_their_time() -> None:
-    """A log of every second control period, from the fourth on, has the same numbers at its instants."""
-    half = dataclasses.replace(LOG, **{name: array[4::2] for name, array in LOG.arrays().items()})
+    """A log of every second control period, from the fourth on, has the same numbers at
+    its instants.
+    """
+    half = dataclasses.replace(
+        LOG, **{name: array[4::2] for name, array in LOG.arrays().items()}
+    )
     found = log_differences(LOG, half)
     assert (found.instants, found.columns) == ((18, 40, 18), ())
 
 
-def test_numbers_that_are_not_finite_differ_from_finite_ones_and_not_from_themselves() -> None:
+def test_numbers_that_are_not_finite_differ_from_finite_ones_and_not_from_themselves() -> (
+    None
+):
     broken = put("position", 8, 0, np.nan)
     assert log_differences(broken, broken).equal
     (one,) = log_differences(LOG, broken).columns
@@ -126,9 +145,19 @@ def test_flights_of_other_vehicles_say_what_only_one_has() -> None:
 
 def test_scenarios_differ_by_the_sweeps_paths() -> None:
     scenario = skyarm.load_scenario("case3_wind", duration=0.2)
-    other = with_numbers(scenario, {"plant.gravity": 9.7, "controller.gains.position.x": 9.0})
-    other = dataclasses.replace(other, seed=4, title="another", changes=(skyarm.Change(at=0.1, path="x", value=2),))
-    logs = [LOG.info["scenario_record"], skyarm.run(dataclasses.replace(other, changes=())).info["scenario_record"]]
+    other = with_numbers(
+        scenario, {"plant.gravity": 9.7, "controller.gains.position.x": 9.0}
+    )
+    other = dataclasses.replace(
+        other,
+        seed=4,
+        title="another",
+        changes=(skyarm.Change(at=0.1, path="x", value=2),),
+    )
+    logs = [
+        LOG.info["scenario_record"],
+        skyarm.run(dataclasses.replace(other, changes=())).info["scenario_record"],
+    ]
     found = scenario_differences(*logs)
     own = float(scenario.controller.par.gains.position.x)
     assert found == {
@@ -145,7 +174,9 @@ def test_changes_and_another_kind_of_wind_are_differences() -> None:
 
     scenario = skyarm.load_scenario("case3_wind", duration=0.2)
     calm = dataclasses.replace(
-        scenario, wind=skyarm.MovingAir(), changes=(skyarm.Change(at=0.1, path="plant.gravity", value=9.7),)
+        scenario,
+        wind=skyarm.MovingAir(),
+        changes=(skyarm.Change(at=0.1, path="plant.gravity", value=9.7),),
     )
     found = scenario_differences(plain(scenario), plain(calm))
     assert found["changes.0.path"] == (ABSENT, "plant.gravity")

@@ -26,7 +26,9 @@ def log() -> Log:
     return run(load_scenario("case3_wind", duration=0.2))
 
 
-def test_npz_round_trips_every_array_and_the_description(log: Log, tmp_path: Path) -> None:
+def test_npz_round_trips_every_array_and_the_description(
+    log: Log, tmp_path: Path
+) -> None:
     read = Log.load_npz(log.save_npz(tmp_path / "flight.npz"))
     assert read.info == log.info
     for name, array in log.arrays().items():
@@ -40,8 +42,11 @@ def test_csv_round_trips_every_number_exactly(log: Log, tmp_path: Path) -> None:
     header = [head.split(" [")[0] for head in heads]
     read = np.array([[float(cell) for cell in row] for row in rows])
     assert len(set(header)) == len(header)
-    # side by side, the arrays are the file: no column is missing, none stands in another's place
-    arrays = [array[:, None] if array.ndim == 1 else array for array in log.arrays().values()]
+    # side by side, the arrays are the file: no column is missing, none stands in
+    # another's place
+    arrays = [
+        array[:, None] if array.ndim == 1 else array for array in log.arrays().values()
+    ]
     assert np.array_equal(read, np.concatenate(arrays, axis=1))
     for name, wanted in {
         "position_z": log.position[:, 2],
@@ -55,15 +60,25 @@ def test_csv_round_trips_every_number_exactly(log: Log, tmp_path: Path) -> None:
         assert np.array_equal(read[:, header.index(name)], wanted), name
 
 
-def test_csv_tells_equal_neighbours_from_zeros_of_either_sign(log: Log, tmp_path: Path) -> None:
-    values = np.resize([0.0, 0.0, -0.0, 1.5, 1.5, 1.5, np.nan, np.inf, 0.1], log.time.size)
-    with dataclasses.replace(log, yaw_held=values).save_csv(tmp_path / "flight.csv").open(newline="") as stream:
+def test_csv_tells_equal_neighbours_from_zeros_of_either_sign(
+    log: Log, tmp_path: Path
+) -> None:
+    values = np.resize(
+        [0.0, 0.0, -0.0, 1.5, 1.5, 1.5, np.nan, np.inf, 0.1], log.time.size
+    )
+    with (
+        dataclasses.replace(log, yaw_held=values)
+        .save_csv(tmp_path / "flight.csv")
+        .open(newline="") as stream
+    ):
         heads, *rows = list(csv.reader(stream))
     place = [head.split(" [")[0] for head in heads].index("yaw_held")
     assert [row[place] for row in rows] == [repr(float(value)) for value in values]
 
 
-def test_every_array_says_its_unit_and_csv_heads_name_it(log: Log, tmp_path: Path) -> None:
+def test_every_array_says_its_unit_and_csv_heads_name_it(
+    log: Log, tmp_path: Path
+) -> None:
     assert set(log.units) == set(log.arrays())
     assert log.units["rate"] is units(State)["rate"]
     named = log.save_csv(tmp_path / "flight.csv").read_text()
@@ -90,7 +105,11 @@ def test_the_description_says_what_the_numbers_depend_on(log: Log) -> None:
 
 
 def test_the_tip_is_what_files_call_the_tool(log: Log) -> None:
-    assert (log.tip is log.tool, log.tip_held is log.tool_held, log.tip_reference is log.tool_reference) == (True,) * 3
+    assert (
+        log.tip is log.tool,
+        log.tip_held is log.tool_held,
+        log.tip_reference is log.tool_reference,
+    ) == (True,) * 3
     assert {"tool", "tool_held", "tool_reference"} <= set(log.arrays())
 
 
@@ -106,13 +125,18 @@ def test_euler_angles_are_those_of_the_quaternion() -> None:
 
 
 @pytest.mark.parametrize("short_of", [1e-3, 1e-6, 1e-7])
-def test_euler_angles_keep_their_digits_near_a_pitch_of_90_degrees(short_of: float) -> None:
+def test_euler_angles_keep_their_digits_near_a_pitch_of_90_degrees(
+    short_of: float,
+) -> None:
     rotation = pytest.importorskip("scipy.spatial.transform").Rotation
     flight = run(load_scenario("case1", duration=0.25))
     pitch = 0.5 * np.pi - short_of
     x, y, z, w = rotation.from_euler("ZYX", [0.3, pitch, -0.4]).as_quat()
-    turned = dataclasses.replace(flight, quaternion=np.tile([w, x, y, z], (flight.time.size, 1)))
-    # a few roundings of the quaternion; an arcsine would turn them into 1e-16 / short_of
+    turned = dataclasses.replace(
+        flight, quaternion=np.tile([w, x, y, z], (flight.time.size, 1))
+    )
+    # a few roundings of the quaternion; an arcsine would turn them into 1e-16 /
+    # short_of
     assert np.abs(turned.euler[:, 1] - pitch).max() < 1e-15
 
 
@@ -132,12 +156,18 @@ def test_a_write_that_is_cut_off_leaves_what_was_there(
         write_atomically(target, b"new content")
     monkeypatch.undo()
     assert (target.read_bytes() if target.exists() else None) == existing
-    assert sorted(p.name for p in tmp_path.iterdir()) == (["log.npz"] if existing is not None else [])
+    assert sorted(p.name for p in tmp_path.iterdir()) == (
+        ["log.npz"] if existing is not None else []
+    )
 
 
-def test_a_target_that_cannot_be_written_is_one_line_and_leaves_nothing(tmp_path: Path) -> None:
+def test_a_target_that_cannot_be_written_is_one_line_and_leaves_nothing(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "taken").mkdir()
-    with pytest.raises(OSError, match=r"^file = '.*taken': must be writable \(Is a directory\)$"):
+    with pytest.raises(
+        OSError, match=r"^file = '.*taken': must be writable \(Is a directory\)$"
+    ):
         write_atomically(tmp_path / "taken", b"content")
     assert [p.name for p in tmp_path.iterdir()] == ["taken"]
 
@@ -155,14 +185,21 @@ def test_an_output_folder_is_made_and_proved(tmp_path: Path) -> None:
     assert made.is_dir()
     assert not list(made.iterdir())
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(OSError, match=r"output folder = '.*file': must be writable \(File exists\)"):
+    with pytest.raises(
+        OSError, match=r"output folder = '.*file': must be writable \(File exists\)"
+    ):
         require_writable(tmp_path / "file")
-    with pytest.raises(OSError, match=r"output folder = '.*file.inner': must be writable \(Not a directory\)"):
+    with pytest.raises(
+        OSError,
+        match=r"output folder = '.*file.inner': must be writable \(Not a directory\)",
+    ):
         require_writable(tmp_path / "file" / "inner")
 
 
 @pytest.mark.parametrize("content", [b"", b"garbage", b"PK\x03\x04 cut off"])
-def test_a_file_that_is_no_log_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
+def test_a_file_that_is_no_log_is_refused_in_one_line(
+    tmp_path: Path, content: bytes
+) -> None:
     path = tmp_path / "log.npz"
     path.write_bytes(content)
     with pytest.raises(ValueError, match="must be a log that save_npz wrote"):
@@ -170,7 +207,9 @@ def test_a_file_that_is_no_log_is_refused_in_one_line(tmp_path: Path, content: b
 
 
 def test_a_log_of_another_schema_is_refused(log: Log, tmp_path: Path) -> None:
-    np.savez(tmp_path / "old.npz", time=log.time, info=np.array(json.dumps({"schema": 1})))
+    np.savez(
+        tmp_path / "old.npz", time=log.time, info=np.array(json.dumps({"schema": 1}))
+    )
     with pytest.raises(ValueError, match="must be a log of schema 1"):
         Log.load_npz(tmp_path / "old.npz")
     newer = {**log.arrays(), "info": np.array(json.dumps({**log.info, "schema": 2}))}
@@ -182,7 +221,10 @@ def test_a_log_of_another_schema_is_refused(log: Log, tmp_path: Path) -> None:
 
 
 def test_saving_twice_gives_the_same_csv(log: Log, tmp_path: Path) -> None:
-    first, second = log.save_csv(tmp_path / "a.csv"), log.save_csv(os.fspath(tmp_path / "b.csv"))
+    first, second = (
+        log.save_csv(tmp_path / "a.csv"),
+        log.save_csv(os.fspath(tmp_path / "b.csv")),
+    )
     assert first.read_bytes() == second.read_bytes()
 
 

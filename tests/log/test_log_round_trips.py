@@ -1,4 +1,6 @@
-"""Logs read back: the same bits, the same scenario; from a file that was cut off or damaged one line."""
+"""Logs read back: the same bits, the same scenario; from a file that was cut off or
+damaged one line.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,10 @@ FORMATS = ("npz", "mcap")
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("files")
-    return {kind: skyarm.save_log(flown(), folder / f"flight.{kind}").read_bytes() for kind in FORMATS}
+    return {
+        kind: skyarm.save_log(flown(), folder / f"flight.{kind}").read_bytes()
+        for kind in FORMATS
+    }
 
 
 def loaded(folder, kind, content):
@@ -35,7 +40,10 @@ def test_a_log_is_read_back_to_the_bit_with_its_scenario(kind, files, tmp_path):
     read = loaded(tmp_path, kind, files[kind])
     assert same(read, flown())
     assert read.scenario == flown().scenario
-    assert all(array.flags.c_contiguous and array.flags.writeable for array in read.arrays().values())
+    assert all(
+        array.flags.c_contiguous and array.flags.writeable
+        for array in read.arrays().values()
+    )
     assert skyarm.save_log(read, tmp_path / f"again.{kind}").read_bytes() == files[kind]
 
 
@@ -48,19 +56,26 @@ def test_logs_of_any_vehicle_and_length_are_read_back(kind, name, count, tmp_pat
         log.wind_force[1] = [np.nan, -0.0, np.inf]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert same(skyarm.load_log(skyarm.save_log(log, tmp_path / f"drawn.{kind}")), log)
+        assert same(
+            skyarm.load_log(skyarm.save_log(log, tmp_path / f"drawn.{kind}")), log
+        )
 
 
 def test_npz_files_of_before_are_read(tmp_path):
     log = flown()
-    np.savez_compressed(tmp_path / "old.npz", **log.arrays(), info=np.array(json.dumps(log.info)))
+    np.savez_compressed(
+        tmp_path / "old.npz", **log.arrays(), info=np.array(json.dumps(log.info))
+    )
     assert same(skyarm.load_log(tmp_path / "old.npz"), log)
 
 
 def test_npz_has_names_and_units_of_columns_in_its_description(files, tmp_path):
     (tmp_path / "flight.npz").write_bytes(files["npz"])
     info = json.loads(str(np.load(tmp_path / "flight.npz")["info"]))
-    assert info["columns"]["joint_rates"] == {"columns": ["joint_rate_1", "joint_rate_2"], "units": ["rad/s"] * 2}
+    assert info["columns"]["joint_rates"] == {
+        "columns": ["joint_rate_1", "joint_rate_2"],
+        "units": ["rad/s"] * 2,
+    }
 
 
 def wrong(content, rng):
@@ -76,7 +91,9 @@ def wrong(content, rng):
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_a_file_that_was_cut_off_or_damaged_is_one_line_or_the_whole_log(kind, files, tmp_path):
+def test_a_file_that_was_cut_off_or_damaged_is_one_line_or_the_whole_log(
+    kind, files, tmp_path
+):
     refused = 0
     for content in wrong(files[kind], random.Random(4)):
         try:
@@ -95,16 +112,24 @@ def test_an_mcap_file_of_someone_else_is_one_line(tmp_path):
     with (tmp_path / "other.mcap").open("wb") as stream:
         writer = mcap_writer.Writer(stream)
         writer.start()
-        schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data")
+        schema = writer.register_schema(
+            "std_msgs/msg/Float64", "ros2msg", b"float64 data"
+        )
         channel = writer.register_channel("/skyarm/flight", "cdr", schema)
         writer.add_message(channel, 0, bytes(12), 0)
         writer.finish()
-    with pytest.raises(ValueError, match=r"^log = '.*other\.mcap': must be a whole MCAP file that skyarm wrote"):
+    with pytest.raises(
+        ValueError,
+        match=r"^log = '.*other\.mcap': must be a whole MCAP file that skyarm wrote",
+    ):
         skyarm.load_log(tmp_path / "other.mcap")
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-@pytest.mark.parametrize("content", [b"", b"garbage", b"\x89MCAP0\r\n", b"PAR1", b"PK\x03\x04", bytes(range(256)) * 50])
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"garbage", b"\x89MCAP0\r\n", b"PAR1", b"PK\x03\x04", bytes(range(256)) * 50],
+)
 def test_a_file_that_is_no_log_is_one_line(kind, content, tmp_path):
     with pytest.raises(ValueError, match=r"^log = '.*': must be ") as refused:
         loaded(tmp_path, kind, content)
@@ -118,11 +143,19 @@ def test_a_log_of_another_shape_or_schema_is_one_line(tmp_path):
         "wide": dataclasses.replace(log, position=log.quaternion),
         "joints": dataclasses.replace(log, joint_rates=log.position),
         "schema": dataclasses.replace(log, info={**log.info, "schema": 2}),
-        "single": dataclasses.replace(log, wind_force=log.wind_force.astype(np.float32)),
+        "single": dataclasses.replace(
+            log, wind_force=log.wind_force.astype(np.float32)
+        ),
     }
     for name, each in wrong.items():
-        np.savez(tmp_path / "wrong.npz", **each.arrays(), info=np.array(json.dumps(each.info)))
-        with pytest.raises(ValueError, match=r"^log = '.*wrong\.npz': must be a log of schema 1$"):
+        np.savez(
+            tmp_path / "wrong.npz",
+            **each.arrays(),
+            info=np.array(json.dumps(each.info)),
+        )
+        with pytest.raises(
+            ValueError, match=r"^log = '.*wrong\.npz': must be a log of schema 1$"
+        ):
             skyarm.load_log(tmp_path / "wrong.npz")
         assert name
 
@@ -130,7 +163,9 @@ def test_a_log_of_another_shape_or_schema_is_one_line(tmp_path):
 def test_thirty_seconds_of_flight_are_written_in_seconds(tmp_path):
     # three seconds over and over: what they are makes no difference
     log = flown()
-    many = {name: np.concatenate([array[:600]] * 10) for name, array in log.arrays().items()}
+    many = {
+        name: np.concatenate([array[:600]] * 10) for name, array in log.arrays().items()
+    }
     many["time"] = np.arange(6000) / 200
     begun = time.process_time()
     path = skyarm.save_log(dataclasses.replace(log, **many), tmp_path / "long.mcap")

@@ -1,4 +1,6 @@
-"""Logs as tables of pandas and of Arrow: the columns of the CSV file, to the bit, with their units."""
+"""Logs as tables of pandas and of Arrow: the columns of the CSV file, to the bit, with
+their units.
+"""
 
 from __future__ import annotations
 
@@ -21,27 +23,43 @@ def log() -> skyarm.Log:
 
 def heads(log: skyarm.Log, folder: Any) -> list[str]:
     """Heads of the columns of the log's CSV file."""
-    return log.save_csv(folder / "log.csv").read_text("utf-8").splitlines()[0].split(",")
+    return (
+        log.save_csv(folder / "log.csv").read_text("utf-8").splitlines()[0].split(",")
+    )
 
 
-def test_an_arrow_table_is_the_csv_file_with_units(log: skyarm.Log, tmp_path: Any) -> None:
+def test_an_arrow_table_is_the_csv_file_with_units(
+    log: skyarm.Log, tmp_path: Any
+) -> None:
     pytest.importorskip("pyarrow")
     table = log.to_arrow()
     told = {each.name: each.metadata[b"unit"].decode() for each in table.schema}
-    assert [f"{name} [{unit}]" if unit else name for name, unit in told.items()] == heads(log, tmp_path)
+    assert [
+        f"{name} [{unit}]" if unit else name for name, unit in told.items()
+    ] == heads(log, tmp_path)
     for each in columns(log):
         assert np.array_equal(table[each.name].to_numpy(), each.of(log)), each.name
-        assert table.schema.field(each.name).metadata[b"meaning"].decode() == each.meaning
-    assert (told["velocity_x"], told["rotor_speed_front"], told["joint_1"]) == ("m/s", "rad/s", "rad")
+        assert (
+            table.schema.field(each.name).metadata[b"meaning"].decode() == each.meaning
+        )
+    assert (told["velocity_x"], told["rotor_speed_front"], told["joint_1"]) == (
+        "m/s",
+        "rad/s",
+        "rad",
+    )
 
 
-def test_a_data_frame_is_the_csv_file_over_time_with_units(log: skyarm.Log, tmp_path: Any) -> None:
+def test_a_data_frame_is_the_csv_file_over_time_with_units(
+    log: skyarm.Log, tmp_path: Any
+) -> None:
     pytest.importorskip("pandas", reason="needs the extra 'pandas'")
     frame = log.to_pandas()
     assert frame.index.name == "time"
     assert np.array_equal(frame.index, log.time)
     units = frame.attrs["units"]
-    assert [f"{name} [{unit}]" if unit else name for name, unit in units.items()] == heads(log, tmp_path)
+    assert [
+        f"{name} [{unit}]" if unit else name for name, unit in units.items()
+    ] == heads(log, tmp_path)
     for each in columns(log):
         if each.name != "time":
             assert np.array_equal(frame[each.name], each.of(log)), each.name
@@ -55,17 +73,27 @@ def test_a_data_frame_is_the_csv_file_over_time_with_units(log: skyarm.Log, tmp_
         (
             log_frame,
             "pandas",
-            r"pandas: is missing; a log as a DataFrame needs the extra 'pandas': .*\[pandas\]\" from an index$",
+            (
+                r"pandas: is missing; a log as a DataFrame needs the extra 'pandas':"
+                r" .*\[pandas\]\" from an index$"
+            ),
         ),
         (
             log_table,
             "pyarrow",
-            r"pyarrow: is missing; a log as a table needs the extra 'sweep': .*\[sweep\]\" from an index$",
+            (
+                r"pyarrow: is missing; a log as a table needs the extra 'sweep':"
+                r" .*\[sweep\]\" from an index$"
+            ),
         ),
     ],
 )
 def test_what_is_missing_is_named_with_the_command_that_installs_it(
-    function: Any, package: str, words: str, log: skyarm.Log, monkeypatch: pytest.MonkeyPatch
+    function: Any,
+    package: str,
+    words: str,
+    log: skyarm.Log,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(ValueError, match=f"^{words}"):

@@ -1,4 +1,6 @@
-"""Messages on the wire against rosbags, which shares no code with us: bytes, and texts of definitions."""
+"""Messages on the wire against rosbags, which shares no code with us: bytes, and texts
+of definitions.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,12 @@ VALUES = {
     "nav_msgs/Odometry": {
         "header": {"stamp": 1_500_000_007, "frame_id": "world"},
         "child_frame_id": "base_link",
-        "pose": {"pose": {"position": {"x": 1.5, "y": -2.0, "z": 3.25}, "orientation": {"w": 0.5, "z": -0.5}}},
+        "pose": {
+            "pose": {
+                "position": {"x": 1.5, "y": -2.0, "z": 3.25},
+                "orientation": {"w": 0.5, "z": -0.5},
+            }
+        },
         "twist": {"covariance": np.arange(36.0), "twist": {"angular": {"y": 7.0}}},
     },
     "sensor_msgs/JointState": {
@@ -47,17 +54,32 @@ VALUES = {
         "effort": np.array([0.5]),
     },
     "std_msgs/Float64MultiArray": {
-        "layout": {"dim": [{"label": "rotors", "size": 4, "stride": 6}], "data_offset": 3},
+        "layout": {
+            "dim": [{"label": "rotors", "size": 4, "stride": 6}],
+            "data_offset": 3,
+        },
         "data": np.array([1.0, np.inf, -0.0]),
     },
     "tf2_msgs/TFMessage": {
         "transforms": [
-            {"header": {"stamp": 5, "frame_id": "w"}, "child_frame_id": name, "transform": {"rotation": {"w": 1.0}}}
+            {
+                "header": {"stamp": 5, "frame_id": "w"},
+                "child_frame_id": name,
+                "transform": {"rotation": {"w": 1.0}},
+            }
             for name in ("b", "link")
         ]
     },
     "visualization_msgs/MarkerArray": {
-        "markers": [{"ns": "hull", "id": 3, "color": {"r": 0.5}, "frame_locked": True, "lifetime": {"sec": 4}}]
+        "markers": [
+            {
+                "ns": "hull",
+                "id": 3,
+                "color": {"r": 0.5},
+                "frame_locked": True,
+                "lifetime": {"sec": 4},
+            }
+        ]
     },
 }
 
@@ -65,7 +87,11 @@ VALUES = {
 def plain(message) -> object:
     """Fields of a message of rosbags as dictionaries."""
     if hasattr(message, "__msgtype__"):
-        return {name: plain(getattr(message, name)) for name in message.__dataclass_fields__ if name[0].islower()}
+        return {
+            name: plain(getattr(message, name))
+            for name in message.__dataclass_fields__
+            if name[0].islower()
+        }
     if isinstance(message, np.ndarray):
         return message.tolist()
     return [plain(each) for each in message] if isinstance(message, list) else message
@@ -88,7 +114,9 @@ def test_big_endian_messages_are_read():
     }
 
 
-@pytest.mark.parametrize("head", [b"\x00\x02", b"\x00\x06", b"\x00\x07", b"\x01\x01", b"\x00\x0b"])
+@pytest.mark.parametrize(
+    "head", [b"\x00\x02", b"\x00\x06", b"\x00\x07", b"\x01\x01", b"\x00\x0b"]
+)
 def test_other_encapsulations_are_refused(head):
     """Parameter lists, the second version of CDR, and what is none."""
     whole = encode("geometry_msgs/PoseStamped", DEFINITIONS, {}, 1)[0].tobytes()
@@ -97,9 +125,18 @@ def test_other_encapsulations_are_refused(head):
         decode("geometry_msgs/PoseStamped", DEFINITIONS, head + whole[2:])
 
 
-@pytest.mark.parametrize("kind", ["geometry_msgs/PoseStamped", "sensor_msgs/JointState", "std_msgs/Float64MultiArray"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "geometry_msgs/PoseStamped",
+        "sensor_msgs/JointState",
+        "std_msgs/Float64MultiArray",
+    ],
+)
 def test_bytes_that_are_no_message_are_refused_in_one_line(kind):
-    """Cut, changed and random bytes: a message or a MessageError, and no list that fills the memory."""
+    """Cut, changed and random bytes: a message or a MessageError, and no list that
+    fills the memory.
+    """
     rng = random.Random(kind)
     whole = encode(kind, DEFINITIONS, VALUES.get(kind, {}), 1)[0].tobytes()
     for length in range(len(whole)):
@@ -107,7 +144,9 @@ def test_bytes_that_are_no_message_are_refused_in_one_line(kind):
             decode(kind, DEFINITIONS, whole[:length])
     refused = 0
     for _ in range(FUZZED):
-        data = bytearray(whole if rng.random() < 0.5 else rng.randbytes(rng.randrange(200)))
+        data = bytearray(
+            whole if rng.random() < 0.5 else rng.randbytes(rng.randrange(200))
+        )
         for _ in range(rng.randrange(6)):
             if data:
                 data[rng.randrange(len(data))] = rng.randrange(256)

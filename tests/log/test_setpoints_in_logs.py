@@ -1,4 +1,6 @@
-"""Commands that are setpoints of drives are never shown as torques: in messages, plots and metrics."""
+"""Commands that are setpoints of drives are never shown as torques: in messages, plots
+and metrics.
+"""
 
 from __future__ import annotations
 
@@ -29,9 +31,13 @@ def log() -> skyarm.Log:
 
 
 def mixed() -> skyarm.Log:
-    """The same, the first joint with a velocity servo; the second one takes its torque."""
+    """The same, the first joint with a velocity servo; the second one takes its
+    torque.
+    """
     vehicle = skyarm.load_vehicle(SERVOS)
-    rate = dataclasses.replace(vehicle.drives[0], drive=VelocityServo(gain=1.0, inertia=0.01))
+    rate = dataclasses.replace(
+        vehicle.drives[0], drive=VelocityServo(gain=1.0, inertia=0.01)
+    )
     return drawn(dataclasses.replace(vehicle, drives=(rate,)))
 
 
@@ -59,10 +65,18 @@ def test_torques_that_are_not_known_are_no_metrics():
     scenario = load_scenario(Path(SERVOS).parent / "servo_flight.toml")
     assert scenario.agent.commands_setpoints == (True, True)
     assert [unit is not None for unit in names_of(mixed()).setpoints] == [True, False]
-    assert not [name for name in metric_names(["all"], 2, scenario.agent.commands_setpoints) if name.startswith("tau")]
-    assert [name for name in metric_names(["effort"], 2, (True, False)) if "tau" in name] == ["tau2_rms"]
+    assert not [
+        name
+        for name in metric_names(["all"], 2, scenario.agent.commands_setpoints)
+        if name.startswith("tau")
+    ]
+    assert [
+        name for name in metric_names(["effort"], 2, (True, False)) if "tau" in name
+    ] == ["tau2_rms"]
     assert metric_names(["efforts"], 2, (True, False)) == ("tau2_rms",)
     assert metric_names(["efforts"], 2) == ("tau1_rms", "tau2_rms")
-    with pytest.raises(ValueError, match="'tau1_rms': must be left out: joint 1 is told setpoints"):
+    with pytest.raises(
+        ValueError, match="'tau1_rms': must be left out: joint 1 is told setpoints"
+    ):
         metric_names(["tau1_rms"], 2, (True, False))
     assert not [name for name in skyarm.score(log()) if "tau" in name]

@@ -11,11 +11,19 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.records.files.unpacked import LARGEST, RATIO, TooLargeError, npz_arrays, require_size
+from skyarm.records.files.unpacked import (
+    LARGEST,
+    RATIO,
+    TooLargeError,
+    npz_arrays,
+    require_size,
+)
 
 
 def npz_bomb(path):
-    """An npz of 1 MB whose zeros take 1.1 GB, in many members that share one piece of the file."""
+    """An npz of 1 MB whose zeros take 1.1 GB, in many members that share one piece of
+    the file.
+    """
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         with archive.open("time.npy", "w", force_zip64=True) as stream:
             np.lib.format.write_array_header_1_0(
@@ -24,23 +32,37 @@ def npz_bomb(path):
             for _ in range(120):
                 stream.write(bytes(1_000_000))
         member = archive.infolist()[0]
-        # the directory of an archive may name one piece of the file as often as it likes
+        # the directory of an archive may name one piece of the file as often as it
+        # likes
         for number in range(9):
             again = zipfile.ZipInfo(f"array{number}.npy")
-            for name in ("compress_type", "CRC", "compress_size", "file_size", "header_offset", "flag_bits"):
+            for name in (
+                "compress_type",
+                "CRC",
+                "compress_size",
+                "file_size",
+                "header_offset",
+                "flag_bits",
+            ):
                 setattr(again, name, getattr(member, name))
             archive.filelist.append(again)
 
 
 @pytest.mark.parametrize(("suffix", "bomb"), [("npz", npz_bomb)])
-def test_a_small_log_that_unpacks_to_a_gigabyte_is_refused_before_it_does(suffix, bomb, tmp_path):
+def test_a_small_log_that_unpacks_to_a_gigabyte_is_refused_before_it_does(
+    suffix, bomb, tmp_path
+):
     file = tmp_path / f"bomb.{suffix}"
     bomb(file)
     assert RATIO * file.stat().st_size < LARGEST
     tracemalloc.start()
     try:
         with pytest.raises(
-            ValueError, match=rf"^log = '.*bomb\.{suffix}': must unpack to at most 1000 MB, and would to 1"
+            ValueError,
+            match=(
+                rf"^log = '.*bomb\.{suffix}': must unpack to at most 1000 MB, and would"
+                r" to 1"
+            ),
         ):
             skyarm.load_log(file)
         assert tracemalloc.get_traced_memory()[1] < 50e6
@@ -51,7 +73,10 @@ def test_a_small_log_that_unpacks_to_a_gigabyte_is_refused_before_it_does(suffix
 @pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
 def test_a_member_that_is_unpacked_as_a_whole_is_refused(method):
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", method) as archive, archive.open("time.npy", "w") as member:
+    with (
+        zipfile.ZipFile(stream, "w", method) as archive,
+        archive.open("time.npy", "w") as member,
+    ):
         np.lib.format.write_array(member, np.zeros(1_000_000))
     small = bytearray(stream.getvalue())
     # the directory's entry says a header and eight bytes
@@ -59,7 +84,10 @@ def test_a_member_that_is_unpacked_as_a_whole_is_refused(method):
     small[at : at + 4] = (136).to_bytes(4, "little")
     tracemalloc.start()
     try:
-        with pytest.raises(ValueError, match=r"^must be an npz file: members must be stored or deflated$"):
+        with pytest.raises(
+            ValueError,
+            match=r"^must be an npz file: members must be stored or deflated$",
+        ):
             npz_arrays(bytes(small))
         assert tracemalloc.get_traced_memory()[1] < 1e6
     finally:
@@ -89,7 +117,12 @@ def test_a_large_file_may_hold_what_numbers_shrink_to():
 
 
 WRONG = {
-    "rates_hz": [None, 3, {"control": "fast"}, {"physics": 1, "control": 0, "reference": 1}],
+    "rates_hz": [
+        None,
+        3,
+        {"control": "fast"},
+        {"physics": 1, "control": 0, "reference": 1},
+    ],
     "duration": ["x", None, [1.0], float("nan")],
     "status": [3, None, {}],
     "scenario": [[]],
@@ -114,6 +147,8 @@ def test_a_forged_field_of_a_description_is_refused_by_its_name(name, tmp_path):
         np.savez(stream, **log.arrays(), info=np.array(json.dumps(forged)))
         file = tmp_path / "forged.npz"
         file.write_bytes(stream.getvalue())
-        with pytest.raises(ValueError, match=rf"^log = '.*forged\.npz': info\.{name}[ .\[:]") as error:
+        with pytest.raises(
+            ValueError, match=rf"^log = '.*forged\.npz': info\.{name}[ .\[:]"
+        ) as error:
             skyarm.load_log(file)
         assert "\n" not in str(error.value)

@@ -1,4 +1,6 @@
-"""Parts of a log's scenario by the words of its file: each word leads to the field that it is read into."""
+"""Parts of a log's scenario by the words of its file: each word leads to the field that
+it is read into.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,15 @@ def test_a_word_leads_to_its_field(slot: Slot) -> None:
 def test_a_path_goes_on_through_fields_and_ends_where_none_is() -> None:
     assert written_at(INFO, "plant.vehicle.name") == "hummingbird_arm2_rotors"
     assert written_at(INFO, "delays.command") == SCENARIO.delays.command
-    assert written_at(INFO, "controller.gains.position.x") == float(SCENARIO.controller.par.gains.position.x)
+    assert written_at(INFO, "controller.gains.position.x") == float(
+        SCENARIO.controller.par.gains.position.x
+    )
     for path in ("plant.vehicle.wings", "wings", "plant.vehicle.name.first"):
         assert written_at(INFO, path) is None
     assert written_at({}, "plant.vehicle") is None
-    assert restored_at({"scenario_record": {"agent": {"plant": {"type": "none:Such"}}}}, "plant") is None
+    assert (
+        restored_at(
+            {"scenario_record": {"agent": {"plant": {"type": "none:Such"}}}}, "plant"
+        )
+        is None
+    )

@@ -1,6 +1,7 @@
 """The rooms of the source, and a seeded draw of changes from each.
 
-A mutant is known by its file, the text of its line and the change, so that a record outlives lines that move.
+A mutant is known by its file, the text of its line and the change, so that a record
+outlives lines that move.
 """
 
 from __future__ import annotations
@@ -53,7 +54,9 @@ class Mutant:
         return room(self.file)
 
     def place(self, text: str) -> int | None:
-        """Return where in the file's text the change begins; None if the line is no longer there."""
+        """Return where in the file's text the change begins; None if the line is no
+        longer there.
+        """
         place = 0
         seen = 0
         for line in text.splitlines(keepends=True):
@@ -73,11 +76,17 @@ class Mutant:
     def changed(self, text: str) -> str | None:
         """Return the mutated file."""
         start = self.place(text)
-        return None if start is None else text[:start] + self.new + text[start + len(self.old) :]
+        return (
+            None
+            if start is None
+            else text[:start] + self.new + text[start + len(self.old) :]
+        )
 
 
 def room(file: str) -> str:
-    """Return the room of a file below ``src/skyarm``; the big rooms by their subfolders."""
+    """Return the room of a file below ``src/skyarm``; the big rooms by their
+    subfolders.
+    """
     parts = Path(file).parts[:-1]
     if not parts:
         return "root"
@@ -87,9 +96,11 @@ def room(file: str) -> str:
 
 
 def tests_of(name: str) -> str:
-    """Return the folder below ``tests`` that is a room's own; the empty text for files beside the rooms.
+    """Return the folder below ``tests`` that is a room's own; the empty text for files
+    beside the rooms.
 
-    Tests of control lie in one folder, those of the other big rooms in subfolders of the same names.
+    Tests of control lie in one folder, those of the other big rooms in subfolders of
+    the same names.
     """
     if name == "root":
         return ""
@@ -122,35 +133,61 @@ def all_changes(package: Path) -> dict[str, list[Mutant]]:
     return dict(found)
 
 
-def draw(package: Path, count: int, seed: int, left_out: Collection[str] = ()) -> list[Mutant]:
-    """Draw `count` mutants, every room by the root of its size, in a room every kind by the root of its number.
+def draw(
+    package: Path, count: int, seed: int, left_out: Collection[str] = ()
+) -> list[Mutant]:
+    """Draw `count` mutants, every room by the root of its size, in a room every kind by
+    the root of its number.
 
-    A mutant whose key is `left_out` is passed over; the others of its room stay the same, one more is drawn.
+    A mutant whose key is `left_out` is passed over; the others of its room stay the
+    same, one more is drawn.
     """
     found = all_changes(package)
-    weights = {name: len(changes) ** 0.5 * (0.5 if name in LIGHT else 1.0) for name, changes in found.items()}
+    weights = {
+        name: len(changes) ** 0.5 * (0.5 if name in LIGHT else 1.0)
+        for name, changes in found.items()
+    }
     total = sum(weights.values())
-    shares = {name: max(FEWEST, round(count * weight / total)) for name, weight in weights.items()}
+    shares = {
+        name: max(FEWEST, round(count * weight / total))
+        for name, weight in weights.items()
+    }
     largest = sorted(shares, key=lambda name: -shares[name])
     for turn in range(abs(sum(shares.values()) - count)):
-        shares[largest[turn % len(largest)]] += 1 if sum(shares.values()) < count else -1
+        shares[largest[turn % len(largest)]] += (
+            1 if sum(shares.values()) < count else -1
+        )
     drawn: list[Mutant] = []
     for name in sorted(found):
-        drawn += _draw_room(package, found[name], shares[name], random.Random(f"{seed} {name}"), left_out)
+        drawn += _draw_room(
+            package,
+            found[name],
+            shares[name],
+            random.Random(f"{seed} {name}"),
+            left_out,
+        )
     return drawn
 
 
 def _draw_room(
-    package: Path, changes: list[Mutant], count: int, dice: random.Random, left_out: Collection[str]
+    package: Path,
+    changes: list[Mutant],
+    count: int,
+    dice: random.Random,
+    left_out: Collection[str],
 ) -> list[Mutant]:
-    """Draw from one room: a kind, then a change of it; no line twice, and nothing that is not Python."""
+    """Draw from one room: a kind, then a change of it; no line twice, and nothing that
+    is not Python.
+    """
     left: dict[str, list[Mutant]] = defaultdict(list)
     for mutant in changes:
         left[mutant.kind].append(mutant)
     drawn: list[Mutant] = []
     lines: set[tuple[str, str, int]] = set()
     while left and len(drawn) < count:
-        kind = dice.choices(list(left), [len(mutants) ** 0.5 for mutants in left.values()])[0]
+        kind = dice.choices(
+            list(left), [len(mutants) ** 0.5 for mutants in left.values()]
+        )[0]
         one = left[kind].pop(dice.randrange(len(left[kind])))
         if not left[kind]:
             del left[kind]
@@ -164,16 +201,18 @@ def _draw_room(
 
 
 def function_of(text: str, mutant: Mutant) -> int | None:
-    """Return the first line of the innermost function around a mutant, as its code object has it; None outside."""
+    """Return the first line of the innermost function around a mutant, as its code
+    object has it; None outside.
+    """
     start = mutant.place(text)
     if start is None:
         return None
     row = text.count("\n", 0, start) + 1
     best: tuple[int, int] | None = None
     for node in ast.walk(ast.parse(text)):
-        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and node.body[0].lineno <= row <= (
-            node.end_lineno or 0
-        ):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and node.body[
+            0
+        ].lineno <= row <= (node.end_lineno or 0):
             first = min([node.lineno, *(d.lineno for d in node.decorator_list)])
             best = max(best, (node.lineno, first)) if best else (node.lineno, first)
     return best[1] if best else None

@@ -1,8 +1,10 @@
-"""Changes of Python source, one at a time: other operators, operands swapped, terms, guards and limits dropped, slips.
+"""Changes of Python source, one at a time: other operators, operands swapped, terms,
+guards and limits dropped, slips.
 
-A change replaces the text of one syntax node and nothing else. Left alone are docstrings, annotations, decorators,
-f-strings (they are texts), what is raised or warned, ``__all__``, ``if TYPE_CHECKING`` and options of the language
-(``strict=``, ``frozen=``).
+A change replaces the text of one syntax node and nothing else. Left alone are
+docstrings, annotations, decorators, f-strings (they are texts), what is raised or
+warned, ``__all__``, ``if TYPE_CHECKING`` and options of the language (``strict=``,
+``frozen=``).
 """
 
 from __future__ import annotations
@@ -21,7 +23,12 @@ ARITHMETIC = {
     ast.FloorDiv: ("//", "*"),
     ast.Mod: ("%", "*"),
 }
-BOUNDARY = {ast.Lt: ("<", "<="), ast.LtE: ("<=", "<"), ast.Gt: (">", ">="), ast.GtE: (">=", ">")}
+BOUNDARY = {
+    ast.Lt: ("<", "<="),
+    ast.LtE: ("<=", "<"),
+    ast.Gt: (">", ">="),
+    ast.GtE: (">=", ">"),
+}
 REVERSED = {
     ast.Lt: ("<", ">="),
     ast.LtE: ("<=", ">"),
@@ -46,10 +53,42 @@ _PAIRS = (
     ("argmin", "argmax"),
 )
 RENAMED = {one: two for pair in _PAIRS for one, two in (pair, pair[::-1])}
-LIMITS = ("min", "max", "minimum", "maximum", "clip", "abs", "absolute", "sorted", "reversed", "round")
+LIMITS = (
+    "min",
+    "max",
+    "minimum",
+    "maximum",
+    "clip",
+    "abs",
+    "absolute",
+    "sorted",
+    "reversed",
+    "round",
+)
 DROPPED_METHODS = ("normalized", "renormalized", "norm", "strip", "resolve")
-SLIPPED = {"x": "y", "y": "z", "z": "x", "r0": "r1", "r1": "r2", "r2": "r0", "xx": "yy", "yy": "zz", "zz": "xx"}
-LANGUAGE = ("strict", "frozen", "kw_only", "slots", "eq", "order", "repr", "compare", "init", "maxsize")
+SLIPPED = {
+    "x": "y",
+    "y": "z",
+    "z": "x",
+    "r0": "r1",
+    "r1": "r2",
+    "r2": "r0",
+    "xx": "yy",
+    "yy": "zz",
+    "zz": "xx",
+}
+LANGUAGE = (
+    "strict",
+    "frozen",
+    "kw_only",
+    "slots",
+    "eq",
+    "order",
+    "repr",
+    "compare",
+    "init",
+    "maxsize",
+)
 TOLD = ("warn", "print", "echo", "secho", "TypeVar", "cast", "NewType")
 
 
@@ -79,7 +118,9 @@ class Source:
     def at(self, row: int, column: int) -> int:
         """Return the place of a row and a column (in bytes, as the parser counts)."""
         line = self.lines[row - 1]
-        return self.starts[row - 1] + (column if line.isascii() else len(line.encode()[:column].decode()))
+        return self.starts[row - 1] + (
+            column if line.isascii() else len(line.encode()[:column].decode())
+        )
 
     def span(self, node: ast.AST) -> tuple[int, int]:
         """Return where a node begins and ends."""
@@ -96,7 +137,9 @@ class Source:
         first, last = self.span(node)
         return Change(first, last, self.text[first:last], new, kind)
 
-    def between(self, left: ast.AST, right: ast.AST, old: str, new: str, kind: str) -> Iterator[Change]:
+    def between(
+        self, left: ast.AST, right: ast.AST, old: str, new: str, kind: str
+    ) -> Iterator[Change]:
         """Replace the operator between two nodes."""
         first, last = self.span(left)[1], self.span(right)[0]
         place = self.text.find(old, first, last)
@@ -107,7 +150,9 @@ class Source:
 def changes(source: Source) -> Iterator[Change]:
     """Yield every change of a file."""
     for node in _nodes(ast.parse(source.text)):
-        yield from (change for change in _of_node(source, node) if change.old != change.new)
+        yield from (
+            change for change in _of_node(source, node) if change.old != change.new
+        )
 
 
 def is_python(text: str) -> bool:
@@ -158,7 +203,11 @@ def _is_left_alone(node: ast.AST) -> bool:
 
 def _called(node: ast.Call) -> str:
     """Return the last part of a called name."""
-    return node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+    return (
+        node.func.attr
+        if isinstance(node.func, ast.Attribute)
+        else getattr(node.func, "id", "")
+    )
 
 
 def _of_node(source: Source, node: ast.AST) -> Iterator[Change]:
@@ -179,23 +228,38 @@ def _of_node(source: Source, node: ast.AST) -> Iterator[Change]:
     elif isinstance(node, ast.BoolOp):
         other = " or " if isinstance(node.op, ast.And) else " and "
         yield source.swap(
-            node, "(" + other.join(f"({source.of(v)})" for v in node.values) + ")", f"and, or -> {other.strip()}"
+            node,
+            "(" + other.join(f"({source.of(v)})" for v in node.values) + ")",
+            f"and, or -> {other.strip()}",
         )
     elif isinstance(node, (ast.If, ast.IfExp, ast.While)):
-        yield source.swap(node.test, f"not ({source.of(node.test)})", "condition reversed")
+        yield source.swap(
+            node.test, f"not ({source.of(node.test)})", "condition reversed"
+        )
         if (
             isinstance(node, ast.If)
             and not node.orelse
-            and isinstance(node.body[-1], (ast.Raise, ast.Return, ast.Continue, ast.Break))
+            and isinstance(
+                node.body[-1], (ast.Raise, ast.Return, ast.Continue, ast.Break)
+            )
         ):
             yield source.swap(node.test, "False", "guard dropped")
     elif isinstance(node, ast.comprehension):
-        yield from (source.swap(test, f"not ({source.of(test)})", "condition reversed") for test in node.ifs)
+        yield from (
+            source.swap(test, f"not ({source.of(test)})", "condition reversed")
+            for test in node.ifs
+        )
     elif isinstance(node, ast.Call):
         yield from _call(source, node)
-    elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load) and node.attr in SLIPPED:
+    elif (
+        isinstance(node, ast.Attribute)
+        and isinstance(node.ctx, ast.Load)
+        and node.attr in SLIPPED
+    ):
         last = source.span(node)[1]
-        yield Change(last - len(node.attr), last, node.attr, SLIPPED[node.attr], "component slip")
+        yield Change(
+            last - len(node.attr), last, node.attr, SLIPPED[node.attr], "component slip"
+        )
     elif isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Load):
         yield from _subscript(source, node)
 
@@ -216,7 +280,9 @@ def _binary(source: Source, node: ast.BinOp) -> Iterator[Change]:
     yield from source.between(node.left, node.right, old, new, "arithmetic")
     if isinstance(node.op, (ast.Sub, ast.Div, ast.FloorDiv, ast.Mod)):
         yield source.swap(node, f"(({right}) {old} ({left}))", "operands swapped")
-    kind = "term dropped" if isinstance(node.op, (ast.Add, ast.Sub)) else "factor dropped"
+    kind = (
+        "term dropped" if isinstance(node.op, (ast.Add, ast.Sub)) else "factor dropped"
+    )
     yield source.swap(node, f"({left})", kind)
     if isinstance(node.op, (ast.Add, ast.Mult)):
         yield source.swap(node, f"({right})", kind)
@@ -252,30 +318,42 @@ def _comparison(source: Source, node: ast.Compare) -> Iterator[Change]:
 
 def _call(source: Source, node: ast.Call) -> Iterator[Change]:
     """Yield a function's rival, its limit dropped, its arguments exchanged."""
-    name, plain = _called(node), not node.keywords and not any(isinstance(a, ast.Starred) for a in node.args)
+    name, plain = (
+        _called(node),
+        not node.keywords and not any(isinstance(a, ast.Starred) for a in node.args),
+    )
     if name in RENAMED:
         last = source.span(node.func)[1]
         yield Change(last - len(name), last, name, RENAMED[name], "another function")
     if name in LIMITS and plain and node.args:
         yield from (
-            source.swap(node, f"({source.of(a)})", "limit dropped") for a in node.args[: 1 if name == "clip" else 2]
+            source.swap(node, f"({source.of(a)})", "limit dropped")
+            for a in node.args[: 1 if name == "clip" else 2]
         )
     if name == "where" and plain and len(node.args) == 3:
         condition, yes, no = (source.of(a) for a in node.args)
-        yield source.swap(node, f"{source.of(node.func)}({condition}, {no}, {yes})", "condition reversed")
+        yield source.swap(
+            node,
+            f"{source.of(node.func)}({condition}, {no}, {yes})",
+            "condition reversed",
+        )
     if isinstance(node.func, ast.Attribute) and plain:
         owner = source.of(node.func.value)
         if name == "rotation" and not node.args:
             yield source.swap(node, f"{source.of(node)}.T", "rotation transposed")
         if name == "cross" and len(node.args) == 1:
-            yield source.swap(node, f"({source.of(node.args[0])}).cross({owner})", "operands swapped")
+            yield source.swap(
+                node, f"({source.of(node.args[0])}).cross({owner})", "operands swapped"
+            )
         if name in DROPPED_METHODS and not node.args:
             yield source.swap(node, f"({owner})", "method dropped")
     yield from _exchanged(source, node)
 
 
 def _exchanged(source: Source, node: ast.Call) -> Iterator[Change]:
-    """Yield two neighbouring keyword arguments with each other's value, and an update left out of ``replace``."""
+    """Yield two neighbouring keyword arguments with each other's value, and an update
+    left out of ``replace``.
+    """
     named = [k for k in node.keywords if k.arg is not None and k.arg not in LANGUAGE]
     for one, two in itertools.pairwise(named):
         a, b = source.of(one.value), source.of(two.value)
@@ -283,11 +361,21 @@ def _exchanged(source: Source, node: ast.Call) -> Iterator[Change]:
             first, last = source.span(one)[0], source.span(two)[1]
             middle = source.text[source.span(one)[1] : source.span(two)[0]]
             yield Change(
-                first, last, source.text[first:last], f"{one.arg}={b}{middle}{two.arg}={a}", "keyword values swapped"
+                first,
+                last,
+                source.text[first:last],
+                f"{one.arg}={b}{middle}{two.arg}={a}",
+                "keyword values swapped",
             )
     if _called(node) == "replace" and len(node.args) == 1 and len(named) > 1:
         for dropped in named:
-            kept = ", ".join(source.of(part) for part in (*node.args, *(k for k in node.keywords if k is not dropped)))
+            kept = ", ".join(
+                source.of(part)
+                for part in (
+                    *node.args,
+                    *(k for k in node.keywords if k is not dropped),
+                )
+            )
             yield source.swap(node, f"{source.of(node.func)}({kept})", "update dropped")
 
 

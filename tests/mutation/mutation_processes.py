@@ -1,4 +1,6 @@
-"""Pytest in forked processes: the heavy libraries are imported once, skyarm and the tests anew in each process."""
+"""Pytest in forked processes: the heavy libraries are imported once, skyarm and the
+tests anew in each process.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ TESTS = Path(__file__).resolve().parents[1]
 
 
 def import_heavy() -> None:
-    """Import what every test needs; a library that is not there is left out. (JAX does not bear a fork.)"""
+    """Import what every test needs; a library that is not there is left out. (JAX does
+    not bear a fork.)
+    """
     import pytest  # noqa: F401
 
     for name in HEAVY:
@@ -40,9 +44,14 @@ def import_heavy() -> None:
 
 
 def run_pytest(
-    source: Path, arguments: Sequence[str], environment: dict[str, str], plugins: Callable[[], list[Any]]
+    source: Path,
+    arguments: Sequence[str],
+    environment: dict[str, str],
+    plugins: Callable[[], list[Any]],
 ) -> int:
-    """Run pytest in this process on the package in `source` and return its exit status."""
+    """Run pytest in this process on the package in `source` and return its exit
+    status.
+    """
     import pytest
 
     paths = [str(source), environment.pop("PYTHONPATH", "")]
@@ -65,7 +74,9 @@ def run_pytest(
 
 
 def forked(work: Callable[[], int], output: Path) -> int:
-    """Start `work` in a process group of its own, its output in a file; returns the process id."""
+    """Start `work` in a process group of its own, its output in a file; returns the
+    process id.
+    """
     sys.stdout.flush()
     sys.stderr.flush()
     if pid := os.fork():
@@ -87,13 +98,19 @@ def forked(work: Callable[[], int], output: Path) -> int:
 
 
 def wait(pid: int, limit: float) -> int:
-    """Return the exit status of a process, negative for a signal; LATE if it had to be ended after `limit` seconds."""
+    """Return the exit status of a process, negative for a signal; LATE if it had to be
+    ended after `limit` seconds.
+    """
     end = time.monotonic() + limit
     while time.monotonic() < end:
         done, status = os.waitpid(pid, os.WNOHANG)
         if done:
             kill_group(pid)
-            return os.waitstatus_to_exitcode(status) if not os.WIFSIGNALED(status) else 128 + os.WTERMSIG(status)
+            return (
+                os.waitstatus_to_exitcode(status)
+                if not os.WIFSIGNALED(status)
+                else 128 + os.WTERMSIG(status)
+            )
         time.sleep(0.02)
     kill_group(pid)
     os.waitpid(pid, 0)

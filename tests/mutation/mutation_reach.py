@@ -1,7 +1,9 @@
-"""Which tests call which functions of skyarm: a tracer that sees the first call of each function in each test.
+"""Which tests call which functions of skyarm: a tracer that sees the first call of each
+function in each test.
 
-A line of a function is taken for reached by a test that calls the function, in this process or in one it starts. Every
-test file runs in a process of its own, so that no cache filled by another file hides a call.
+A line of a function is taken for reached by a test that calls the function, in this
+process or in one it starts. Every test file runs in a process of its own, so that no
+cache filled by another file hides a call.
 """
 
 from __future__ import annotations
@@ -22,7 +24,9 @@ CHILD = "import mutation_reach\nmutation_reach.trace_child()\n"
 
 
 class Tracer:
-    """Remember each function of skyarm at its first call in a test, as (file, first line)."""
+    """Remember each function of skyarm at its first call in a test, as (file, first
+    line).
+    """
 
     def __init__(self, root: Path) -> None:
         self.root = str(root) + os.sep
@@ -32,7 +36,9 @@ class Tracer:
         self.append_to: Path | None = None
 
     def name(self, code: CodeType) -> str | None:
-        """Return ``file:first line`` of a function in the package, None of any other."""
+        """Return ``file:first line`` of a function in the package, None of any
+        other.
+        """
         if not code.co_filename.startswith(self.root):
             return None
         return f"{code.co_filename[len(self.root) :]}:{code.co_firstlineno}"
@@ -53,7 +59,9 @@ class Tracer:
     def take(self) -> list[str]:
         """Return the functions called since the last time, and forget them."""
         seen, self.seen = self.seen, set()  # first of all: what follows is traced too
-        return sorted({name for code in seen if (name := self.known.get(code)) is not None})
+        return sorted(
+            {name for code in seen if (name := self.known.get(code)) is not None}
+        )
 
     def become_child(self) -> None:
         """Write every further function into a file of this process."""
@@ -69,7 +77,14 @@ class Tracer:
 def trace_child() -> None:
     """Trace a Python process that a test started, if it is to be traced."""
     if FOLDER in os.environ:
-        root = next((Path(p) for p in sys.path if (Path(p) / "skyarm" / "__init__.py").is_file()), None)
+        root = next(
+            (
+                Path(p)
+                for p in sys.path
+                if (Path(p) / "skyarm" / "__init__.py").is_file()
+            ),
+            None,
+        )
         if root is not None:
             tracer = Tracer(root)
             tracer.become_child()
@@ -86,11 +101,21 @@ class ReachPlugin:
         self.began = 0.0
         self.passed = True
 
-    def write(self, test: str, functions: list[str], seconds: float, passed: bool) -> None:
+    def write(
+        self, test: str, functions: list[str], seconds: float, passed: bool
+    ) -> None:
         """Append one line of the record."""
         with self.file.open("a") as file:
             file.write(
-                json.dumps({"test": test, "functions": functions, "s": round(seconds, 3), "passed": passed}) + "\n"
+                json.dumps(
+                    {
+                        "test": test,
+                        "functions": functions,
+                        "s": round(seconds, 3),
+                        "passed": passed,
+                    }
+                )
+                + "\n"
             )
 
     def pytest_collection_finish(self, session: Any) -> None:
@@ -102,11 +127,15 @@ class ReachPlugin:
         self.began, self.passed = time.perf_counter(), True
 
     def pytest_runtest_logreport(self, report: Any) -> None:
-        """Remember a failure; a test that is skipped kills nothing and fails nothing."""
+        """Remember a failure; a test that is skipped kills nothing and fails
+        nothing.
+        """
         self.passed = self.passed and not report.failed
         if sys.gettrace() is not self.tracer:  # a test that traced by itself
             sys.settrace(self.tracer)
 
     def pytest_runtest_logfinish(self, nodeid: str, location: Any) -> None:
         """End a test, fixtures included."""
-        self.write(nodeid, self.tracer.take(), time.perf_counter() - self.began, self.passed)
+        self.write(
+            nodeid, self.tracer.take(), time.perf_counter() - self.began, self.passed
+        )

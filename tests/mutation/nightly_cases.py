@@ -1,9 +1,12 @@
-"""Slow cases that the nightly workflow alone may run: what they reach is reached by others, and no mutant needs them.
+"""Slow cases that the nightly workflow alone may run: what they reach is reached by
+others, and no mutant needs them.
 
-    python tests/mutation/mutants.py nightly --share 0.5     after `reach` and `run`; adds to tests/budget.json
+    python tests/mutation/mutants.py nightly --share 0.5     after `reach` and `run`;
+                                                             adds to tests/budget.json
 
-A case stays in `make test` if it was the first to see a drawn mutant, if fewer than ``OTHERS`` others reach one of its
-functions, or if fewer than ``OTHERS`` others of the function's own room do.
+A case stays in `make test` if it was the first to see a drawn mutant, if fewer than
+``OTHERS`` others reach one of its functions, or if fewer than ``OTHERS`` others of the
+function's own room do.
 """
 
 from __future__ import annotations
@@ -21,7 +24,8 @@ OTHERS = 2
 QUICK = 0.3
 """Seconds, traced, below which a case always stays."""
 ALWAYS = ("tests/project/", "tests/mutation/", "tests/website/", "tests/openness/")
-"""Beginnings of files whose cases read the tree rather than run it: what they see nothing else does."""
+"""Beginnings of files whose cases read the tree rather than run it: what they see
+nothing else does."""
 
 
 def own_functions(test: record.Test) -> frozenset[str]:
@@ -29,7 +33,9 @@ def own_functions(test: record.Test) -> frozenset[str]:
     return frozenset(
         name
         for name in test.functions
-        if record.in_room(test.file, f"tests/{mutation_draw.tests_of(room_of(name))}".rstrip("/"))
+        if record.in_room(
+            test.file, f"tests/{mutation_draw.tests_of(room_of(name))}".rstrip("/")
+        )
     )
 
 
@@ -39,13 +45,19 @@ def room_of(function: str) -> str:
 
 
 def spared(
-    tests: Sequence[record.Test], killers: Collection[str], share: float, always: Collection[str] = ()
+    tests: Sequence[record.Test],
+    killers: Collection[str],
+    share: float,
+    always: Collection[str] = (),
 ) -> list[str]:
-    """Names of cases to leave to the nightly workflow, the slowest first, until a share of the seconds is left.
+    """Names of cases to leave to the nightly workflow, the slowest first, until a share
+    of the seconds is left.
 
     Args:
-        tests: cases as they were traced. killers: names of those that were the first to see a mutant.
-        share: of all seconds, that `make test` shall take. always: files whose cases stay.
+        tests: cases as they were traced. killers: names of those that were the first to
+            see a mutant.
+        share: of all seconds, that `make test` shall take. always: files whose cases
+            stay.
     """
     reached, own, cases = Counter[str](), Counter[str](), Counter[str]()
     for test in tests:
@@ -58,9 +70,16 @@ def spared(
         if left <= share * total or test.seconds < QUICK:
             break
         mine = own_functions(test)
-        if test.name in killers or cases[test.file] == 1 or test.file in always or test.file.startswith(ALWAYS):
+        if (
+            test.name in killers
+            or cases[test.file] == 1
+            or test.file in always
+            or test.file.startswith(ALWAYS)
+        ):
             continue
-        if any(reached[name] <= OTHERS for name in test.functions) or any(own[name] <= OTHERS for name in mine):
+        if any(reached[name] <= OTHERS for name in test.functions) or any(
+            own[name] <= OTHERS for name in mine
+        ):
             continue
         reached.subtract(test.functions)
         own.subtract(mine)
@@ -71,7 +90,9 @@ def spared(
 
 
 def write_nightly(budget: Path, names: Iterable[str]) -> int:
-    """Add cases to those that the nightly workflow alone runs; returns how many there are now."""
+    """Add cases to those that the nightly workflow alone runs; returns how many there
+    are now.
+    """
     table = json.loads(budget.read_text("utf-8"))
     by_file: dict[str, list[str]] = defaultdict(list)
     for name in names:

@@ -1,4 +1,6 @@
-"""A flight made of what a stranger adds: plugins, the scenario that names what is in them, numbers that vary."""
+"""A flight made of what a stranger adds: plugins, the scenario that names what is in
+them, numbers that vary.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,10 @@ from typing import Any
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parents[1] / "examples"
 PLUGINS = (
-    *(EXAMPLES / f"{name}.py" for name in ("own_wind", "ground_effect", "gps", "servo_drive", "own_plant")),
+    *(
+        EXAMPLES / f"{name}.py"
+        for name in ("own_wind", "ground_effect", "gps", "servo_drive", "own_plant")
+    ),
     *(EXAMPLES / f"{name}.py" for name in ("own_log_format",)),
     HERE / "additions.py",
 )
@@ -32,7 +37,10 @@ DOCUMENT: dict[str, Any] = {
     },
     "model": {"vehicle": "hummingbird_arm2"},
     "controller": {"law": "angles"},
-    "reference": {"base": {"kind": "sway", "width": 0.1, "period": 4.0}, "joints": [0.2, -0.1]},
+    "reference": {
+        "base": {"kind": "sway", "width": 0.1, "period": 4.0},
+        "joints": [0.2, -0.1],
+    },
     "environment": {
         "wind": {"mode": "moving_air", "velocity": [0.5, 0.0, 0.0]},
         "air": [{"kind": "gusty", "sigma": 0.4}],
@@ -55,7 +63,11 @@ def toml(**changes: Any) -> str:
 
 def _tables(table: dict[str, Any], at: str, lines: list[str]) -> None:
     inner = {name: value for name, value in table.items() if isinstance(value, dict)}
-    lines += [f"{name} = {_inline(value)}" for name, value in table.items() if name not in inner]
+    lines += [
+        f"{name} = {_inline(value)}"
+        for name, value in table.items()
+        if name not in inner
+    ]
     for name, value in inner.items():
         lines.append(f"[{at}{name}]")
         _tables(value, f"{at}{name}.", lines)
@@ -63,7 +75,11 @@ def _tables(table: dict[str, Any], at: str, lines: list[str]) -> None:
 
 def _inline(value: Any) -> str:
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{name} = {_inline(each)}" for name, each in value.items()) + " }"
+        return (
+            "{ "
+            + ", ".join(f"{name} = {_inline(each)}" for name, each in value.items())
+            + " }"
+        )
     if isinstance(value, list):
         return "[" + ", ".join(map(_inline, value)) + "]"
     return json.dumps(value)

@@ -26,7 +26,9 @@ class Ceiling(skyarm.Ending):
 def sway(*, width: float, period: float, height: float = 1.0) -> skyarm.Trajectory:
     """A sine along x."""
     return skyarm.Trajectory(
-        x=skyarm.Sine(amplitude=width, frequency_hz=1.0 / period), z=skyarm.Constant(height), joints=()
+        x=skyarm.Sine(amplitude=width, frequency_hz=1.0 / period),
+        z=skyarm.Constant(height),
+        joints=(),
     )
 
 

@@ -1,4 +1,6 @@
-"""A coupled component of one's own: a mass on a spring below the base, integrated with either plant."""
+"""A coupled component of one's own: a mass on a spring below the base, integrated with
+either plant.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,10 @@ class SprungMass(skyarm.Force):
         if self.wrong:
             return memory.velocity
         fall = Vec3(0.0, 0.0, -9.81)
-        return Swing(place=memory.velocity, velocity=fall - self.pull(memory, motion) * (1.0 / MASS))
+        return Swing(
+            place=memory.velocity,
+            velocity=fall - self.pull(memory, motion) * (1.0 / MASS),
+        )
 
     def wrenches(self, memory, t, motion, rotor_speeds):
         return [skyarm.Wrench(force_W=self.pull(memory, motion), torque_W=ZERO3)]
@@ -53,7 +58,9 @@ def swinging():
 
 
 def test_momentum_of_both_is_what_thrust_and_weight_give_on_both_plants(swinging):
-    """Both plants, at their own steps (5 ms of RK4; 1 ms of its stages), and floats beside machine code."""
+    """Both plants, at their own steps (5 ms of RK4; 1 ms of its stages), and floats
+    beside machine code.
+    """
     ours = skyarm.run(swinging)
     slow = run_in_python(swinging)
     theirs = skyarm.run(dataclasses.replace(swinging, kind="mujoco"))
@@ -64,5 +71,8 @@ def test_momentum_of_both_is_what_thrust_and_weight_give_on_both_plants(swinging
 
 
 def test_rates_of_another_structure_are_one_line(swinging):
-    with pytest.raises(ValueError, match=r"SprungMass.*gives the rates of its memory in another structure"):
+    with pytest.raises(
+        ValueError,
+        match=r"SprungMass.*gives the rates of its memory in another structure",
+    ):
         skyarm.run(dataclasses.replace(swinging, forces=(SprungMass(wrong=True),)))

@@ -1,4 +1,6 @@
-"""What a stranger adds flies through sweeps: by threads; another plugin is another study."""
+"""What a stranger adds flies through sweeps: by threads; another plugin is another
+study.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +51,9 @@ def _loaded() -> Iterator[None]:
 def written(folder: Path, **changes: Any) -> Path:
     """A study's file and its scenario's, beside each other."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "added.toml").write_text(toml(initial={"velocity": [0.0, 0.0, 0.6]}), "utf-8")
+    (folder / "added.toml").write_text(
+        toml(initial={"velocity": [0.0, 0.0, 0.6]}), "utf-8"
+    )
     fields: dict[str, Any] = {
         "schema": 1,
         "name": "open",
@@ -60,12 +64,20 @@ def written(folder: Path, **changes: Any) -> Path:
         "chunk": 500,
         "precision": "bit_exact",
         "metrics": METRICS,
-        "windows": {"steady": [0.1, 0.5], "transient": [0.0, 0.1], "gust": [0.1, 0.5], "hover": [0.0, 0.1]}
+        "windows": {
+            "steady": [0.1, 0.5],
+            "transient": [0.0, 0.1],
+            "gust": [0.1, 0.5],
+            "hover": [0.0, 0.1],
+        }
         | {"holds": [[0.1, 0.2]], "last": 0.1},
     }
     fields |= changes
     lines = [f"{name} = {_value(value)}" for name, value in fields.items()]
-    lines += ["[vary]", *(f'"{path}" = {_value(value)}' for path, value in VARY.items())]
+    lines += [
+        "[vary]",
+        *(f'"{path}" = {_value(value)}' for path, value in VARY.items()),
+    ]
     file = folder / "study.toml"
     file.write_text("\n".join(lines) + "\n", "utf-8")
     return file
@@ -73,36 +85,51 @@ def written(folder: Path, **changes: Any) -> Path:
 
 def _value(value: Any) -> str:
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{name} = {_value(each)}" for name, each in value.items()) + " }"
+        return (
+            "{ "
+            + ", ".join(f"{name} = {_value(each)}" for name, each in value.items())
+            + " }"
+        )
     return json.dumps(value)
 
 
 def study(folder: Path, **changes: Any) -> Study:
     import tomllib
 
-    return study_from(tomllib.loads(written(folder, **changes).read_text("utf-8")), folder)
+    return study_from(
+        tomllib.loads(written(folder, **changes).read_text("utf-8")), folder
+    )
 
 
 @pytest.mark.thorough
 def test_a_thousand_lanes_of_it_are_the_flights_one_by_one(tmp_path: Path) -> None:
-    """Metrics of a lane are those of the log of its flight; endings of one's own are rows too."""
+    """Metrics of a lane are those of the log of its flight; endings of one's own are
+    rows too.
+    """
     planned = study(tmp_path)
     run_sweep(planned, tmp_path / "out", workers=2)
     rows = read(tmp_path / "out")
     assert set(rows) == {"angles", "paper_pd"}
-    ends = {law: dict(zip(*np.unique(each["status"], return_counts=True), strict=True)) for law, each in rows.items()}
+    ends = {
+        law: dict(zip(*np.unique(each["status"], return_counts=True), strict=True))
+        for law, each in rows.items()
+    }
     assert ends["angles"]["ceiling"] > 50
     assert ends["angles"]["completed"] > 50
     for law, lane in (("angles", 3), ("angles", 999), ("paper_pd", 3)):
         row = {name: column[lane] for name, column in rows[law].items()}
-        log = skyarm.run(at_episode(planned, law, {path: float(row[path]) for path in VARY}, lane))
+        log = skyarm.run(
+            at_episode(planned, law, {path: float(row[path]) for path in VARY}, lane)
+        )
         assert log.status == row["status"]
         assert log.info["end_time"] == row["end_time"]
         for name, value in skyarm.score(log, METRICS, planned.windows).items():
             assert row[name] == pytest.approx(value, rel=1e-12, nan_ok=True), name
     # read back, with the plugins and without them
     found = statistics(Rows(tmp_path / "out"))
-    assert found["controllers"]["angles"]["status"] == {name: int(count) for name, count in ends["angles"].items()}
+    assert found["controllers"]["angles"]["status"] == {
+        name: int(count) for name, count in ends["angles"].items()
+    }
     again = run_sweep(planned, tmp_path / "out")
     assert (again.flown, again.found) == (0, 1000)
 
@@ -112,14 +139,30 @@ def test_the_plugins_are_part_of_what_rows_and_logs_are(tmp_path: Path) -> None:
     run_sweep(planned, tmp_path / "out")
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["study"]["plugins"] == identities()
-    assert {name.split()[0] for name in identities()} >= {"own_wind.py", "gps.py", "additions.py"}
-    log = skyarm.run(at_episode(planned, "angles", dict.fromkeys(VARY, 0.1) | {"endings.ceiling.height": 3.0}, 0))
+    assert {name.split()[0] for name in identities()} >= {
+        "own_wind.py",
+        "gps.py",
+        "additions.py",
+    }
+    log = skyarm.run(
+        at_episode(
+            planned,
+            "angles",
+            dict.fromkeys(VARY, 0.1) | {"endings.ceiling.height": 3.0},
+            0,
+        )
+    )
     assert log.info["plugins"] == identities()
 
 
 def command(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "skyarm", *words], cwd=folder, capture_output=True, text=True, timeout=240, check=False
+        [sys.executable, "-m", "skyarm", *words],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
     )
 
 
@@ -132,7 +175,9 @@ def copies(folder: Path) -> list[str]:
 
 
 @pytest.mark.thorough
-def test_a_plugin_that_has_changed_is_one_line_and_never_mixed_rows(tmp_path: Path) -> None:
+def test_a_plugin_that_has_changed_is_one_line_and_never_mixed_rows(
+    tmp_path: Path,
+) -> None:
     written(tmp_path, episodes=8, chunk=4)
     words = [*copies(tmp_path), "sweep", "study.toml", "--out", "out", "--workers", "2"]
     first = command(*words, folder=tmp_path)
@@ -154,14 +199,24 @@ def test_a_plugin_that_has_changed_is_one_line_and_never_mixed_rows(tmp_path: Pa
     assert "names of one's own come by --plugin FILE.py" in without.stderr
 
 
-def test_a_number_of_a_plugins_record_that_is_misspelt_names_what_was_meant(tmp_path: Path) -> None:
+def test_a_number_of_a_plugins_record_that_is_misspelt_names_what_was_meant(
+    tmp_path: Path,
+) -> None:
     for path, meant in (
         ("environment.air.gutsy.sigma", "gusty"),
         ("environment.air.gusty.sigm", "sigma"),
         ("sensors.gsp.walk", "gps"),
         ("enviroment.air.gusty.sigma", "environment.air"),
     ):
-        fields = {"schema": 1, "name": "x", "scenario": "added.toml", "episodes": 2, "vary": {path: {"list": [0.1]}}}
+        fields = {
+            "schema": 1,
+            "name": "x",
+            "scenario": "added.toml",
+            "episodes": 2,
+            "vary": {path: {"list": [0.1]}},
+        }
         (tmp_path / "added.toml").write_text(toml(), "utf-8")
-        with pytest.raises(ValueError, match=rf"vary.*{path}.*did you mean '{meant}'\?"):
+        with pytest.raises(
+            ValueError, match=rf"vary.*{path}.*did you mean '{meant}'\?"
+        ):
             study_from(fields, tmp_path)

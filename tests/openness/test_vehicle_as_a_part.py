@@ -1,4 +1,6 @@
-"""A second vehicle as a part of a user: its state and law are a force's memory, which a bar joins to the first."""
+"""A second vehicle as a part of a user: its state and law are a force's memory, which a
+bar joins to the first.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ TIP, LENGTH, STIFFNESS = Vec3(0.0, 0.0, -0.1), 1.0, 30.0
 def pull(one: PointMotion, other: PointMotion) -> skyarm.Wrench:
     """Pull of the elastic bar between the tips of two vehicles on that of the first."""
     apart = other.position(TIP) - one.position(TIP)
-    return skyarm.Wrench(force_W=apart * (STIFFNESS * (1.0 - LENGTH / sqrt(apart.dot(apart)))), point=TIP)
+    return skyarm.Wrench(
+        force_W=apart * (STIFFNESS * (1.0 - LENGTH / sqrt(apart.dot(apart)))), point=TIP
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +43,9 @@ class Given(skyarm.Force):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Flown:
-    """State of the second vehicle, with the rotor speeds at the period's beginning, time since then, law, command."""
+    """State of the second vehicle, with the rotor speeds at the period's beginning,
+    time since then, law, command.
+    """
 
     state: skyarm.State
     clock: Any
@@ -49,7 +55,9 @@ class Flown:
 
 @dataclass(frozen=True, kw_only=True)
 class Partner(skyarm.Force):
-    """A vehicle under its own law at the other end of a bar; a law is no number, thus no field."""
+    """A vehicle under its own law at the other end of a bar; a law is no number, thus
+    no field.
+    """
 
     agent: ClassVar[Agent]
     coupled = True
@@ -57,33 +65,72 @@ class Partner(skyarm.Force):
     def start(self, period, draws):
         speeds = self.agent.initial.rotor_speeds
         command = skyarm.Command(rotor_speeds=speeds, efforts=())
-        return Flown(state=self.agent.initial, clock=0.0, law=self.agent.controller.memory, command=command)
+        return Flown(
+            state=self.agent.initial,
+            clock=0.0,
+            law=self.agent.controller.memory,
+            command=command,
+        )
 
     def now(self, memory):
-        rows = zip(memory.state.rotor_speeds, memory.command.rotor_speeds, self.agent.plant.vehicle.rotors, strict=True)
-        lags = ((w, u, where(u > w, rotor.time_constant_up, rotor.time_constant_down)) for w, u, rotor in rows)
+        rows = zip(
+            memory.state.rotor_speeds,
+            memory.command.rotor_speeds,
+            self.agent.plant.vehicle.rotors,
+            strict=True,
+        )
+        lags = (
+            (w, u, where(u > w, rotor.time_constant_up, rotor.time_constant_down))
+            for w, u, rotor in rows
+        )
         speeds = tuple(u + (w - u) * exp(-memory.clock / lag) for w, u, lag in lags)
         return dataclasses.replace(memory.state, rotor_speeds=speeds)
 
     def advance(self, memory, t, dt, state, draws):
         own, controller = self.now(memory), self.agent.controller
-        names = ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "rotor_speeds")
-        seen = skyarm.Measurement(time=t, specific_force=Vec3(0.0, 0.0, 0.0), **{k: getattr(own, k) for k in names})
-        law, command = controller.law(memory.law, seen, self.agent.reference.at(t), dt, par=controller.par)
+        names = (
+            "position",
+            "quaternion",
+            "velocity",
+            "rate",
+            "joints",
+            "joint_rates",
+            "rotor_speeds",
+        )
+        seen = skyarm.Measurement(
+            time=t,
+            specific_force=Vec3(0.0, 0.0, 0.0),
+            **{k: getattr(own, k) for k in names},
+        )
+        law, command = controller.law(
+            memory.law, seen, self.agent.reference.at(t), dt, par=controller.par
+        )
         return Flown(state=own, clock=0.0, law=law, command=command)
 
     def slope(self, memory, t, motion, rotor_speeds):
         own, truth = self.now(memory), self.agent.plant
-        held = Surroundings(components=(Given(wrench=pull(PointMotion(truth.vehicle, own), motion)),), memories=((),))
+        held = Surroundings(
+            components=(Given(wrench=pull(PointMotion(truth.vehicle, own), motion)),),
+            memories=((),),
+        )
         (rate,), _ = derivative([truth], [own], [memory.command], Together((held,)))
-        still = rebuild(memory, iter([0.0] * sum(type(each) is not str for _, each in walk(memory))))
-        moving = {name: getattr(rate, name) for name in ("position", "quaternion", "velocity", "rate")}
-        return dataclasses.replace(still, clock=1.0, state=dataclasses.replace(still.state, **moving))
+        still = rebuild(
+            memory, iter([0.0] * sum(type(each) is not str for _, each in walk(memory)))
+        )
+        moving = {
+            name: getattr(rate, name)
+            for name in ("position", "quaternion", "velocity", "rate")
+        }
+        return dataclasses.replace(
+            still, clock=1.0, state=dataclasses.replace(still.state, **moving)
+        )
 
     def wrenches(self, memory, t, motion, rotor_speeds):
         return [pull(motion, PointMotion(self.agent.plant.vehicle, self.now(memory)))]
 
-    columns = tuple(skyarm.world.component.Column("partner", axis, "m") for axis in "xyz")
+    columns = tuple(
+        skyarm.world.component.Column("partner", axis, "m") for axis in "xyz"
+    )
 
     def logged(self, memory, motion):
         return tuple(memory.state.position)
@@ -104,8 +151,11 @@ class Bar(skyarm.Force):
 def hovering(x: float) -> skyarm.Scenario:
     """A Hummingbird that starts in hover at a place."""
     tables = {
-        "name": "one", "duration": 1.0, "environment": {"ground": False},
-        "plant": {"vehicle": "hummingbird"}, "controller": {"law": "hybrid_computed_torque", "tuned": True},
+        "name": "one",
+        "duration": 1.0,
+        "environment": {"ground": False},
+        "plant": {"vehicle": "hummingbird"},
+        "controller": {"law": "hybrid_computed_torque", "tuned": True},
         "reference": {"base": {"kind": "hover", "position": [x, 0.0, 1.0]}},
     }
     one = skyarm.scenario_from(tables)
@@ -114,14 +164,23 @@ def hovering(x: float) -> skyarm.Scenario:
 
 @pytest.fixture(scope="module")
 def flown() -> dict[str, tuple[Any, Any]]:
-    """Log with the second vehicle as a part, and log of both as agents, by plant; forces at every stage of a step."""
+    """Log with the second vehicle as a part, and log of both as agents, by plant;
+    forces at every stage of a step.
+    """
     left, right = hovering(-0.4), hovering(0.4)
     Partner.agent = right.agent
     joined = dataclasses.replace(left, forces=(Partner(),))
-    both = dataclasses.replace(left, agents={"left": left.agent, "right": right.agent}, forces=(Bar(),))
-    solvers = (Solver(kind=kind, integrator="rk4_staged") for kind in ("rigid_body", "mujoco"))
+    both = dataclasses.replace(
+        left, agents={"left": left.agent, "right": right.agent}, forces=(Bar(),)
+    )
+    solvers = (
+        Solver(kind=kind, integrator="rk4_staged") for kind in ("rigid_body", "mujoco")
+    )
     return {
-        each.kind: tuple(skyarm.run(dataclasses.replace(scenario, solver=each)) for scenario in (joined, both))
+        each.kind: tuple(
+            skyarm.run(dataclasses.replace(scenario, solver=each))
+            for scenario in (joined, both)
+        )
         for each in solvers
     }
 

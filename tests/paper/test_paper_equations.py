@@ -1,4 +1,6 @@
-"""The paper's equations of motion as public functions: against the 8 x 8 form, Pinocchio and MuJoCo, and by laws."""
+"""The paper's equations of motion as public functions: against the 8 x 8 form,
+Pinocchio and MuJoCo, and by laws.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,12 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.paper import coriolis_matrix, forward_kinematics, gravity_vector, mass_matrix
+from skyarm.paper import (
+    coriolis_matrix,
+    forward_kinematics,
+    gravity_vector,
+    mass_matrix,
+)
 from support import euler_lagrange as el
 from support.vehicles import TWINS, RandomState, random_vehicle, with_armature
 
@@ -44,7 +51,9 @@ def rotation(q: np.ndarray) -> np.ndarray:
 
 
 def body_rates(q: np.ndarray) -> np.ndarray:
-    """Q of w_B = Q [phi', theta', psi'], from R alone: the columns of R^T dR by complex steps, or by its formula."""
+    """Q of w_B = Q [phi', theta', psi'], from R alone: the columns of R^T dR by complex
+    steps, or by its formula.
+    """
     columns = []
     for k in range(3, 6):
         z = q.astype(complex)
@@ -61,7 +70,9 @@ def velocity_map(q: np.ndarray) -> np.ndarray:
 
 
 def turning(q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-    """dT/dt qd by a five-point difference: R's third derivative is not at hand by a complex step."""
+    """dT/dt qd by a five-point difference: R's third derivative is not at hand by a
+    complex step.
+    """
     h = 1e-3
     at = [velocity_map(q + k * h * qd) for k in (-2, -1, 1, 2)]
     return (at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * h) @ qd
@@ -98,17 +109,26 @@ def test_mass_matrix_of_any_tree_is_the_oracles_by_the_euler_rate_map(vehicle, t
     twin = twin_of(vehicle)
     for q in states(3, vehicle.n, seed=1)[0]:
         T = velocity_map(q)
-        close(mass_matrix(vehicle, q), T.T @ twin.mass_matrix(at_state(q, np.zeros(len(q)))) @ T)
+        close(
+            mass_matrix(vehicle, q),
+            T.T @ twin.mass_matrix(at_state(q, np.zeros(len(q)))) @ T,
+        )
 
 
-def test_the_coriolis_matrix_of_any_tree_is_the_oracles_symmetric_velocity_products(vehicle, twin_of):
-    """C is linear in qd and C(a) b = C(b) a, so the products h(a) = C(a) a alone determine it: by polarisation."""
+def test_the_coriolis_matrix_of_any_tree_is_the_oracles_symmetric_velocity_products(
+    vehicle, twin_of
+):
+    """C is linear in qd and C(a) b = C(b) a, so the products h(a) = C(a) a alone
+    determine it: by polarisation.
+    """
     twin = twin_of(vehicle)
     for q, qd in zip(*states(2, vehicle.n, seed=2), strict=True):
 
         def products(rate, q=q):
             T = velocity_map(q)
-            return T.T @ twin.inverse_dynamics(at_state(q, T @ rate), turning(q, rate), 0.0)
+            return T.T @ twin.inverse_dynamics(
+                at_state(q, T @ rate), turning(q, rate), 0.0
+            )
 
         axes = np.eye(len(q))
         columns = [0.5 * (products(qd + e) - products(qd) - products(e)) for e in axes]
@@ -119,7 +139,10 @@ def test_gravity_vector_of_any_tree_is_the_oracles_force_at_rest(vehicle, twin_o
     twin = twin_of(vehicle)
     for q in states(3, vehicle.n, seed=3)[0]:
         at, zero = at_state(q, np.zeros(len(q))), np.zeros(len(q))
-        close(gravity_vector(vehicle, q, gravity=3.71), velocity_map(q).T @ twin.inverse_dynamics(at, zero, 3.71))
+        close(
+            gravity_vector(vehicle, q, gravity=3.71),
+            velocity_map(q).T @ twin.inverse_dynamics(at, zero, 3.71),
+        )
 
 
 def test_gravity_vector_is_the_gradient_of_the_potential_energy(vehicle):
@@ -131,7 +154,11 @@ def test_gravity_vector_is_the_gradient_of_the_potential_energy(vehicle):
 
         h = 1e-3  # five points: h^4/30 of the fifth derivative is 3e-14 of the energy
         slope = [
-            sum(c * energy(q + k * h * e) for k, c in ((-2, 1), (-1, -8), (1, 8), (2, -1))) / (12 * h)
+            sum(
+                c * energy(q + k * h * e)
+                for k, c in ((-2, 1), (-1, -8), (1, 8), (2, -1))
+            )
+            / (12 * h)
             for e in np.eye(len(q))
         ]
         close(gravity_vector(vehicle, q), np.array(slope))
@@ -157,7 +184,8 @@ def test_rate_of_the_mass_matrix_less_twice_c_is_skew(vehicle):
         M = [mass_matrix(vehicle, q + k * h * qd) for k in (-2, -1, 1, 2)]
         rate = (M[0] - 8 * M[1] + 8 * M[2] - M[3]) / (12 * h)
         N = rate - 2.0 * coriolis_matrix(vehicle, q, qd)
-        # five points: h^4/30 of the fifth derivative at rates of 3 rad/s, and rounding over h
+        # five points: h^4/30 of the fifth derivative at rates of 3 rad/s, and rounding
+        # over h
         assert np.abs(N + N.T).max() < 1e-9 * np.abs(rate).max()
 
 
@@ -169,7 +197,11 @@ def test_a_batch_equals_a_loop():
         (gravity_vector, (batch,)),
     ):
         found = function(PAPER, *arguments)
-        single = [function(PAPER, *(each[i, j] for each in arguments)) for i in range(4) for j in range(5)]
+        single = [
+            function(PAPER, *(each[i, j] for each in arguments))
+            for i in range(4)
+            for j in range(5)
+        ]
         close(found, np.array(single).reshape(found.shape), 1e-15)
     poses = forward_kinematics(PAPER, batch)
     for name, pose in poses.items():
@@ -183,10 +215,23 @@ def test_transforms_are_those_of_the_papers_points():
         a, b = q[6], q[6] + q[7]
         elbow = -L * np.array([math.sin(a), 0.0, math.cos(a)])
         tip = elbow - L * np.array([math.sin(b), 0.0, math.cos(b)])
-        for name, point, angle in (("base", np.zeros(3), 0.0), ("link2", elbow, b), ("tip", tip, b)):
-            turn = np.array([[math.cos(angle), 0, math.sin(angle)], [0, 1, 0], [-math.sin(angle), 0, math.cos(angle)]])
+        for name, point, angle in (
+            ("base", np.zeros(3), 0.0),
+            ("link2", elbow, b),
+            ("tip", tip, b),
+        ):
+            turn = np.array(
+                [
+                    [math.cos(angle), 0, math.sin(angle)],
+                    [0, 1, 0],
+                    [-math.sin(angle), 0, math.cos(angle)],
+                ]
+            )
             whole = np.eye(4)
-            whole[:3, :3], whole[:3, 3] = rotation(q) @ turn, q[:3] + rotation(q) @ point
+            whole[:3, :3], whole[:3, 3] = (
+                rotation(q) @ turn,
+                q[:3] + rotation(q) @ point,
+            )
             close(poses[name], whole, 1e-14)
 
 
@@ -194,7 +239,10 @@ def test_every_frame_of_any_tree_is_the_oracles(vehicle, twin_of):
     twin = twin_of(vehicle)
     for q in states(2, vehicle.n, seed=8)[0]:
         poses = forward_kinematics(vehicle, q)
-        assert list(poses) == ["base", *(each.name for each in (*vehicle.links, *vehicle.frames))]
+        assert list(poses) == [
+            "base",
+            *(each.name for each in (*vehicle.links, *vehicle.frames)),
+        ]
         for frame in vehicle.frames:
             position, turn, _ = twin.frame(at_state(q, np.zeros(len(q))), frame.name)
             whole = np.eye(4)
@@ -211,24 +259,36 @@ def test_a_frame_with_the_name_of_a_link_stands_under_a_name_of_its_own():
 
 
 def test_coupled_joints_act_at_their_leader():
-    """A gripper's second finger has no coordinate: M is that of the free fingers by the ratio of their rates."""
+    """A gripper's second finger has no coordinate: M is that of the free fingers by the
+    ratio of their rates.
+    """
     vehicle = random_vehicle(np.random.default_rng(9), 3, branching=False)
     last = vehicle.links[2]
     tied = dataclasses.replace(
         vehicle,
         links=vehicle.links[:2],
-        followers=(skyarm.vehicle.linkage.Follower(link=last, leader=1, ratio=-0.7, offset=0.2),),
+        followers=(
+            skyarm.vehicle.linkage.Follower(
+                link=last, leader=1, ratio=-0.7, offset=0.2
+            ),
+        ),
     )
     q = states(1, 2, seed=10)[0][0]
     G = np.vstack([np.eye(8), [0.0] * 7 + [-0.7]])
     free = [*q, -0.7 * q[7] + 0.2]
     close(mass_matrix(tied, q), G.T @ mass_matrix(vehicle, free) @ G)
-    close(forward_kinematics(tied, q)["link2"], forward_kinematics(vehicle, free)["link2"])
+    close(
+        forward_kinematics(tied, q)["link2"], forward_kinematics(vehicle, free)["link2"]
+    )
 
 
 def test_at_a_pitch_of_90_degrees_the_matrices_exist_and_m_has_no_inverse():
     q = np.array([0.0, 0.0, 1.0, 0.3, np.pi / 2, -0.4, 0.5, 0.2])
-    M, C, G = mass_matrix(PAPER, q), coriolis_matrix(PAPER, q, QD[0]), gravity_vector(PAPER, q)
+    M, C, G = (
+        mass_matrix(PAPER, q),
+        coriolis_matrix(PAPER, q, QD[0]),
+        gravity_vector(PAPER, q),
+    )
     assert all(np.isfinite(each).all() for each in (M, C, G))
     close(M, el.mass_matrix(q))
     values = np.linalg.eigvalsh(M)
@@ -241,12 +301,24 @@ def test_at_a_pitch_of_90_degrees_the_matrices_exist_and_m_has_no_inverse():
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: mass_matrix("hummingbird_arm2", Q[0]), "vehicle = 'hummingbird_arm2': must be a Vehicle"),
+        (
+            lambda: mass_matrix("hummingbird_arm2", Q[0]),
+            "vehicle = 'hummingbird_arm2': must be a Vehicle",
+        ),
         (lambda: mass_matrix(PAPER, Q[0, :7]), r"q: shape \(7,\), allowed \(..., 8\)"),
-        (lambda: coriolis_matrix(PAPER, Q[0], QD[:, :6]), r"qd: shape \(20, 6\), allowed \(..., 8\)"),
-        (lambda: coriolis_matrix(PAPER, Q[:3], QD[:4]), "leading axes .* do not broadcast"),
+        (
+            lambda: coriolis_matrix(PAPER, Q[0], QD[:, :6]),
+            r"qd: shape \(20, 6\), allowed \(..., 8\)",
+        ),
+        (
+            lambda: coriolis_matrix(PAPER, Q[:3], QD[:4]),
+            "leading axes .* do not broadcast",
+        ),
         (lambda: gravity_vector(PAPER, [math.nan] * 8), "q = .*must be finite numbers"),
-        (lambda: gravity_vector(PAPER, Q[0], gravity=math.inf), "gravity = inf: must be one finite number"),
+        (
+            lambda: gravity_vector(PAPER, Q[0], gravity=math.inf),
+            "gravity = inf: must be one finite number",
+        ),
         (lambda: forward_kinematics(PAPER, 3.0), r"q: shape \(\), allowed \(..., 8\)"),
     ],
 )

@@ -1,4 +1,6 @@
-"""``skyarm reproduce`` and a search that is continued, of few candidates: from command to report."""
+"""``skyarm reproduce`` and a search that is continued, of few candidates: from command
+to report.
+"""
 
 from __future__ import annotations
 
@@ -25,17 +27,33 @@ def test_the_paper_is_reproduced(tmp_path: Path) -> None:
 
 
 @pytest.mark.thorough
-def test_a_search_is_continued_and_shown_in_the_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All of the search's stages but the first are there; of minutes some seconds are left."""
+def test_a_search_is_continued_and_shown_in_the_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All of the search's stages but the first are there; of minutes some seconds are
+    left.
+    """
     shipped = inferred_settings.shipped_evidence()
-    study = checked_study((inferred_settings.LIBRARY / inferred_settings.STUDY).read_bytes(), Path(), "study")
-    stages = {name: found for name, found in shipped["stages"].items() if name != "stated"}
+    study = checked_study(
+        (inferred_settings.LIBRARY / inferred_settings.STUDY).read_bytes(),
+        Path(),
+        "study",
+    )
+    stages = {
+        name: found for name, found in shipped["stages"].items() if name != "stated"
+    }
     there = {**shipped, "digest": result_digest(study), "stages": stages}
     file = tmp_path / inferred_settings.FOUND
     file.write_text(json.dumps(there), "utf-8")
     flown: list[Any] = []
-    monkeypatch.setattr(reproduce, "run_campaign", lambda *a, evidence, **k: flown.append(evidence) or few(*a, **k))
-    monkeypatch.setattr(sys, "argv", ["infer.py", "--plant", "rigid_body", "--out", str(tmp_path)])
+    monkeypatch.setattr(
+        reproduce,
+        "run_campaign",
+        lambda *a, evidence, **k: flown.append(evidence) or few(*a, **k),
+    )
+    monkeypatch.setattr(
+        sys, "argv", ["infer.py", "--plant", "rigid_body", "--out", str(tmp_path)]
+    )
     infer.main()
     (evidence,) = flown
     assert evidence == json.loads(file.read_text("utf-8"))

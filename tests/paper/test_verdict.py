@@ -1,4 +1,6 @@
-"""The three sentences that the report of the paper opens with follow from the results: other results, other words."""
+"""The three sentences that the report of the paper opens with follow from the results:
+other results, other words.
+"""
 
 from __future__ import annotations
 
@@ -7,22 +9,36 @@ from typing import Any
 
 import pytest
 
-from skyarm.paper.counted_cells import counts, inferred_value, published_cells, stated_value
+from skyarm.paper.counted_cells import (
+    counts,
+    inferred_value,
+    published_cells,
+    stated_value,
+)
 from skyarm.paper.inferred_settings import unstated_study
 from skyarm.paper.published import CASES, METRICS, PAPER, phrase, short_title
 from skyarm.paper.report_pages import markdown_tables, report_pages
 from skyarm.paper.verdict_sentences import verdict
 from skyarm.scenario.scenario_record import PLANTS
 
-SETTINGS = {"plants": list(PLANTS), "inferred": {"numbers": 1, "choices": 0, "settings": {"friction_1": 0.06}}}
+SETTINGS = {
+    "plants": list(PLANTS),
+    "inferred": {"numbers": 1, "choices": 0, "settings": {"friction_1": 0.06}},
+}
 
 
 def agreeing() -> dict[str, Any]:
-    """Results that are the paper's numbers, as stated and with the settings of a search."""
+    """Results that are the paper's numbers, as stated and with the settings of a
+    search.
+    """
     experiments = {
         case: {
             law: {
-                name: {"paper": value, **dict.fromkeys(PLANTS, value), "inferred": dict.fromkeys(PLANTS, value)}
+                name: {
+                    "paper": value,
+                    **dict.fromkeys(PLANTS, value),
+                    "inferred": dict.fromkeys(PLANTS, value),
+                }
                 for name, value in cells.items()
             }
             for law, cells in laws.items()
@@ -53,7 +69,9 @@ def test_where_every_number_agrees_none_differs() -> None:
     assert third == "The settings that the paper states are enough."
 
 
-@pytest.mark.parametrize("kind", ["joint errors", "tip errors", "position errors", "joint torques"])
+@pytest.mark.parametrize(
+    "kind", ["joint errors", "tip errors", "position errors", "joint torques"]
+)
 def test_the_quantity_that_agrees_least_is_named_with_its_count(kind: str) -> None:
     table = spoiled(kind)
     first, second, third = verdict(table)
@@ -62,7 +80,10 @@ def test_the_quantity_that_agrees_least_is_named_with_its_count(kind: str) -> No
     assert near == len(published_cells()) - bad
     assert first.startswith(f"{near:g} of the paper's")
     assert second == f"{kind.capitalize()} agree least, 0 of {bad}."
-    assert third.startswith("Most differences come from unstated settings, such as the viscous friction of joint 1")
+    assert third.startswith(
+        "Most differences come from unstated settings, such as the viscous friction of"
+        " joint 1"
+    )
     assert third.endswith(f"{len(published_cells())} agree.")
 
 
@@ -79,13 +100,17 @@ def test_a_reversed_order_of_the_laws_is_the_example() -> None:
     )
     cell["paper"], other["paper"] = other["paper"], cell["paper"]
     cell["rigid_body"], other["rigid_body"] = 8.0, 9.0
-    assert verdict(table)[1].endswith("its baseline PD is better in the paper, and the paper's law CT is better here.")
+    assert verdict(table)[1].endswith(
+        "its baseline PD is better in the paper, and the paper's law CT is better here."
+    )
 
 
 def test_a_search_that_gains_nothing_is_no_reason() -> None:
     table = spoiled("joint errors", inferred=True)
     near = counts(table["experiments"], inferred_value("rigid_body"))["within_25%"]
-    assert verdict(table)[2].endswith(f"give no reason: with those of a search, {near:g} agree.")
+    assert verdict(table)[2].endswith(
+        f"give no reason: with those of a search, {near:g} agree."
+    )
 
 
 def test_a_search_that_explains_less_than_half_explains_some() -> None:
@@ -115,7 +140,10 @@ def test_the_plant_that_flew_first_is_judged() -> None:
     assert verdict(table)[1] == "No number differs more."
 
 
-@pytest.mark.parametrize("table", [agreeing(), spoiled("joint errors"), spoiled("joint errors", inferred=True)])
+@pytest.mark.parametrize(
+    "table",
+    [agreeing(), spoiled("joint errors"), spoiled("joint errors", inferred=True)],
+)
 def test_the_sentences_are_short(table: dict[str, Any]) -> None:
     assert len(verdict(table)) == 3
     for words in verdict(table):
@@ -137,9 +165,14 @@ def test_every_metric_has_a_quantity_and_a_label_of_its_own() -> None:
     assert all(each.quantity for each in METRICS.values())
     labels = [each.label for each in METRICS.values()]
     assert len(set(labels)) == len(labels)
-    assert (phrase("joint_error_mean"), phrase("pitch_rms")) == ("mean joint error", "RMS pitch")
+    assert (phrase("joint_error_mean"), phrase("pitch_rms")) == (
+        "mean joint error",
+        "RMS pitch",
+    )
     assert [short_title(case) for case in CASES][:3] == ["Case 1", "Case 2", "Case 3"]
 
 
 def test_the_words_of_the_settings_are_those_of_the_study() -> None:
-    assert unstated_study()["parameters"][0]["words"] in " ".join(verdict(spoiled("joint errors")))
+    assert unstated_study()["parameters"][0]["words"] in " ".join(
+        verdict(spoiled("joint errors"))
+    )

@@ -2,9 +2,10 @@
 
     python tests/planning/measure_flown_plans.py flown|tilted|caught [--small]
 
-``flown``: tip at the catch, and over the flight, with a perfect state, on both plants. ``tilted``: a plan through a
-tilt of 90 degrees. ``caught``: how often the claw takes the ball and carries it to the end, with noise, a known delay
-and masses that the law does not know. An interrupted ``caught`` continues in out/flown_plans.
+``flown``: tip at the catch, and over the flight, with a perfect state, on both plants.
+``tilted``: a plan through a tilt of 90 degrees. ``caught``: how often the claw takes
+the ball and carries it to the end, with noise, a known delay and masses that the law
+does not know. An interrupted ``caught`` continues in out/flown_plans.
 """
 
 from __future__ import annotations
@@ -46,7 +47,14 @@ LAWS: dict[str, dict[str, Any] | None] = {
     "decoupled_pd": {"law": "decoupled_pd"},
 }
 
-NOISE = {"position": 1e-3, "velocity": 0.01, "attitude": 2e-3, "rate": 0.01, "joints": 1e-3, "joint_rates": 0.01}
+NOISE = {
+    "position": 1e-3,
+    "velocity": 0.01,
+    "attitude": 2e-3,
+    "rate": 0.01,
+    "joints": 1e-3,
+    "joint_rates": 0.01,
+}
 DELAY = 0.005
 SPREAD = 0.2
 
@@ -75,12 +83,22 @@ def three_digits(number: float) -> str:
 
 
 def flown(small: bool) -> Iterator[tuple[object, ...]]:
-    """Rows: task, law, tip when the claw closes and in the hold, largest tip error, largest distance of both plants."""
-    for task in ("catch_a_ball",) if small else ("eagle_catch", "eagle_catch_free", "catch_a_ball"):
-        begin, end = (SETTLE + planned(task).t[edge] for edge in planned(task).edges[1:3])
+    """Rows: task, law, tip when the claw closes and in the hold, largest tip error,
+    largest distance of both plants.
+    """
+    for task in (
+        ("catch_a_ball",)
+        if small
+        else ("eagle_catch", "eagle_catch_free", "catch_a_ball")
+    ):
+        begin, end = (
+            SETTLE + planned(task).t[edge] for edge in planned(task).edges[1:3]
+        )
         for law in ("centroidal", "nmpc") if small else LAWS:
             log, twin = (
-                skyarm.run(skyarm.scenario_from(flight(task, law, plant={"kind": plant})))
+                skyarm.run(
+                    skyarm.scenario_from(flight(task, law, plant={"kind": plant}))
+                )
                 for plant in ("rigid_body", "mujoco")
             )
             off = 1e3 * np.linalg.norm(log.tip - log.tip_reference, axis=1)
@@ -94,20 +112,37 @@ def flown(small: bool) -> Iterator[tuple[object, ...]]:
 
 
 def tilted(small: bool) -> Iterator[tuple[object, ...]]:
-    """Rows: law, plant, largest tilt, largest error of base and tip, error where the base is tilted most."""
+    """Rows: law, plant, largest tilt, largest error of base and tip, error where the
+    base is tilted most.
+    """
     for law in ("nmpc",) if small else ("centroidal", "nmpc"):
         for plant in ("rigid_body",) if small else ("rigid_body", "mujoco"):
             document = flight("passthrough", law, plant={"kind": plant})
             if law == "centroidal":
-                document["controller"] = {"law": law, "mode": "joint", "bandwidth": 1.0, "tilt": 8.7}
+                document["controller"] = {
+                    "law": law,
+                    "mode": "joint",
+                    "bandwidth": 1.0,
+                    "tilt": 8.7,
+                }
             log = skyarm.run(skyarm.scenario_from(document))
             base, tip = (
-                1e3 * np.linalg.norm(getattr(log, name) - getattr(log, f"{name}_reference"), axis=1)
+                1e3
+                * np.linalg.norm(
+                    getattr(log, name) - getattr(log, f"{name}_reference"), axis=1
+                )
                 for name in ("position", "tip")
             )
             x, y = log.quaternion[:, 1:3].T
-            tilt = np.degrees(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
-            at = int(np.searchsorted(log.time, SETTLE + planned("passthrough").t[planned("passthrough").edges[2]]))
+            tilt = np.degrees(
+                np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
+            )
+            at = int(
+                np.searchsorted(
+                    log.time,
+                    SETTLE + planned("passthrough").t[planned("passthrough").edges[2]],
+                )
+            )
             numbers = (tilt[at], base[at], base.max(), tip.max())
             yield f"`{law}`", f"`{plant}`", *map(three_digits, numbers)
 
@@ -120,26 +155,41 @@ def study_of(law: str, flights: int) -> dict[str, Any]:
     write_atomically(file, scenario_text(scenario).encode())
     vehicle = planned("catch_a_ball").task.vehicle
     masses = {"base": float(vehicle.base.mass)}
-    masses |= {f"links.{link.name}.body": float(link.body.mass) for link in vehicle.links}
+    masses |= {
+        f"links.{link.name}.body": float(link.body.mass) for link in vehicle.links
+    }
     vary = {
-        f"plant.vehicle.{part}.mass": {"uniform": [mass * (1.0 - SPREAD), mass * (1.0 + SPREAD)]}
+        f"plant.vehicle.{part}.mass": {
+            "uniform": [mass * (1.0 - SPREAD), mass * (1.0 + SPREAD)]
+        }
         for part, mass in masses.items()
     }
     return {
-        "schema": 1, "name": f"caught_{law}", "scenario": str(file.resolve()), "episodes": flights, "seed": 1,
-        "metrics": ["object_last_x", "object_last_z"], "vary": vary, "chunk": 50,
+        "schema": 1,
+        "name": f"caught_{law}",
+        "scenario": str(file.resolve()),
+        "episodes": flights,
+        "seed": 1,
+        "metrics": ["object_last_x", "object_last_z"],
+        "vary": vary,
+        "chunk": 50,
     }
 
 
 def ends(law: str, flights: int) -> np.ndarray:
-    """Where the ball is at the end of each flight, (flights, 2): x and z in m; NaN if the flight ended early."""
+    """Where the ball is at the end of each flight, (flights, 2): x and z in m; NaN if
+    the flight ended early.
+    """
     table = study_of(law, flights)
     if law != "nmpc":
         rows = fly_sweep(table, FOLDER / f"{law}_{flights}")
         (label,) = rows.controllers
         over = rows.of(label, "status") == "completed"
-        return np.where(over, [rows.of(label, f"object_last_{axis}") for axis in "xz"], np.nan).T
-    # a law that is not compiled flies alone: the same draws and noise, one line of a file each
+        return np.where(
+            over, [rows.of(label, f"object_last_{axis}") for axis in "xz"], np.nan
+        ).T
+    # a law that is not compiled flies alone: the same draws and noise, one line of a
+    # file each
     study, file = study_from(table), FOLDER / f"{law}_{flights}.csv"
     lines = file.read_text().splitlines() if file.is_file() else []
     (label,) = study.scenarios
@@ -147,21 +197,32 @@ def ends(law: str, flights: int) -> np.ndarray:
         drawn = {path: column[0] for path, column in values(study, [k]).items()}
         log = skyarm.run(at_episode(study, label, drawn, k))
         place = log.object_position[-1] if log.status == "completed" else [np.nan] * 3
-        lines.append(f"{place[0]!r},{place[2]!r}".replace("np.float64(", "").replace(")", ""))
+        lines.append(
+            f"{place[0]!r},{place[2]!r}".replace("np.float64(", "").replace(")", "")
+        )
         write_atomically(file, "\n".join(lines).encode())
         progress(f"{law}: {k + 1} of {flights}")
     return np.array([[float(number) for number in line.split(",")] for line in lines])
 
 
 def caught(small: bool) -> Iterator[tuple[object, ...]]:
-    """Rows: law, flights, flights at whose end the claw holds the ball, their share with its interval."""
+    """Rows: law, flights, flights at whose end the claw holds the ball, their share
+    with its interval.
+    """
     for law in ("centroidal", "nmpc") if small else LAWS:
         count = (2 if law == "nmpc" else 8) if small else (25 if law == "nmpc" else 200)
         places = ends(law, count)
-        # the end of the plan is at x = 3, z = 1.5; the stand at x = 0, z = 0, and what falls goes on falling
+        # the end of the plan is at x = 3, z = 1.5; the stand at x = 0, z = 0, and what
+        # falls goes on falling
         won = int(np.sum((np.abs(places[:, 0] - 3.0) < 0.5) & (places[:, 1] > 0.5)))
         low, high = wilson(won, count)
-        yield f"`{law}`", count, won, f"{100.0 * won / count:.1f}", f"{100.0 * low:.1f} to {100.0 * high:.1f}"
+        yield (
+            f"`{law}`",
+            count,
+            won,
+            f"{100.0 * won / count:.1f}",
+            f"{100.0 * low:.1f} to {100.0 * high:.1f}",
+        )
 
 
 TABLES = {
@@ -177,20 +238,40 @@ TABLES = {
             ">plants apart, mm",
         ),
     ),
-    "tilted": (tilted, ("law", "plant", ">tilt in the gap, deg", ">base there, mm", ">base, mm", ">tip, mm")),
-    "caught": (caught, ("law", ">flights", ">ball caught", ">share, %", ">interval of 95 %, %")),
+    "tilted": (
+        tilted,
+        (
+            "law",
+            "plant",
+            ">tilt in the gap, deg",
+            ">base there, mm",
+            ">base, mm",
+            ">tip, mm",
+        ),
+    ),
+    "caught": (
+        caught,
+        ("law", ">flights", ">ball caught", ">share, %", ">interval of 95 %, %"),
+    ),
 }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("table", choices=TABLES)
-    parser.add_argument("--small", action="store_true", help="few short flights: seconds")
+    parser.add_argument(
+        "--small", action="store_true", help="few short flights: seconds"
+    )
     given = parser.parse_args()
     rows, heads = TABLES[given.table]
     progress(f"{given.table}:")
     # few flights begin anew; the many go on where they were interrupted
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder if given.small else "."):
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        contextlib.chdir(folder if given.small else "."),
+    ):
         print_table(heads, rows(given.small))
 
 

@@ -1,4 +1,6 @@
-"""A plan keeps the clearance that its task asks for between coarse nodes, too, or says where it does not."""
+"""A plan keeps the clearance that its task asks for between coarse nodes, too, or says
+where it does not.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +20,18 @@ from skyarm.world.contact.surface import Surface
 
 def past_a_board(step: float) -> Task:
     """Flight of 4 m of a vehicle without an arm, past a thin board on its way."""
-    board = Surface(name="board", shape="box", size=(0.05, 0.6, 0.6), position=Vec3(2.0, 0.05, 0.02))
+    board = Surface(
+        name="board", shape="box", size=(0.05, 0.6, 0.6), position=Vec3(2.0, 0.05, 0.02)
+    )
     to = Goal(base=Vec3(4.0, 0.0, 0.0), heading=0.0, rest=True)
     vehicle, phase = load_vehicle("hummingbird"), PlanPhase(to=to, duration=2.4)
     return Task(vehicle=vehicle, phases=(phase,), obstacles=(board,), step=step)
 
 
 def test_a_board_thinner_than_a_step_is_flown_around() -> None:
-    """At 2.5 m/s 0.5 m lie between two nodes; no node need be near the board, and all keep off by 20 mm too little."""
+    """At 2.5 m/s 0.5 m lie between two nodes; no node need be near the board, and all
+    keep off by 20 mm too little.
+    """
     found = plan(past_a_board(0.2))
     assert found.nearest is not None
     assert found.nearest.short == ""
@@ -50,18 +56,34 @@ def test_a_folded_arm_nearer_to_itself_than_asked_is_named() -> None:
     """Its tip and wrist are 17 mm apart at the start, which no plan can change."""
     found = plan(goal(np.random.default_rng(5)))
     numbers = summary(found)
-    assert numbers.short.startswith("0.05 m: link/hand/tip and link/wrist_roll_link/wrist_pitch, 0.0169 m at ")
+    assert numbers.short.startswith(
+        "0.05 m: link/hand/tip and link/wrist_roll_link/wrist_pitch, 0.0169 m at "
+    )
     assert numbers.short.endswith(" s")
-    assert f"nearer than limits.clearance = {numbers.short}" in summary_lines("goal", numbers)
+    assert f"nearer than limits.clearance = {numbers.short}" in summary_lines(
+        "goal", numbers
+    )
     less = dataclasses.replace(found.task.limits, clearance=0.015)
     assert not summary(plan(dataclasses.replace(found.task, limits=less))).short
 
 
 def dash(distance: float, step: float) -> Task:
-    to = Goal(base=Vec3(distance, 0.0, 1.0), heading=0.0, joints=(0.0, 0.0, 0.0), rest=True)
-    vehicle, start = load_vehicle("hexacopter370_flying_arm_3"), Start(position=Vec3(0.0, 0.0, 1.0))
+    to = Goal(
+        base=Vec3(distance, 0.0, 1.0), heading=0.0, joints=(0.0, 0.0, 0.0), rest=True
+    )
+    vehicle, start = (
+        load_vehicle("hexacopter370_flying_arm_3"),
+        Start(position=Vec3(0.0, 0.0, 1.0)),
+    )
     limits = TaskLimits(rotor_lag=np.inf)
-    return Task(vehicle=vehicle, start=start, phases=(PlanPhase(to=to),), limits=limits, minimise="time", step=step)
+    return Task(
+        vehicle=vehicle,
+        start=start,
+        phases=(PlanPhase(to=to),),
+        limits=limits,
+        minimise="time",
+        step=step,
+    )
 
 
 @pytest.mark.thorough

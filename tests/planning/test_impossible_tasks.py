@@ -1,4 +1,6 @@
-"""Tasks that no motion fulfils: the error names the phase and what is beyond its limit."""
+"""Tasks that no motion fulfils: the error names the phase and what is beyond its
+limit.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +15,17 @@ from support.plans import box, reach
 AT_ONCE: dict[str, tuple[dict[str, Any], str]] = {
     "too heavy": (
         {"gravity": 50.0},
-        "phases[2] 'away': to.rest: hovering takes 128.1 N, limits.thrust_share leaves 111.8 N",
+        (
+            "phases[2] 'away': to.rest: hovering takes 128.1 N, limits.thrust_share"
+            " leaves 111.8 N"
+        ),
     ),
     "too little thrust": (
         {"limits": {"thrust_share": 0.15}},
-        "phases[2] 'away': to.rest: hovering takes 25.12 N, limits.thrust_share leaves 18.63 N",
+        (
+            "phases[2] 'away': to.rest: hovering takes 25.12 N, limits.thrust_share"
+            " leaves 18.63 N"
+        ),
     ),
     "joint goal": (
         {"phases__2__to__joints": [0.0, -2.0, 0.0]},
@@ -36,7 +44,10 @@ AT_ONCE: dict[str, tuple[dict[str, Any], str]] = {
         "start.attitude: is tilted by 0.9 rad, limits.tilt is 0.8",
     ),
     "tilt goal of its phase": (
-        {"phases__2__to": {"base": [2.0, 0.0, 1.5], "attitude": [0.5, 0.0, 0.0]}, "phases__2__tilt": 0.4},
+        {
+            "phases__2__to": {"base": [2.0, 0.0, 1.5], "attitude": [0.5, 0.0, 0.0]},
+            "phases__2__tilt": 0.4,
+        },
         "phases[2] 'away': to.attitude: is tilted by 0.5 rad, phases[2].tilt is 0.4",
     ),
     "tilt at the start of a phase": (
@@ -45,12 +56,18 @@ AT_ONCE: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "a start that nothing holds": (
         {"start__attitude": [0.0, 0.3, 2.0]},
-        "start.attitude = [0.0, 0.3, 2.0]: must have roll and pitch 0, for nothing holds it; "
-        "a first phase in contact, 'point' or 'bar', would",
+        (
+            "start.attitude = [0.0, 0.3, 2.0]: must have roll and pitch 0, for nothing"
+            " holds it; a first phase in contact, 'point' or 'bar', would"
+        ),
     ),
     "a goal off the plane": (
         {
-            "phases__1": {"kind": "contact", "contact": {"kind": "plane"}, "duration": 0.2},
+            "phases__1": {
+                "kind": "contact",
+                "contact": {"kind": "plane"},
+                "duration": 0.2,
+            },
             "phases__1__to": {"tip": [1.2, 0.0, 0.98]},
         },
         "phases[1] '': to.tip: is -0.02 m off the plane on which the tip begins",
@@ -89,15 +106,42 @@ def test_a_goal_beyond_its_limit_is_refused_without_a_search(name: str) -> None:
 
 
 SEARCHED: dict[str, tuple[dict[str, Any], str, str]] = {
-    "too far in the time": ({"phases__0__to__tip": [10.0, 0.0, 1.0]}, "phases[0] 'approach'", "tip is off by"),
-    "back too soon": ({"phases__2__duration": 0.3}, "phases[2] 'away'", "base is off by"),
+    "too far in the time": (
+        {"phases__0__to__tip": [10.0, 0.0, 1.0]},
+        "phases[0] 'approach'",
+        "tip is off by",
+    ),
+    "back too soon": (
+        {"phases__2__duration": 0.3},
+        "phases[2] 'away'",
+        "base is off by",
+    ),
     "too slow": ({"limits": {"speed": 0.2}}, "phases[", "is off by"),
-    "a wall": ({"obstacles": [box([1.7, 0.0, 1.0], [0.1, 60.0, 60.0], name="wall")]}, "phases[2] 'away'", "wall"),
-    "tip and base apart": ({"phases__0__to__base": [3.0, 0.0, 1.0]}, "phases[0] 'approach'", "is off by"),
-    "a tip that rests and moves": ({"phases__1__to": {"base": [5.0, 0.0, 1.0]}}, "phases[1] 'grasp'", "is off by"),
+    "a wall": (
+        {"obstacles": [box([1.7, 0.0, 1.0], [0.1, 60.0, 60.0], name="wall")]},
+        "phases[2] 'away'",
+        "wall",
+    ),
+    "tip and base apart": (
+        {"phases__0__to__base": [3.0, 0.0, 1.0]},
+        "phases[0] 'approach'",
+        "is off by",
+    ),
+    "a tip that rests and moves": (
+        {"phases__1__to": {"base": [5.0, 0.0, 1.0]}},
+        "phases[1] 'grasp'",
+        "is off by",
+    ),
     "at rest but tilted": (
-        {"phases__2__to": {"base": [2.0, 0.0, 1.5], "attitude": [0.5, 0.0, 0.0], "rest": True}},
-        "phases[2] 'away'", "is off by",
+        {
+            "phases__2__to": {
+                "base": [2.0, 0.0, 1.5],
+                "attitude": [0.5, 0.0, 0.0],
+                "rest": True,
+            }
+        },
+        "phases[2] 'away'",
+        "is off by",
     ),
 }
 """What the search says: the phase, and words of the constraint."""
@@ -117,6 +161,9 @@ def test_the_constraint_that_is_farthest_off_is_named_with_its_phase(name: str) 
 
 
 def test_a_search_beyond_its_emergency_end_gives_no_plan_and_says_so() -> None:
-    words = r"^reach: no plan within 0\.001 s, seed 1: iteration 20, violation \S+: take more time, or a larger step$"
+    words = (
+        r"^reach: no plan within 0\.001 s, seed 1: iteration 20, violation \S+: take"
+        r" more time, or a larger step$"
+    )
     with pytest.raises(PlanError, match=words):
         plan(task_from(reach()), seconds=0.001)

@@ -1,4 +1,6 @@
-"""Solver of plans on linear stages, whose optimum is one linear system, and on the shipped catch beside IPOPT."""
+"""Solver of plans on linear stages, whose optimum is one linear system, and on the
+shipped catch beside IPOPT.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,14 @@ from scipy.optimize import minimize
 from scipy.sparse import csc_array, eye_array
 from scipy.sparse.linalg import spsolve
 
-from skyarm.planning.planner import guess_from, node_counts, outline, problem_of, seeds, stage_of
+from skyarm.planning.planner import (
+    guess_from,
+    node_counts,
+    outline,
+    problem_of,
+    seeds,
+    stage_of,
+)
 from skyarm.planning.solver import (
     ITERATIONS,
     LAX,
@@ -35,7 +44,9 @@ STAGES, NT, NU = 12, 3, 2
 
 
 class LinearStage:
-    """Stages x' = A x + B u + c with quadratic costs, goals and limits that are linear; the last state may be free."""
+    """Stages x' = A x + B u + c with quadratic costs, goals and limits that are linear;
+    the last state may be free.
+    """
 
     def __init__(self, seed: int = 0, free: int = 0) -> None:
         rng = np.random.default_rng(seed)
@@ -49,14 +60,25 @@ class LinearStage:
         self.stage = SimpleNamespace(free=free)
         self.nx = self.nt = NT
         self.nu = NU
-        self.costs, self.goals, self.limits = slice(NT, NT + 5), slice(NT + 5, NT + 7), slice(NT + 7, NT + 9)
+        self.costs, self.goals, self.limits = (
+            slice(NT, NT + 5),
+            slice(NT + 5, NT + 7),
+            slice(NT + 7, NT + 9),
+        )
 
     def _rows(self) -> np.ndarray:
         return np.vstack(
-            [np.hstack([self.A, self.B]), np.diag(self.weights), np.hstack([self.G, np.zeros((2, NU))]), self.H]
+            [
+                np.hstack([self.A, self.B]),
+                np.diag(self.weights),
+                np.hstack([self.G, np.zeros((2, NU))]),
+                self.H,
+            ]
         )
 
-    def values(self, x: Any, u: Any, data: Any, step: Any = None, shares: Any = (0.0,)) -> np.ndarray:
+    def values(
+        self, x: Any, u: Any, data: Any, step: Any = None, shares: Any = (0.0,)
+    ) -> np.ndarray:
         dx, du = step if step is not None else (np.zeros_like(x), np.zeros_like(u))
         lanes = []
         for share in shares:
@@ -75,20 +97,35 @@ class LinearStage:
         return x + d
 
 
-def linear_problem(stage: LinearStage, limited: bool = False) -> tuple[PlanProblem, Guess]:
-    """Goals in the middle and at the end; limits everywhere or nowhere; a guess with gaps."""
-    goals, limits = np.zeros((STAGES + 1, 2), dtype=bool), np.zeros((STAGES + 1, 2), dtype=bool)
+def linear_problem(
+    stage: LinearStage, limited: bool = False
+) -> tuple[PlanProblem, Guess]:
+    """Goals in the middle and at the end; limits everywhere or nowhere; a guess with
+    gaps.
+    """
+    goals, limits = (
+        np.zeros((STAGES + 1, 2), dtype=bool),
+        np.zeros((STAGES + 1, 2), dtype=bool),
+    )
     goals[6, 0], goals[-1, :] = True, True
     limits[:-1] = limited
     rng = np.random.default_rng(9)
     guess = Guess(rng.normal(size=(STAGES + 1, NT)), rng.normal(size=(STAGES, NU)))
-    return PlanProblem(data=np.zeros((STAGES + 1, 1)), goals=goals, limits=limits), guess
+    return (
+        PlanProblem(data=np.zeros((STAGES + 1, 1)), goals=goals, limits=limits),
+        guess,
+    )
 
 
-def constraints(stage: LinearStage, problem: PlanProblem, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def constraints(
+    stage: LinearStage, problem: PlanProblem, first: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Equations C w = d of all unknowns: x of all nodes, then u of all stages."""
     count = (STAGES + 1) * NT + STAGES * NU
-    x, u = np.arange((STAGES + 1) * NT).reshape(-1, NT), (STAGES + 1) * NT + np.arange(STAGES * NU).reshape(-1, NU)
+    x, u = (
+        np.arange((STAGES + 1) * NT).reshape(-1, NT),
+        (STAGES + 1) * NT + np.arange(STAGES * NU).reshape(-1, NU),
+    )
     rows, right = [], []
 
     def add(columns: Any, values: Any, to: float) -> None:
@@ -100,14 +137,20 @@ def constraints(stage: LinearStage, problem: PlanProblem, first: np.ndarray) -> 
         add(x[0, i], 1.0, first[i])
     for k in range(STAGES):
         for i in range(NT):
-            add([*x[k], *u[k], x[k + 1, i]], [*stage.A[i], *stage.B[i], -1.0], -stage.c[i])
+            add(
+                [*x[k], *u[k], x[k + 1, i]],
+                [*stage.A[i], *stage.B[i], -1.0],
+                -stage.c[i],
+            )
     for k, i in np.argwhere(problem.goals):
         add(x[k], stage.G[i], stage.g[i])
     return np.array(rows), np.array(right)
 
 
 def hessian(stage: LinearStage) -> np.ndarray:
-    """Second derivatives of the cost: of the states of all nodes but the last, and of all inputs."""
+    """Second derivatives of the cost: of the states of all nodes but the last, and of
+    all inputs.
+    """
     w = stage.weights**2
     return np.diag([*np.tile(w[:NT], STAGES), *np.zeros(NT), *np.tile(w[NT:], STAGES)])
 
@@ -119,7 +162,9 @@ def test_a_linear_problem_has_the_optimum_of_its_kkt_system(free: int) -> None:
     C, d = constraints(stage, problem, guess.x[0])
     H = hessian(stage)
     kkt = np.block([[H, C.T], [C, np.zeros((len(C), len(C)))]])
-    w = np.linalg.lstsq(kkt, np.concatenate([np.zeros(len(H)), d]), rcond=None)[0][: len(H)]
+    w = np.linalg.lstsq(kkt, np.concatenate([np.zeros(len(H)), d]), rcond=None)[0][
+        : len(H)
+    ]
     found = Solver(stage).solve(problem, guess)
     assert found.solved
     assert found.violation < 1e-6
@@ -142,8 +187,14 @@ def test_limits_that_bind_and_some_that_do_not() -> None:
         return (stage.h - nodes @ stage.H.T).ravel()
 
     oracle = minimize(
-        lambda w: 0.5 * w @ H @ w, np.zeros(len(H)), jac=lambda w: H @ w, method="SLSQP",
-        constraints=[{"type": "eq", "fun": lambda w: C @ w - d, "jac": lambda _: C}, {"type": "ineq", "fun": inside}],
+        lambda w: 0.5 * w @ H @ w,
+        np.zeros(len(H)),
+        jac=lambda w: H @ w,
+        method="SLSQP",
+        constraints=[
+            {"type": "eq", "fun": lambda w: C @ w - d, "jac": lambda _: C},
+            {"type": "ineq", "fun": inside},
+        ],
         options={"maxiter": 500, "ftol": 1e-12},
     )
     assert oracle.success
@@ -155,7 +206,9 @@ def test_limits_that_bind_and_some_that_do_not() -> None:
     np.testing.assert_allclose(found.x.ravel(), oracle.x[:size], atol=2e-3)
     assert found.limits.max() < 1e-6
     # without its limits the optimum passes them
-    free = Solver(stage).solve(dataclasses.replace(problem, limits=np.zeros_like(problem.limits)), guess)
+    free = Solver(stage).solve(
+        dataclasses.replace(problem, limits=np.zeros_like(problem.limits)), guess
+    )
     assert free.cost < found.cost - 1e-3
 
 
@@ -169,7 +222,9 @@ def test_gains_are_those_of_the_riccati_recursion() -> None:
         K = -np.linalg.solve(S, stage.B.T @ P @ stage.A)
         P = np.diag(w[:NT]) + stage.A.T @ P @ (stage.A + stage.B @ K)
         gains.append(K)
-    np.testing.assert_allclose(Solver(stage).solve(problem, guess).K, gains[::-1], atol=1e-9)
+    np.testing.assert_allclose(
+        Solver(stage).solve(problem, guess).K, gains[::-1], atol=1e-9
+    )
 
 
 def test_a_problem_without_a_solution_ends_and_says_how_far_it_is_off() -> None:
@@ -185,9 +240,15 @@ def test_a_problem_without_a_solution_ends_and_says_how_far_it_is_off() -> None:
     assert steps[-1].violation > 1e-2
     assert [step.iterations for step in steps] == list(range(1, len(steps) + 1))
     for step in steps:  # the reported parts are those of the motion
-        gap = np.hstack([step.x[:-1], step.u]) @ np.hstack([stage.A, stage.B]).T + stage.c - step.x[1:]
+        gap = (
+            np.hstack([step.x[:-1], step.u]) @ np.hstack([stage.A, stage.B]).T
+            + stage.c
+            - step.x[1:]
+        )
         np.testing.assert_allclose(step.gap, gap, atol=1e-9)
-        assert step.violation == pytest.approx(max(np.abs(gap).max(), np.abs(step.goals).max()))
+        assert step.violation == pytest.approx(
+            max(np.abs(gap).max(), np.abs(step.goals).max())
+        )
         assert not step.goals[~problem.goals].any()
         assert (step.limits == LAX).all()
 
@@ -198,16 +259,24 @@ def test_one_step_of_the_recursion_solves_the_kkt_system_of_its_models() -> None
     AB, gap = rng.normal(size=(STAGES, NT, size)), rng.normal(size=(STAGES, NT))
     roots = rng.normal(size=(STAGES + 1, size + 3, size + 1))
     Q = roots.transpose(0, 2, 1) @ roots
-    # unknowns: inputs and states of each node; the first state but for its last entry is fixed, as a free length is not
+    # unknowns: inputs and states of each node; the first state but for its last entry
+    # is fixed, as a free length is not
     count = (STAGES + 1) * size
     H, g, rows, right = np.zeros((count, count)), np.zeros(count), [], []
     for k in range(STAGES + 1):
         at = np.arange(k * size, (k + 1) * size)
         own = np.arange(size) if k < STAGES else np.arange(NU, size)
-        H[np.ix_(at[own], at[own])], g[at[own]] = Q[k][np.ix_(own, own)], Q[k][own, size]
+        H[np.ix_(at[own], at[own])], g[at[own]] = (
+            Q[k][np.ix_(own, own)],
+            Q[k][own, size],
+        )
         for i in range(NT) if k < STAGES else ():
             row = np.zeros(count)
-            row[at[NU:]], row[at[:NU]], row[at[NU + i] + size] = AB[k, i, :NT], AB[k, i, NT:], -1.0
+            row[at[NU:]], row[at[:NU]], row[at[NU + i] + size] = (
+                AB[k, i, :NT],
+                AB[k, i, NT:],
+                -1.0,
+            )
             rows.append(row), right.append(-gap[k, i])
     fixed = [NU, NU + 1, *range(STAGES * size, STAGES * size + NU)]
     rows += [np.eye(count)[i] for i in fixed]
@@ -225,22 +294,31 @@ def test_curvature_along_a_step_is_that_of_the_outputs_and_never_negative() -> N
     size, outputs = NT + NU, NT + 4
     bent = rng.normal(size=(STAGES + 1, outputs, size, size))
     bent = bent + bent.transpose(0, 1, 3, 2)
-    pulls, costates = rng.normal(size=(STAGES + 1, outputs - NT)), rng.normal(size=(STAGES, NT))
+    pulls, costates = (
+        rng.normal(size=(STAGES + 1, outputs - NT)),
+        rng.normal(size=(STAGES, NT)),
+    )
     step = rng.normal(size=(STAGES + 1, size))
     old = rng.normal(size=(STAGES + 1, outputs, size))
     J = old + np.einsum("koij,kj->koi", bent, step)
     found = curvature(J, pulls, old, np.hstack([step[:, NT:], step[:, :NT]]), costates)
     order, used = np.r_[NT:size, :NT], 0
     for k in range(STAGES + 1):
-        weights = np.concatenate([costates[k] if k < STAGES else np.zeros(NT), pulls[k]])
+        weights = np.concatenate(
+            [costates[k] if k < STAGES else np.zeros(NT), pulls[k]]
+        )
         change = np.einsum("o,oij,j->i", weights, bent[k], step[k])
         cosine = change @ step[k] / np.linalg.norm(change) / np.linalg.norm(step[k])
         if cosine > 0.11:
             used += 1
-            np.testing.assert_allclose(found[k] @ step[k][order], change[order], rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(
+                found[k] @ step[k][order], change[order], rtol=1e-9, atol=1e-9
+            )
         if cosine < 0.09:
             assert not found[k].any()
-        assert np.linalg.eigvalsh(found[k]).min() > -1e-9 * (1.0 + np.abs(found[k]).max())
+        assert np.linalg.eigvalsh(found[k]).min() > -1e-9 * (
+            1.0 + np.abs(found[k]).max()
+        )
     assert 0 < used < STAGES
 
 
@@ -248,21 +326,38 @@ def test_merit_is_the_augmented_lagrangian_and_the_weighted_gaps() -> None:
     rng = np.random.default_rng(0)
     goals, limits = rng.uniform(size=(4, 2)) > 0.5, rng.uniform(size=(4, 3)) > 0.5
     at = _Values(
-        gap=rng.normal(size=(2, 3, 5)), costs=rng.normal(size=(2, 4, 6)), goals=rng.normal(size=(2, 4, 2)) * goals,
+        gap=rng.normal(size=(2, 3, 5)),
+        costs=rng.normal(size=(2, 4, 6)),
+        goals=rng.normal(size=(2, 4, 2)) * goals,
         limits=np.where(limits, rng.normal(size=(2, 4, 3)), LAX),
     )
-    y, z, rho, weight = rng.normal(size=(4, 2)), np.abs(rng.normal(size=(4, 3))) * limits, 7.0, 3.0
+    y, z, rho, weight = (
+        rng.normal(size=(4, 2)),
+        np.abs(rng.normal(size=(4, 3))) * limits,
+        7.0,
+        3.0,
+    )
     expected = []
     for lane in range(2):
-        total = 0.5 * sum(c**2 for c in at.costs[lane].ravel()) + weight * sum(abs(g) for g in at.gap[lane].ravel())
+        total = 0.5 * sum(c**2 for c in at.costs[lane].ravel()) + weight * sum(
+            abs(g) for g in at.gap[lane].ravel()
+        )
         for k, i in np.argwhere(goals):
-            total += y[k, i] * at.goals[lane, k, i] + 0.5 * rho * at.goals[lane, k, i] ** 2
+            total += (
+                y[k, i] * at.goals[lane, k, i] + 0.5 * rho * at.goals[lane, k, i] ** 2
+            )
         for k, i in np.argwhere(limits):
             g = at.limits[lane, k, i]
-            total += z[k, i] * g + 0.5 * rho * g**2 if z[k, i] + rho * g > 0 else -0.5 * z[k, i] ** 2 / rho
+            total += (
+                z[k, i] * g + 0.5 * rho * g**2
+                if z[k, i] + rho * g > 0
+                else -0.5 * z[k, i] ** 2 / rho
+            )
         expected.append(total)
     problem = PlanProblem(data=np.zeros((4, 1)), goals=goals, limits=limits)
-    np.testing.assert_allclose(merit_of(problem, y, z, rho, weight)(at), expected, rtol=1e-12)
+    np.testing.assert_allclose(
+        merit_of(problem, y, z, rho, weight)(at), expected, rtol=1e-12
+    )
     assert at.of(1).cost == at.cost[1]
 
 
@@ -281,12 +376,18 @@ def test_damping_grows_where_steps_fail_and_falls_where_they_are_taken() -> None
     assert count < 20
 
 
-def test_the_catch_is_optimal_to_first_order_in_directions_that_keep_the_constraints() -> None:
-    """No feasible direction lowers the cost: the gradient is a combination of the active constraints' slopes."""
+def test_the_catch_is_optimal_to_first_order_in_directions_that_keep_the_constraints() -> (
+    None
+):
+    """No feasible direction lowers the cost: the gradient is a combination of the
+    active constraints' slopes.
+    """
     plan = catch()
     stage, x, u = plan.compiled, plan.x, plan.u
     task = plan.task
-    problem = problem_of(task, stage, np.diff(plan.edges).tolist(), task.limits.clearance)
+    problem = problem_of(
+        task, stage, np.diff(plan.edges).tolist(), task.limits.clearance
+    )
     values = stage.values(x, u, problem.data)[0]
     J, nt, nu, count = stage.jacobians(x, u, problem.data), stage.nt, stage.nu, len(u)
     columns = [np.r_[k * (nt + nu) : (k + 1) * (nt + nu)] for k in range(count)]
@@ -303,7 +404,9 @@ def test_the_catch_is_optimal_to_first_order_in_directions_that_keep_the_constra
             block[:, at] = slopes[:nt]
             block[np.arange(nt), ahead] -= 1.0
             rows.append(block)
-        active = np.r_[problem.goals[k], problem.limits[k] & (values[k, stage.limits] > -1e-5)]
+        active = np.r_[
+            problem.goals[k], problem.limits[k] & (values[k, stage.limits] > -1e-5)
+        ]
         block = np.zeros((int(active.sum()), size))
         block[:, at] = slopes[stage.goals.start :][active]
         rows.append(block)
@@ -311,7 +414,9 @@ def test_the_catch_is_optimal_to_first_order_in_directions_that_keep_the_constra
     start[np.arange(nt), np.arange(nt)] = 1.0
     C = csc_array(np.vstack([start, *rows]))
     # least squares by normal equations: the multipliers
-    multipliers = spsolve(C @ C.T + 1e-10 * eye_array(C.shape[0], format="csc"), C @ gradient)
+    multipliers = spsolve(
+        C @ C.T + 1e-10 * eye_array(C.shape[0], format="csc"), C @ gradient
+    )
     rest = gradient - C.T @ multipliers
     assert np.linalg.norm(rest) < 1e-3 * np.linalg.norm(gradient)
 
@@ -336,11 +441,20 @@ def test_ipopt_over_casadi_finds_no_better_way_to_a_goal() -> None:
 
     found = planned(
         vehicle="hexarotor_arm6",
-        phases=[{"to": {"tip": [1.0, 0.5, 0.6], "tip_velocity": [0.0, 0.0, 0.0]}, "duration": 1.6}],
+        phases=[
+            {
+                "to": {"tip": [1.0, 0.5, 0.6], "tip_velocity": [0.0, 0.0, 0.0]},
+                "duration": 1.6,
+            }
+        ],
     )
     counts, shape = [len(found.u)], outline(found.task)
-    problem = problem_of(found.task, found.compiled, counts, found.task.limits.clearance)
-    guess = guess_from(found.task, found.compiled, counts, seeds(found.task, shape)[0], shape)
+    problem = problem_of(
+        found.task, found.compiled, counts, found.task.limits.clearance
+    )
+    guess = guess_from(
+        found.task, found.compiled, counts, seeds(found.task, shape)[0], shape
+    )
     cost, violation, status = ipopt(found.compiled, problem, guess)
     assert violation < 1e-6, status
     assert found.solution.cost < 1.01 * cost

@@ -1,4 +1,6 @@
-"""Ways of the base that plans begin from: free of obstacles by points on them, as short as the scene allows."""
+"""Ways of the base that plans begin from: free of obstacles by points on them, as short
+as the scene allows.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +22,25 @@ def surface(table: dict) -> Surface:
     return record_from(Surface, Fields({"name": "box"} | table, ""))
 
 
-def from_box(points: np.ndarray, place: list[float], size: list[float], turn: float = 0.0) -> np.ndarray:
+def from_box(
+    points: np.ndarray, place: list[float], size: list[float], turn: float = 0.0
+) -> np.ndarray:
     """Distance of points from a box, turned about z, written anew."""
     c, s = np.cos(turn), np.sin(turn)
     own = (points - place) @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     out = np.abs(own) - 0.5 * np.array(size)
-    return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(out.max(axis=-1), 0.0)
+    return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(
+        out.max(axis=-1), 0.0
+    )
 
 
 def sampled(way: np.ndarray) -> np.ndarray:
-    return np.vstack([a + np.linspace(0.0, 1.0, 400)[:, None] * (b - a) for a, b in itertools.pairwise(way)])
+    return np.vstack(
+        [
+            a + np.linspace(0.0, 1.0, 400)[:, None] * (b - a)
+            for a, b in itertools.pairwise(way)
+        ]
+    )
 
 
 def length(way: np.ndarray) -> float:
@@ -49,11 +60,17 @@ def test_the_straight_way_is_the_only_one_where_it_is_free() -> None:
     np.testing.assert_array_equal(still, [START, START])
 
 
-@pytest.mark.parametrize(("place", "size", "turn"), [
-    ([0.0, 0.0, 1.0], [0.4, 4.0, 1.0], 0.0), ([0.3, -0.5, 0.5], [0.3, 2.0, 4.0], 0.5),
-    ([0.0, 0.0, 1.0], [1.0, 1.0, 1.0], 0.3),
-])
-def test_ways_around_a_box_are_free_and_short(place: list[float], size: list[float], turn: float) -> None:
+@pytest.mark.parametrize(
+    ("place", "size", "turn"),
+    [
+        ([0.0, 0.0, 1.0], [0.4, 4.0, 1.0], 0.0),
+        ([0.3, -0.5, 0.5], [0.3, 2.0, 4.0], 0.5),
+        ([0.0, 0.0, 1.0], [1.0, 1.0, 1.0], 0.3),
+    ],
+)
+def test_ways_around_a_box_are_free_and_short(
+    place: list[float], size: list[float], turn: float
+) -> None:
     obstacle = surface(box(place, size, angles=[0.0, 0.0, turn]))
     straight, *around = ways_around([obstacle], START, GOAL, REACH)
     np.testing.assert_array_equal(straight, [START, GOAL])
@@ -72,10 +89,15 @@ def test_ways_around_a_box_are_free_and_short(place: list[float], size: list[flo
 def test_a_way_leads_through_a_window() -> None:
     """Four boxes leave a window of 0.9 m in a wall of 60 m."""
     walls = [
-        ([0.0, 15.5 + 0.45 - 0.5, 1.0], [0.2, 30.0, 60.0]), ([0.0, -15.45, 1.0], [0.2, 30.0, 60.0]),
-        ([0.0, 0.0, 1.0 + 15.45 + 1.0], [0.2, 1.0, 30.0]), ([0.0, 0.0, 1.0 - 15.45 + 1.0], [0.2, 1.0, 30.0]),
+        ([0.0, 15.5 + 0.45 - 0.5, 1.0], [0.2, 30.0, 60.0]),
+        ([0.0, -15.45, 1.0], [0.2, 30.0, 60.0]),
+        ([0.0, 0.0, 1.0 + 15.45 + 1.0], [0.2, 1.0, 30.0]),
+        ([0.0, 0.0, 1.0 - 15.45 + 1.0], [0.2, 1.0, 30.0]),
     ]
-    obstacles = [surface(box(place, size, name=f"wall{k}")) for k, (place, size) in enumerate(walls)]
+    obstacles = [
+        surface(box(place, size, name=f"wall{k}"))
+        for k, (place, size) in enumerate(walls)
+    ]
     start, goal = np.array([-1.5, -0.8, 0.6]), np.array([1.5, 0.5, 0.4])
     _, *around = ways_around(obstacles, start, goal, REACH)
     assert around
@@ -97,13 +119,26 @@ def test_a_wall_without_a_window_leaves_the_straight_way_alone() -> None:
 def test_distances_of_points_from_the_nearest_obstacle() -> None:
     rng = np.random.default_rng(0)
     points = rng.uniform(-2.0, 2.0, size=(7, 50, 3))
-    boxes = [([0.5, 0.0, 0.2], [0.6, 1.0, 0.8], 0.4), ([-1.0, 1.0, 0.0], [1.0, 0.2, 2.0], 0.0)]
-    obstacles = [surface(box(p, s, angles=[0.0, 0.0, a], name=f"b{k}")) for k, (p, s, a) in enumerate(boxes)]
-    ball = surface({"name": "ball", "shape": "sphere", "size": [0.5], "position": [0.0, -1.0, 0.0]})
-    expected = np.minimum.reduce([
-        *(from_box(points, *each) for each in boxes), np.linalg.norm(points - [0.0, -1.0, 0.0], axis=-1) - 0.5,
-    ])
-    np.testing.assert_allclose(free_distance([*obstacles, ball], points), expected, atol=1e-9)
+    boxes = [
+        ([0.5, 0.0, 0.2], [0.6, 1.0, 0.8], 0.4),
+        ([-1.0, 1.0, 0.0], [1.0, 0.2, 2.0], 0.0),
+    ]
+    obstacles = [
+        surface(box(p, s, angles=[0.0, 0.0, a], name=f"b{k}"))
+        for k, (p, s, a) in enumerate(boxes)
+    ]
+    ball = surface(
+        {"name": "ball", "shape": "sphere", "size": [0.5], "position": [0.0, -1.0, 0.0]}
+    )
+    expected = np.minimum.reduce(
+        [
+            *(from_box(points, *each) for each in boxes),
+            np.linalg.norm(points - [0.0, -1.0, 0.0], axis=-1) - 0.5,
+        ]
+    )
+    np.testing.assert_allclose(
+        free_distance([*obstacles, ball], points), expected, atol=1e-9
+    )
     assert (free_distance((), points) == np.inf).all()
 
 

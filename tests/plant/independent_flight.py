@@ -1,6 +1,8 @@
-"""The flight equations once more, in NumPy and straight from their definitions: an oracle for loads and integrators.
+"""The flight equations once more, in NumPy and straight from their definitions: an
+oracle for loads and integrators.
 
-Rigid bodies come from MuJoCo's forward dynamics; nothing here uses the library's algebra, actuation or dynamics.
+Rigid bodies come from MuJoCo's forward dynamics; nothing here uses the library's
+algebra, actuation or dynamics.
 """
 
 from __future__ import annotations
@@ -17,7 +19,9 @@ def array(v):
 
 
 class Flight:
-    """d/dt of [position, quaternion, velocity, rate, joints, joint rates, rotor speeds] under held command and wind."""
+    """d/dt of [position, quaternion, velocity, rate, joints, joint rates, rotor speeds]
+    under held command and wind.
+    """
 
     def __init__(self, vehicle, gravity, wind):
         self.vehicle, self.gravity, self.n = vehicle, gravity, vehicle.n
@@ -33,13 +37,21 @@ class Flight:
         return np.split(np.asarray(x, dtype=float), ends)
 
     def loads(self, x, efforts):
-        """Generalised force: world force at and body torque about the base origin, then joint torques."""
+        """Generalised force: world force at and body torque about the base origin, then
+        joint torques.
+        """
         _, q, v, w, _, joint_rates, speeds = self.split(x)
         R = rotation_matrix(q / np.linalg.norm(q))
         force_W, torque_W = self.push_W.copy(), np.cross(R @ self.point_B, self.push_W)
         air_B = R.T @ (v - self.air_W)
         drag = self.vehicle.drag
-        force_W += R @ (-0.5 * float(drag.air_density) * np.linalg.norm(air_B) * array(drag.area) * air_B)
+        force_W += R @ (
+            -0.5
+            * float(drag.air_density)
+            * np.linalg.norm(air_B)
+            * array(drag.area)
+            * air_B
+        )
         for rotor, W in zip(self.vehicle.rotors, speeds, strict=True):
             hub_W, n_W = R @ array(rotor.position), R @ array(rotor.axis)
             through_air = v + np.cross(R @ w, hub_W) - self.air_W
@@ -51,25 +63,40 @@ class Flight:
             torque_W -= rotor.direction * rotor.moment_coefficient * thrust * n_W
             torque_W -= abs(W) * rotor.rolling_moment_coefficient * across
         joints = []
-        for link, effort, rate in zip(self.vehicle.links, efforts, joint_rates, strict=True):
+        for link, effort, rate in zip(
+            self.vehicle.links, efforts, joint_rates, strict=True
+        ):
             j = link.joint
             drive = max(-j.effort_limit, min(j.effort_limit, effort))
-            joints.append(drive - j.damping * rate - j.coulomb * math.tanh(rate / j.coulomb_rate))
+            joints.append(
+                drive - j.damping * rate - j.coulomb * math.tanh(rate / j.coulomb_rate)
+            )
         return np.concatenate([force_W, R.T @ torque_W, joints])
 
     def acceleration(self, x, efforts):
         p, q, v, w, joints, joint_rates, _ = self.split(x)
-        state = RandomState(p, q / np.linalg.norm(q), joints, np.concatenate([v, w, joint_rates]))
+        state = RandomState(
+            p, q / np.linalg.norm(q), joints, np.concatenate([v, w, joint_rates])
+        )
         return self.twin.forward_dynamics(state, self.loads(x, efforts), self.gravity)
 
     def derivative(self, x, commanded, efforts):
         _, (qw, qx, qy, qz), v, w, _, joint_rates, speeds = self.split(x)
         a = self.acceleration(x, efforts)
-        turning = 0.5 * np.array([[-qx, -qy, -qz], [qw, -qz, qy], [qz, qw, -qx], [-qy, qx, qw]]) @ w
+        turning = (
+            0.5
+            * np.array([[-qx, -qy, -qz], [qw, -qz, qy], [qz, qw, -qx], [-qy, qx, qw]])
+            @ w
+        )
         lag = []
-        for rotor, W, wanted in zip(self.vehicle.rotors, speeds, commanded, strict=True):
+        for rotor, W, wanted in zip(
+            self.vehicle.rotors, speeds, commanded, strict=True
+        ):
             target = min(wanted, rotor.max_speed)
-            lag.append((target - W) / (rotor.time_constant_up if target > W else rotor.time_constant_down))
+            lag.append(
+                (target - W)
+                / (rotor.time_constant_up if target > W else rotor.time_constant_down)
+            )
         return np.concatenate([v, turning, a[:6], joint_rates, a[6:], lag])
 
     def fly(self, x, commanded, efforts, seconds):

@@ -3,7 +3,8 @@
 python tests/plant/measure_integrators.py            print the table
 python tests/plant/measure_integrators.py --small    two rows, flights of 2 s
 
-Largest difference of a whole flight from the same flight with Runge-Kutta steps of 0.125 ms.
+Largest difference of a whole flight from the same flight with Runge-Kutta steps of
+0.125 ms.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path += [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / "studies" / "bench")]
+sys.path += [
+    str(Path(__file__).parents[1]),
+    str(Path(__file__).parents[1] / "studies" / "bench"),
+]
 
 from bench_engines import REFERENCE_STEP, Flight
 
@@ -51,10 +55,15 @@ def stepped(scenario: skyarm.Scenario, step: float) -> Positions:
     _, log = Kernel(flight.loop, Lanes(1), logging=True).run(
         flight.carry[:, None], flight.parameters[:, None], flight.rows
     )
-    return log[:, :3, 0], log[:, FIRST_JOINT : FIRST_JOINT + scenario.plant.vehicle.n, 0]
+    return (
+        log[:, :3, 0],
+        log[:, FIRST_JOINT : FIRST_JOINT + scenario.plant.vehicle.n, 0],
+    )
 
 
-def flown(plant: str, integrator: str, step: float, scenario: skyarm.Scenario) -> Positions:
+def flown(
+    plant: str, integrator: str, step: float, scenario: skyarm.Scenario
+) -> Positions:
     """Flight of a row."""
     if (plant, integrator) == ("rigid_body", "rk4"):
         return stepped(scenario, 1e-3 * step)
@@ -63,14 +72,23 @@ def flown(plant: str, integrator: str, step: float, scenario: skyarm.Scenario) -
 
 
 def rows(seconds: float | None) -> Iterator[list[str]]:
-    """A row for each integrator: largest differences of base, mm, and joints, mrad, in every case."""
-    scenarios = [skyarm.load_scenario(case, controller="paper_ct", duration=seconds) for case in CASES]
+    """A row for each integrator: largest differences of base, mm, and joints, mrad, in
+    every case.
+    """
+    scenarios = [
+        skyarm.load_scenario(case, controller="paper_ct", duration=seconds)
+        for case in CASES
+    ]
     exact = [stepped(scenario, REFERENCE_STEP) for scenario in scenarios]
     for plant, integrator, step in ROWS:
         cells = []
         for scenario, finest in zip(scenarios, exact, strict=True):
-            for mine, theirs in zip(flown(plant, integrator, step, scenario), finest, strict=True):
-                farthest = float(np.linalg.norm(mine[: len(theirs)] - theirs, axis=1).max())
+            for mine, theirs in zip(
+                flown(plant, integrator, step, scenario), finest, strict=True
+            ):
+                farthest = float(
+                    np.linalg.norm(mine[: len(theirs)] - theirs, axis=1).max()
+                )
                 cells.append(f"{1e3 * farthest:.1g}")
         yield [f"`{plant}`", f"`{integrator}`", f"{step:g}", *cells]
 

@@ -1,9 +1,11 @@
-"""Every shipped vehicle's exported MJCF beside MuJoCo Warp, Newton and this library's own plant on MuJoCo.
+"""Every shipped vehicle's exported MJCF beside MuJoCo Warp, Newton and this library's
+own plant on MuJoCo.
 
-``make warp`` runs it in an environment of its own. Asked: Warp on the CPU, and Newton where it is installed, 0.2 s
-within 1e-5 m of MuJoCo on the same file; plant ``mujoco``, of a vehicle without what the file loses, 1 s within 1 mm. A
-vehicle flies off from the file's keyframe with unequal thrusts; in Newton, which starts a thrust at nothing, it falls.
-Usage: step_exported.py [VEHICLE ...].
+``make warp`` runs it in an environment of its own. Asked: Warp on the CPU, and Newton
+where it is installed, 0.2 s within 1e-5 m of MuJoCo on the same file; plant ``mujoco``,
+of a vehicle without what the file loses, 1 s within 1 mm. A vehicle flies off from the
+file's keyframe with unequal thrusts; in Newton, which starts a thrust at nothing, it
+falls. Usage: step_exported.py [VEHICLE ...].
 """
 
 from __future__ import annotations
@@ -44,17 +46,27 @@ UNEQUAL = 0.01
 
 
 def in_what_is_kept(vehicle: Vehicle) -> Vehicle:
-    """Vehicle without what an MJCF file loses: air on rotors and base, spin, tables, stops, Coulomb friction."""
+    """Vehicle without what an MJCF file loses: air on rotors and base, spin, tables,
+    stops, Coulomb friction.
+    """
     free = {"coulomb": 0, "stop_stiffness": 0, "lower": -math.inf, "upper": math.inf}
     rotors = tuple(
-        replace(each, drag_coefficient=0, rolling_moment_coefficient=0, inertia=0, table=None)
+        replace(
+            each,
+            drag_coefficient=0,
+            rolling_moment_coefficient=0,
+            inertia=0,
+            table=None,
+        )
         for each in vehicle.rotors
     )
     return replace(vehicle.with_joints(**free), rotors=rotors, drag=BodyDrag())
 
 
 def start(model: mujoco.MjModel, rotors: int, key: bool) -> mujoco.MjData:
-    """Data at the file's keyframe, or at rest without thrust, under unequal controls of the rotors."""
+    """Data at the file's keyframe, or at rest without thrust, under unequal controls of
+    the rotors.
+    """
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     controls = np.array(data.ctrl)
@@ -101,9 +113,13 @@ def in_newton(file: Path, model: mujoco.MjModel, data: mujoco.MjData) -> np.ndar
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
     builder.add_mjcf(str(file))
     theirs = builder.finalize(device="cpu")
-    solver = newton.solvers.SolverMuJoCo(theirs, integrator="rk4", disable_contacts=True)
+    solver = newton.solvers.SolverMuJoCo(
+        theirs, integrator="rk4", disable_contacts=True
+    )
     before, after, control = theirs.state(), theirs.state(), theirs.control()
-    control.mujoco.ctrl.assign(np.array(data.ctrl, np.float32).reshape(control.mujoco.ctrl.shape))
+    control.mujoco.ctrl.assign(
+        np.array(data.ctrl, np.float32).reshape(control.mujoco.ctrl.shape)
+    )
     with warp.ScopedDevice("cpu"):
         for _ in range(round(SHORT / model.opt.timestep)):
             solver.step(before, after, control, None, model.opt.timestep)
@@ -115,7 +131,9 @@ def in_newton(file: Path, model: mujoco.MjModel, data: mujoco.MjData) -> np.ndar
     return at(model, qpos)
 
 
-def in_the_plant(vehicle: Vehicle, model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+def in_the_plant(
+    vehicle: Vehicle, model: mujoco.MjModel, data: mujoco.MjData
+) -> np.ndarray:
     n, count = vehicle.n, len(vehicle.rotors)
     positions, rates = joint_addresses(vehicle, model)
     speeds = [
@@ -133,7 +151,11 @@ def in_the_plant(vehicle: Vehicle, model: mujoco.MjModel, data: mujoco.MjData) -
         tilts=tuple(data.ctrl[len(data.ctrl) - len(vehicle.tilts) :]),
     )
     around = Surroundings()
-    plant = MujocoPlant(Truth(vehicle=vehicle, gravity=-float(model.opt.gravity[2])), around, "rk4_staged")
+    plant = MujocoPlant(
+        Truth(vehicle=vehicle, gravity=-float(model.opt.gravity[2])),
+        around,
+        "rk4_staged",
+    )
     command = (*speeds, *data.ctrl[count : count + n], *first.tilts)
     end = plant.advance(flat(first), command, leaves(around), LONG)
     qpos = np.array(data.qpos)
@@ -148,14 +170,20 @@ def distances(name: str, folder: Path) -> dict[str, float]:
     file.write_text(mjcf_text(vehicle), "utf-8")
     model, rotors = mujoco.MjModel.from_xml_path(str(file)), len(vehicle.rotors)
     short = places(model, start(model, rotors, key=True), SHORT)
-    found = {"warp": np.abs(in_warp(model, start(model, rotors, key=True)) - short).max()}
+    found = {
+        "warp": np.abs(in_warp(model, start(model, rotors, key=True)) - short).max()
+    }
     if importlib.util.find_spec("newton"):
         short = places(model, start(model, rotors, key=False), SHORT)
-        found["newton"] = np.abs(in_newton(file, model, start(model, rotors, key=False)) - short).max()
+        found["newton"] = np.abs(
+            in_newton(file, model, start(model, rotors, key=False)) - short
+        ).max()
     kept = in_what_is_kept(vehicle)
     model = mujoco.MjModel.from_xml_string(mjcf_text(kept))
     whole = places(model, start(model, rotors, key=True), LONG)
-    found["plant"] = np.abs(in_the_plant(kept, model, start(model, rotors, key=True)) - whole).max()
+    found["plant"] = np.abs(
+        in_the_plant(kept, model, start(model, rotors, key=True)) - whole
+    ).max()
     return {program: float(each) for program, each in found.items()}
 
 
@@ -166,14 +194,29 @@ def main(chosen: list[str]) -> int:
     warnings.simplefilter("ignore")
     far = 0
     with TemporaryDirectory() as folder:
-        for name in chosen or [each for each in list_vehicles() if not load_vehicle(each).planar]:
+        for name in chosen or [
+            each for each in list_vehicles() if not load_vehicle(each).planar
+        ]:
             with contextlib.redirect_stdout(io.StringIO()):
                 found = distances(name, Path(folder))
-            wrong = [program for program, each in found.items() if not each <= LIMITS[program]]
+            wrong = [
+                program
+                for program, each in found.items()
+                if not each <= LIMITS[program]
+            ]
             far += bool(wrong)
-            words = ", ".join(f"{program} {each:.1e} m" for program, each in found.items())
-            print(f"{name}: {words}{' FAR: ' + ', '.join(wrong) if wrong else ''}", flush=True)
-    print(f"{far} vehicles are far from MuJoCo" if far else "every vehicle is where MuJoCo has it")
+            words = ", ".join(
+                f"{program} {each:.1e} m" for program, each in found.items()
+            )
+            print(
+                f"{name}: {words}{' FAR: ' + ', '.join(wrong) if wrong else ''}",
+                flush=True,
+            )
+    print(
+        f"{far} vehicles are far from MuJoCo"
+        if far
+        else "every vehicle is where MuJoCo has it"
+    )
     return int(far > 0)
 
 

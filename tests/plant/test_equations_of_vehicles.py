@@ -21,9 +21,14 @@ def test_both_engines_agree(name: str) -> None:
     theirs, n = Equations(vehicle, GRAVITY), vehicle.n
     at, q = rng.normal(size=(STATES, 3)), rng.normal(size=(STATES, 4))
     q /= np.linalg.norm(q, axis=1)[:, None]
-    joints, velocity = rng.uniform(-1.5, 1.5, (STATES, n)), rng.normal(size=(STATES, 6 + n))
+    joints, velocity = (
+        rng.uniform(-1.5, 1.5, (STATES, n)),
+        rng.normal(size=(STATES, 6 + n)),
+    )
     weight = float(vehicle.mass) * GRAVITY
-    force = rng.normal(size=(STATES, 6 + n)) * np.array([weight] * 3 + [0.1 * weight] * 3 + [0.02 * weight] * n)
+    force = rng.normal(size=(STATES, 6 + n)) * np.array(
+        [weight] * 3 + [0.1 * weight] * 3 + [0.02 * weight] * n
+    )
     M = mass_matrix(vehicle, at, q, joints)
     a = forward_dynamics(vehicle, at, q, joints, velocity, force, gravity=GRAVITY)
     for k in range(STATES):

@@ -1,4 +1,6 @@
-"""Joint friction far stiffer than an explicit step bears, on a wheel of its own axis: closed forms, both plants."""
+"""Joint friction far stiffer than an explicit step bears, on a wheel of its own axis:
+closed forms, both plants.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,11 @@ def wheel(**friction):
     body = Body(mass=0.2, inertia=Sym3(INERTIA, INERTIA, INERTIA))
     joint = Joint(name="j", axis=Vec3(0, 0, 1), effort_limit=1.0, **friction)
     heavy = Body(mass=1e6, inertia=Sym3(1e6, 1e6, 1e6))
-    vehicle = Vehicle(name="wheel", base=heavy, links=(Link(name="l", parent=BASE, body=body, joint=joint),))
+    vehicle = Vehicle(
+        name="wheel",
+        base=heavy,
+        links=(Link(name="l", parent=BASE, body=body, joint=joint),),
+    )
     return Truth(vehicle=vehicle, gravity=0.0)
 
 
@@ -50,7 +56,9 @@ def rates(made, step=STEP, effort=0.0, steps=50, **friction):
 @pytest.mark.parametrize("decay", [0.1, 2.5, 9.9])
 def test_a_damped_wheel_slows_down_by_implicit_euler_at_any_rate(made, decay):
     found = rates(made, damping=decay * INERTIA / STEP)
-    assert found == pytest.approx(SPUN * (1.0 + decay) ** -np.arange(1.0, 51.0), rel=1e-6, abs=1e-7)
+    assert found == pytest.approx(
+        SPUN * (1.0 + decay) ** -np.arange(1.0, 51.0), rel=1e-6, abs=1e-7
+    )
 
 
 @pytest.mark.parametrize("made", [RigidBodyPlant, MujocoPlant])
@@ -60,7 +68,9 @@ def test_dry_friction_stops_a_wheel_and_never_turns_it_round(made):
     assert (np.diff(found) < 1e-9).all()
     assert found[-1] < 1e-6
     # c / I is 250 rad/s^2, and the method lags by the sum of 0.25^2 / rate
-    assert found[:30] == pytest.approx(SPUN - 0.25 * np.arange(1.0, 31.0), abs=0.25 * math.log(4.0))
+    assert found[:30] == pytest.approx(
+        SPUN - 0.25 * np.arange(1.0, 31.0), abs=0.25 * math.log(4.0)
+    )
 
 
 @pytest.mark.parametrize("made", [RigidBodyPlant, MujocoPlant])
@@ -70,16 +80,25 @@ def test_a_drive_below_dry_friction_creeps_as_the_law_says(made):
 
 
 def test_friction_of_a_verlet_step_is_of_second_order():
-    world, start = wheel(damping=250.0 * INERTIA), replace(example_state(1, 0), joint_rates=(SPUN,))
+    world, start = (
+        wheel(damping=250.0 * INERTIA),
+        replace(example_state(1, 0), joint_rates=(SPUN,)),
+    )
     errors = []
     for steps in (1, 2, 4):
         states = (start,)
         for _ in range(steps):
             step = VERLET_FRICTION_STEP / 250.0 / steps
             states, _ = coupled_verlet(
-                (world,), states, (Command(rotor_speeds=(), efforts=(0.0,)),), Together((AIR,)), step
+                (world,),
+                states,
+                (Command(rotor_speeds=(), efforts=(0.0,)),),
+                Together((AIR,)),
+                step,
             )
-        errors.append(abs(states[0].joint_rates[0] / SPUN - math.exp(-VERLET_FRICTION_STEP)))
+        errors.append(
+            abs(states[0].joint_rates[0] / SPUN - math.exp(-VERLET_FRICTION_STEP))
+        )
     assert 0.005 < errors[0] < 0.01
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.15)
 
@@ -98,27 +117,43 @@ def arm(damping):
 
 @pytest.mark.parametrize("hit", [1, 3])
 @pytest.mark.parametrize("damping", [1e-4, 8e-3, 0.05])
-def test_a_flight_takes_the_steps_of_its_own_friction_beside_a_stiffer_one(damping, hit, monkeypatch):
-    """A program made for the stiffest flight of a sweep: each takes as many steps as alone, at most twice as many.
+def test_a_flight_takes_the_steps_of_its_own_friction_beside_a_stiffer_one(
+    damping, hit, monkeypatch
+):
+    """A program made for the stiffest flight of a sweep: each takes as many steps as
+    alone, at most twice as many.
 
     In a hit it takes as many times more as alone.
     """
     monkeypatch.setattr(Together, "hurry", lambda *_: ((), float(hit)))
-    around, command, period = Together((AIR,)), Command(rotor_speeds=(HOVER,) * 4, efforts=(0.01, -0.02)), 0.005
-    plants = [RigidBodyPlant(Truth(vehicle=arm(each), gravity=9.8), AIR) for each in (damping, 0.05)]
+    around, command, period = (
+        Together((AIR,)),
+        Command(rotor_speeds=(HOVER,) * 4, efforts=(0.01, -0.02)),
+        0.005,
+    )
+    plants = [
+        RigidBodyPlant(Truth(vehicle=arm(each), gravity=9.8), AIR)
+        for each in (damping, 0.05)
+    ]
     own, count = (each.substeps(period)._replace(most=hit) for each in plants)
     start, world = tumbling(arm(damping)), Truth(vehicle=arm(damping), gravity=9.8)
 
     def interval(_, __, given, ___):
         worlds = (Truth(vehicle=arm(given), gravity=9.8),)
-        return (), hold(worlds, "rk4", count, ((start,), ()), (command,), around, period)
+        return (), hold(
+            worlds, "rk4", count, ((start,), ()), (command,), around, period
+        )
 
-    together = np.array(trace_loop(interval, (), (), damping, loops=True).stepper()((damping,)))
+    together = np.array(
+        trace_loop(interval, (), (), damping, loops=True).stepper()((damping,))
+    )
     found = []
     for steps in range(1, hit * count.near + 1):
         states = (start,)
         for _ in range(steps):
-            states, _ = coupled_rk4((world,), states, (command,), around, period / steps)
+            states, _ = coupled_rk4(
+                (world,), states, (command,), around, period / steps
+            )
         found += [steps] if np.abs(together - leaves(states)).max() < 1e-13 else []
     assert len(found) == 1, "another number of steps is seen"
     assert hit * own.near <= found[0] <= 2 * hit * own.near

@@ -1,4 +1,6 @@
-"""Hard stops of joints: their force, their energy, both plants, and what ends a flight."""
+"""Hard stops of joints: their force, their energy, both plants, and what ends a
+flight.
+"""
 
 import dataclasses
 import math
@@ -30,7 +32,9 @@ STILL = steady_wind()
 
 def limited(low=-0.5, high=0.6, **fields):
     """The shipped arm with limits and stops of both joints."""
-    return TRUTH.with_joints(lower=low, upper=high, **{"stop_stiffness": 3.0, "stop_damping": 0.4, **fields})
+    return TRUTH.with_joints(
+        lower=low, upper=high, **{"stop_stiffness": 3.0, "stop_damping": 0.4, **fields}
+    )
 
 
 JOINT = Joint(name="j", lower=-0.5, upper=0.6, stop_stiffness=20.0, stop_damping=0.3)
@@ -103,28 +107,44 @@ def test_both_plants_agree_through_touches_and_the_joints_stay_near_their_limits
 
 
 def energies_after_a_touch(plant_of, integrator, vehicle, places):
-    """Kinetic energy over that at the start, of a joint thrown from ``places`` (rad before a stop) in free fall."""
+    """Kinetic energy over that at the start, of a joint thrown from ``places`` (rad
+    before a stop) in free fall.
+    """
     rotors, upper = len(vehicle.rotors), vehicle.links[0].joint.upper
-    plant, found = plant_of(Truth(vehicle=vehicle, gravity=0.0), STILL, integrator, 0.001), []
+    plant, found = (
+        plant_of(Truth(vehicle=vehicle, gravity=0.0), STILL, integrator, 0.001),
+        [],
+    )
     for before in places:
-        thrown_at = {"joints": (upper - before,), "joint_rates": (5.0,), "rotor_speeds": (0.0,) * rotors}
+        thrown_at = {
+            "joints": (upper - before,),
+            "joint_rates": (5.0,),
+            "rotor_speeds": (0.0,) * rotors,
+        }
         start = dataclasses.replace(example_state(1, rotors), **thrown_at)
         x = flat(start)
         for _ in range(16):
             x = plant.advance(x, (0.0,) * (rotors + 1), (), 0.005)
         assert x[14] < 0.0, "it must have come back"
-        found.append(kinetic_energy(vehicle, rebuild(start, iter(x))) / kinetic_energy(vehicle, start))
+        found.append(
+            kinetic_energy(vehicle, rebuild(start, iter(x)))
+            / kinetic_energy(vehicle, start)
+        )
     return found
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("damping", [0.0, None], ids=["elastic", "as shipped"])
 def test_no_touch_of_a_stop_gives_energy_on_mujocos_plant(integrator, damping):
-    """With loads held for its steps Runge-Kutta gave 29 % to a touch of an elastic stop of 200 rad/s."""
+    """With loads held for its steps Runge-Kutta gave 29 % to a touch of an elastic stop
+    of 200 rad/s.
+    """
     vehicle = load_vehicle("crazyflie_arm1")
     if damping is not None:
         vehicle = vehicle.with_joints(stop_damping=damping)
-    left = energies_after_a_touch(MujocoPlant, integrator, vehicle, [0.03 + k * 0.0009 for k in range(6)])
+    left = energies_after_a_touch(
+        MujocoPlant, integrator, vehicle, [0.03 + k * 0.0009 for k in range(6)]
+    )
     low, high = (0.98, 1.005) if damping is not None else (0.5, 0.9)
     assert low < min(left)
     assert max(left) < high
@@ -133,33 +153,74 @@ def test_no_touch_of_a_stop_gives_energy_on_mujocos_plant(integrator, damping):
 @pytest.mark.parametrize("plant_of", [RigidBodyPlant, MujocoPlant])
 @pytest.mark.parametrize("frequency", [427.0, 877.0, 1223.0])
 def test_a_stiff_elastic_stop_keeps_the_energy_of_a_touch(plant_of, frequency):
-    """Where a step enters the stop is chance: twelve of them. At twice these steps up to 63 % were gained."""
+    """Where a step enters the stop is chance: twelve of them. At twice these steps up
+    to 63 % were gained.
+    """
     vehicle = load_vehicle("crazyflie_arm1")
-    stiffer = (frequency / stop_frequency(vehicle)) ** 2 * vehicle.links[0].joint.stop_stiffness
+    stiffer = (frequency / stop_frequency(vehicle)) ** 2 * vehicle.links[
+        0
+    ].joint.stop_stiffness
     vehicle = vehicle.with_joints(stop_stiffness=stiffer, stop_damping=0.0)
-    left = energies_after_a_touch(plant_of, "rk4", vehicle, [0.03 + k * 0.0021 for k in range(12)])
+    left = energies_after_a_touch(
+        plant_of, "rk4", vehicle, [0.03 + k * 0.0021 for k in range(12)]
+    )
     assert min(left) > 0.9
     assert max(left) < 1.08
 
 
 def drawn_stop(rng, made):
-    """One joint on a heavy base with a drawn mass, force, speed and stop; ``made``: the stop that a file gets."""
-    mass, effort, speed = 10.0 ** rng.uniform(-3.0, 0.5), 10.0 ** rng.uniform(-1.5, 1.0), 10.0 ** rng.uniform(-0.5, 1.3)
-    stiffness, damping = mass * 10.0 ** rng.uniform(3.5, 6.5), 10.0 ** rng.uniform(-2.0, 2.0) / speed
+    """One joint on a heavy base with a drawn mass, force, speed and stop; ``made``: the
+    stop that a file gets.
+    """
+    mass, effort, speed = (
+        10.0 ** rng.uniform(-3.0, 0.5),
+        10.0 ** rng.uniform(-1.5, 1.0),
+        10.0 ** rng.uniform(-0.5, 1.3),
+    )
+    stiffness, damping = (
+        mass * 10.0 ** rng.uniform(3.5, 6.5),
+        10.0 ** rng.uniform(-2.0, 2.0) / speed,
+    )
     own = {} if made else {"stop_stiffness": stiffness, "stop_damping": damping}
     kind = str(rng.choice(["prismatic", "revolute"]))
-    joint = Joint(name="j", kind=kind, axis=Vec3(0, 0, 1), lower=-0.05, upper=0.05, effort_limit=effort, **own)
-    link = Link(name="l", parent=BASE, joint=joint, body=Body(mass=mass, inertia=Sym3(mass, mass, mass)))
+    joint = Joint(
+        name="j",
+        kind=kind,
+        axis=Vec3(0, 0, 1),
+        lower=-0.05,
+        upper=0.05,
+        effort_limit=effort,
+        **own,
+    )
+    link = Link(
+        name="l",
+        parent=BASE,
+        joint=joint,
+        body=Body(mass=mass, inertia=Sym3(mass, mass, mass)),
+    )
     heavy = Body(mass=1e4, inertia=Sym3(1e4, 1e4, 1e4))
-    vehicle = with_stops(dataclasses.replace(TRUTH, base=heavy, links=(link,), frames=(), end_effector=""))
-    return vehicle, speed, effort * rng.uniform(-1.0, 1.0), 0.05 - speed * rng.uniform(0.001, 0.005)
+    vehicle = with_stops(
+        dataclasses.replace(
+            TRUTH, base=heavy, links=(link,), frames=(), end_effector=""
+        )
+    )
+    return (
+        vehicle,
+        speed,
+        effort * rng.uniform(-1.0, 1.0),
+        0.05 - speed * rng.uniform(0.001, 0.005),
+    )
 
 
 @pytest.mark.parametrize("plant_of", [RigidBodyPlant, MujocoPlant])
 @pytest.mark.parametrize("drawn", sampled(range(100), 34, keep=[72]))
 def test_a_joint_rebounds_from_a_drawn_stop_as_solve_ivp_says(plant_of, drawn):
-    """Weak joints came back with 60 times the speed where the step did not follow the damping times speed."""
-    vehicle, speed, push, start = drawn_stop(np.random.default_rng(drawn), made=drawn % 2 == 0)
+    """Weak joints came back with 60 times the speed where the step did not follow the
+    damping times speed.
+    """
+    vehicle, speed, push, start = drawn_stop(
+        np.random.default_rng(drawn), made=drawn % 2 == 0
+    )
     joint, mass = vehicle.links[0].joint, vehicle.links[0].body.mass
 
     def slope(_t, x):
@@ -173,13 +234,25 @@ def test_a_joint_rebounds_from_a_drawn_stop_as_solve_ivp_says(plant_of, drawn):
 
     leaves_stop.direction = -1
     exact = solve_ivp(
-        slope, (0.0, 0.2), [start, speed], "LSODA", rtol=1e-9, atol=1e-12, max_step=2e-4, events=leaves_stop,
+        slope,
+        (0.0, 0.2),
+        [start, speed],
+        "LSODA",
+        rtol=1e-9,
+        atol=1e-12,
+        max_step=2e-4,
+        events=leaves_stop,
         dense_output=True,
     )
     periods = math.ceil(min([*exact.t_events[0], 0.195]) / 0.005)
     plant = plant_of(Truth(vehicle=vehicle, gravity=0.0), STILL, "rk4", 0.001)
     still = (0.0,) * len(vehicle.rotors)
-    first = dataclasses.replace(example_state(1, len(still)), joints=(start,), joint_rates=(speed,), rotor_speeds=still)
+    first = dataclasses.replace(
+        example_state(1, len(still)),
+        joints=(start,),
+        joint_rates=(speed,),
+        rotor_speeds=still,
+    )
     x = flat(first)
     for _ in range(periods):
         x = plant.advance(x, (*still, push), (), 0.005)
@@ -192,27 +265,40 @@ def test_the_step_follows_the_stiffest_stop_as_mujocos_mass_matrix_has_it():
     assert found > 100.0
     period = 2.0 * STOP_STEP / found * 0.999
     plant = RigidBodyPlant(Truth(vehicle=vehicle), STILL, "rk4", 0.001)
-    assert [plant.substeps(share * period).near for share in (0.5, 1.0, 2.0, 2.01)] == [1, 2, 4, 5]
+    assert [plant.substeps(share * period).near for share in (0.5, 1.0, 2.0, 2.01)] == [
+        1,
+        2,
+        4,
+        5,
+    ]
     assert joint_rate(vehicle) == pytest.approx(FRICTION_STEP / STOP_STEP * found)
     assert stop_frequency(TRUTH) == 0.0
 
 
 @pytest.mark.parametrize("field", ["stop_stiffness", "stop_damping"])
 def test_a_stop_that_no_step_affords_is_refused_by_its_field(field):
-    with pytest.raises(VehicleError, match=rf"joints\[joint[12]\].{field} = 1000000000.0: a stop this stiff") as told:
+    with pytest.raises(
+        VehicleError,
+        match=rf"joints\[joint[12]\].{field} = 1000000000.0: a stop this stiff",
+    ) as told:
         stop_frequency(limited(**{field: 1e9}))
     assert "\n" not in str(told.value)
 
 
 def test_stops_of_a_file_are_chosen_by_effort_and_inertia_between_two_frequencies():
     made = with_stops(TRUTH.with_joints(lower=-1.0, upper=1.0))
-    depths = [link.joint.effort_limit / link.joint.stop_stiffness for link in made.links]
+    depths = [
+        link.joint.effort_limit / link.joint.stop_stiffness for link in made.links
+    ]
     assert depths == pytest.approx([0.0253, 0.1], abs=1e-3)
-    # a light wrist with a strong drive: as deep as it may press, and not at any stiffness
+    # a light wrist with a strong drive: as deep as it may press, and not at any
+    # stiffness
     strong = with_stops(TRUTH.with_joints(lower=-1.0, upper=1.0, effort_limit=1e4))
     assert STIFFEST * 0.9 <= stop_frequency(strong) <= STIFFEST * 2.0
     assert with_stops(TRUTH) is TRUTH, "a joint without limits needs no stop"
-    own = with_stops(TRUTH.with_joints(lower=-1.0, upper=1.0), [TRUTH.links[0].joint.name])
+    own = with_stops(
+        TRUTH.with_joints(lower=-1.0, upper=1.0), [TRUTH.links[0].joint.name]
+    )
     assert [link.joint.has_stops for link in own.links] == [False, True]
 
 

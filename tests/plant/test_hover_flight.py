@@ -1,4 +1,6 @@
-"""A trimmed hover stays where it is: mixer, rotors, loads and both plants must agree on every sign."""
+"""A trimmed hover stays where it is: mixer, rotors, loads and both plants must agree on
+every sign.
+"""
 
 from __future__ import annotations
 
@@ -29,12 +31,18 @@ def test_the_highest_thrust_is_24_newtons():
 
 
 def test_holding_torques_of_a_raised_arm_by_hand():
-    """Both links along -x, 0.15 m long, their centres of mass in the middle: levers of 0.075 m and 0.225 m."""
+    """Both links along -x, 0.15 m long, their centres of mass in the middle: levers of
+    0.075 m and 0.225 m.
+    """
     trim = hover_trim(hummingbird_arm(), (math.pi / 2.0, 0.0), G)
     weight = 0.045 * G
-    # positive rotation moves the tip to -x; gravity pulls it back down, so holding takes a positive torque
-    assert trim.efforts == pytest.approx((weight * 0.075 + weight * 0.225, weight * 0.075), rel=1e-12)
-    # the raised arm's weight tips the nose up (negative pitch); the rotor behind must lift more
+    # positive rotation moves the tip to -x; gravity pulls it back down, so holding
+    # takes a positive torque
+    assert trim.efforts == pytest.approx(
+        (weight * 0.075 + weight * 0.225, weight * 0.075), rel=1e-12
+    )
+    # the raised arm's weight tips the nose up (negative pitch); the rotor behind must
+    # lift more
     assert trim.speeds[2] > trim.speeds[1] > trim.speeds[0]
 
 
@@ -44,7 +52,10 @@ def test_a_trimmed_hover_stays_for_a_tenth_of_a_second(kind, joints):
     vehicle = hummingbird_arm()
     trim = hover_trim(vehicle, joints, G)
     start = replace(
-        hovering(vehicle), joints=joints, joint_rates=(0.0, 0.0), rotor_speeds=tuple(float(s) for s in trim.speeds)
+        hovering(vehicle),
+        joints=joints,
+        joint_rates=(0.0, 0.0),
+        rotor_speeds=tuple(float(s) for s in trim.speeds),
     )
     plant = kind(Truth(vehicle=vehicle, gravity=G), steady_wind())
     x = flat(start)

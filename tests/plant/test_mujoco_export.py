@@ -1,4 +1,6 @@
-"""Exported models: they load by themselves, step as the plant does to the six digits of their numbers."""
+"""Exported models: they load by themselves, step as the plant does to the six digits of
+their numbers.
+"""
 
 from __future__ import annotations
 
@@ -23,19 +25,41 @@ from skyarm.vehicle.linkage import Follower
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import BodyDrag
 from support.commands import skyarm as typed
-from support.vehicles import HOVER, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
+from support.vehicles import (
+    HOVER,
+    hovering,
+    hummingbird_arm,
+    random_flyer,
+    steady_wind,
+    tumbling,
+)
 
 STILL = steady_wind(Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
-VEHICLES = {"hummingbird_arm": hummingbird_arm(armature=1e-4), "random": random_flyer(2, 5)}
+VEHICLES = {
+    "hummingbird_arm": hummingbird_arm(armature=1e-4),
+    "random": random_flyer(2, 5),
+}
 
 
 def in_still_air(vehicle):
     """Without what the model leaves out: drag, Coulomb friction, stops."""
     links = tuple(
-        replace(k, joint=replace(k.joint, coulomb=0, lower=-math.inf, upper=math.inf, effort_limit=math.inf))
+        replace(
+            k,
+            joint=replace(
+                k.joint,
+                coulomb=0,
+                lower=-math.inf,
+                upper=math.inf,
+                effort_limit=math.inf,
+            ),
+        )
         for k in vehicle.links
     )
-    rotors = tuple(replace(each, drag_coefficient=0, rolling_moment_coefficient=0) for each in vehicle.rotors)
+    rotors = tuple(
+        replace(each, drag_coefficient=0, rolling_moment_coefficient=0)
+        for each in vehicle.rotors
+    )
     return replace(vehicle, links=links, rotors=rotors, drag=BodyDrag())
 
 
@@ -48,14 +72,19 @@ def loaded(vehicle, gravity=9.8, start=None):
 def test_the_model_steps_as_the_plant_does(name):
     """0.3 s of tumbling under thrusts and efforts; MuJoCo writes six digits."""
     vehicle = in_still_air(VEHICLES[name])
-    start = replace(tumbling(vehicle), rotor_speeds=(HOVER + 10.0, HOVER, HOVER - 20.0, HOVER + 5.0))
+    start = replace(
+        tumbling(vehicle), rotor_speeds=(HOVER + 10.0, HOVER, HOVER - 20.0, HOVER + 5.0)
+    )
     efforts = tuple(0.1 - 0.15 * (i % 2) for i in range(vehicle.n))
     x = flat(start)
     plant = MujocoPlant(Truth(vehicle=vehicle, gravity=9.8), STILL, "rk4_staged")
     end = plant.advance(x, (*start.rotor_speeds, *efforts), leaves(STILL), 0.3)
     model, data = loaded(vehicle, start=start)
     mujoco.mj_resetDataKeyframe(model, data, model.key(START).id)
-    thrusts = [r.thrust_coefficient * w**2 for r, w in zip(vehicle.rotors, start.rotor_speeds, strict=True)]
+    thrusts = [
+        r.thrust_coefficient * w**2
+        for r, w in zip(vehicle.rotors, start.rotor_speeds, strict=True)
+    ]
     np.testing.assert_allclose(data.ctrl[:4], thrusts, rtol=1e-5)
     data.ctrl[4:] = efforts
     for _ in range(300):
@@ -70,8 +99,18 @@ def test_every_number_reads_back_to_six_digits():
     vehicle = VEHICLES["random"]
     model, _ = loaded(vehicle)
     plant = MujocoPlant(Truth(vehicle=vehicle, gravity=9.8), STILL).model
-    for name in ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "body_quat", "jnt_axis"):
-        np.testing.assert_allclose(getattr(model, name), getattr(plant, name), rtol=1e-5, atol=1e-6)
+    for name in (
+        "body_mass",
+        "body_inertia",
+        "body_ipos",
+        "body_iquat",
+        "body_pos",
+        "body_quat",
+        "jnt_axis",
+    ):
+        np.testing.assert_allclose(
+            getattr(model, name), getattr(plant, name), rtol=1e-5, atol=1e-6
+        )
     assert tuple(model.opt.gravity) == (0.0, 0.0, -9.8)
 
 
@@ -80,22 +119,47 @@ def test_the_file_is_a_vehicle_that_reads_back_as_the_same(tmp_path):
     (tmp_path / "x.xml").write_text(mjcf_text(vehicle, 9.8), encoding="utf-8")
     again = load_vehicle(tmp_path / "x.xml")
     for ours, theirs in zip(vehicle.bodies, again.bodies, strict=True):
-        np.testing.assert_allclose(theirs.inertia.entries, ours.inertia.entries, rtol=1e-4, atol=1e-7)
-        np.testing.assert_allclose(tuple(theirs.com), tuple(ours.com), rtol=1e-4, atol=1e-6)
+        np.testing.assert_allclose(
+            theirs.inertia.entries, ours.inertia.entries, rtol=1e-4, atol=1e-7
+        )
+        np.testing.assert_allclose(
+            tuple(theirs.com), tuple(ours.com), rtol=1e-4, atol=1e-6
+        )
     for ours, theirs in zip(vehicle.links, again.links, strict=True):
-        assert (theirs.name, theirs.parent, theirs.joint.kind) == (ours.name, ours.parent, ours.joint.kind)
-        for name in ("lower", "upper", "effort_limit", "damping", "coulomb", "armature"):
-            assert getattr(theirs.joint, name) == pytest.approx(getattr(ours.joint, name), rel=1e-4), name
-    assert {each.name for each in vehicle.frames} <= {each.name for each in again.frames}
+        assert (theirs.name, theirs.parent, theirs.joint.kind) == (
+            ours.name,
+            ours.parent,
+            ours.joint.kind,
+        )
+        for name in (
+            "lower",
+            "upper",
+            "effort_limit",
+            "damping",
+            "coulomb",
+            "armature",
+        ):
+            assert getattr(theirs.joint, name) == pytest.approx(
+                getattr(ours.joint, name), rel=1e-4
+            ), name
+    assert {each.name for each in vehicle.frames} <= {
+        each.name for each in again.frames
+    }
 
 
 def test_limits_and_followers_hold_in_the_model():
     vehicle = hummingbird_arm(lower=-0.5, upper=0.5)
     tied = Follower(
-        link=replace(vehicle.links[1], joint=replace(vehicle.links[1].joint, damping=0)), leader=0, ratio=-2.0
+        link=replace(
+            vehicle.links[1], joint=replace(vehicle.links[1].joint, damping=0)
+        ),
+        leader=0,
+        ratio=-2.0,
     )
     vehicle = replace(vehicle, links=vehicle.links[:1], followers=(tied,))
-    model, data = loaded(vehicle, start=replace(hovering(vehicle), joints=(0.2,), joint_rates=(0.3,)))
+    model, data = loaded(
+        vehicle, start=replace(hovering(vehicle), joints=(0.2,), joint_rates=(0.3,))
+    )
     mujoco.mj_resetDataKeyframe(model, data, 0)
     shoulder, elbow = (model.joint(name).qposadr[0] for name in ("shoulder", "elbow"))
     assert data.qpos[elbow] == -0.4
@@ -107,7 +171,13 @@ def test_limits_and_followers_hold_in_the_model():
         mujoco.mj_step(model, data)
     assert 0.4 < data.qpos[shoulder] < 0.55
     assert data.qpos[elbow] == pytest.approx(-2.0 * data.qpos[shoulder], abs=0.02)
-    assert [model.actuator(k).name for k in range(model.nu)] == ["front", "left", "back", "right", "shoulder"]
+    assert [model.actuator(k).name for k in range(model.nu)] == [
+        "front",
+        "left",
+        "back",
+        "right",
+        "shoulder",
+    ]
 
 
 def test_passive_joints_have_no_motor_and_a_bare_arm_loads():
@@ -115,7 +185,9 @@ def test_passive_joints_have_no_motor_and_a_bare_arm_loads():
     assert loaded(vehicle)[0].nu == 4
     assert loaded(replace(vehicle, rotors=()))[0].nu == 0
     # rotors in one place cannot be mixed: they stand still in the keyframe
-    together = tuple(replace(each, position=vehicle.rotors[0].position) for each in vehicle.rotors)
+    together = tuple(
+        replace(each, position=vehicle.rotors[0].position) for each in vehicle.rotors
+    )
     assert tuple(loaded(replace(vehicle, rotors=together))[0].key(0).ctrl) == (0.0,) * 4
 
 
@@ -123,7 +195,12 @@ def test_a_pair_of_rotors_that_idles_in_hover_leaves_the_others_turning():
     """Squared speeds of a sideways pair are rounded zeros of both signs."""
     vehicle = load_vehicle("hummingbird")
     pair = [
-        replace(vehicle.rotors[0], name=name, position=Vec3(0.1, 0.0, 0.013), axis=Vec3(0.0, axis, 0.0))
+        replace(
+            vehicle.rotors[0],
+            name=name,
+            position=Vec3(0.1, 0.0, 0.013),
+            axis=Vec3(0.0, axis, 0.0),
+        )
         for name, axis in (("port", 1.0), ("starboard", -1.0))
     ]
     vehicle = replace(vehicle, rotors=(*vehicle.rotors, *pair))
@@ -135,22 +212,39 @@ def test_a_pair_of_rotors_that_idles_in_hover_leaves_the_others_turning():
     np.testing.assert_allclose(thrusts[4:], 0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize(("least", "still"), [(0.0, False), (100.0, False), (-1.0, True)])
-def test_a_rotor_that_idles_in_hover_leaves_the_others_their_thrust(least, still, monkeypatch):
-    """One that would have to push backwards does not: then all of the keyframe's rotors stand still."""
+@pytest.mark.parametrize(
+    ("least", "still"), [(0.0, False), (100.0, False), (-1.0, True)]
+)
+def test_a_rotor_that_idles_in_hover_leaves_the_others_their_thrust(
+    least, still, monkeypatch
+):
+    """One that would have to push backwards does not: then all of the keyframe's rotors
+    stand still.
+    """
     vehicle, squared = hummingbird_arm(), (least, 4e4, 9e4, 1.6e5)
-    trim = HoverTrim(tuple(max(each, 0.0) ** 0.5 for each in squared), squared, 1.0, (0.0, 0.0))
+    trim = HoverTrim(
+        tuple(max(each, 0.0) ** 0.5 for each in squared), squared, 1.0, (0.0, 0.0)
+    )
     monkeypatch.setattr("skyarm.plant.mujoco_export.hover_trim", lambda *_: trim)
     shares = [each / 1.6e5 for each in (max(least, 0.0), 4e4, 9e4, 1.6e5)]
     thrusts = loaded(vehicle)[0].key(0).ctrl[:4]
-    np.testing.assert_allclose(thrusts, [0.0 if still else each * thrusts[3] for each in shares], rtol=1e-5)
+    np.testing.assert_allclose(
+        thrusts, [0.0 if still else each * thrusts[3] for each in shares], rtol=1e-5
+    )
     assert (thrusts[3] == 0.0) == still
 
 
 def test_names_that_collide_still_load():
     vehicle = hummingbird_arm()
-    frames = (*vehicle.frames, *(replace(vehicle.frames[0], name=name) for name in ("front", "base")))
-    renamed = replace(vehicle, frames=frames, rotors=(replace(vehicle.rotors[0], name="elbow"), *vehicle.rotors[1:]))
+    frames = (
+        *vehicle.frames,
+        *(replace(vehicle.frames[0], name=name) for name in ("front", "base")),
+    )
+    renamed = replace(
+        vehicle,
+        frames=frames,
+        rotors=(replace(vehicle.rotors[0], name="elbow"), *vehicle.rotors[1:]),
+    )
     assert loaded(renamed)[0].nu == 6
 
 
@@ -158,7 +252,9 @@ def test_a_planar_model_is_refused():
     vehicle = load_vehicle("hummingbird_arm2")
     if not vehicle.planar:
         body = replace(vehicle.links[0].body, planar=True)
-        vehicle = replace(vehicle, links=(replace(vehicle.links[0], body=body), *vehicle.links[1:]))
+        vehicle = replace(
+            vehicle, links=(replace(vehicle.links[0], body=body), *vehicle.links[1:])
+        )
     with pytest.raises(VehicleError, match="planar = True"):
         mjcf_text(vehicle, 9.8)
 
@@ -168,11 +264,21 @@ def test_an_inertial_unit_of_a_scenario_is_a_site_with_its_sensors(tmp_path):
     """Where its table says, with its axes, by SciPy."""
     mount = {"kind": "imu", "position": [0.1, -0.05, 0.02], "rpy": [0.3, -0.2, 2.5]}
     (tmp_path / "mounted.toml").write_text(
-        'schema = 1\nname = "mounted"\nduration = 1.0\nplant.vehicle = "hummingbird_arm2_rotors"\n'
-        'controller.preset = "paper_ct"\n[sensors.imu]\n'
+        'schema = 1\nname = "mounted"\nduration = 1.0\nplant.vehicle ='
+        ' "hummingbird_arm2_rotors"\ncontroller.preset = "paper_ct"\n[sensors.imu]\n'
         + "".join(f"{key} = {value!r}\n" for key, value in mount.items())
     )
-    assert typed("export", f"{tmp_path}/mounted.toml", "--to", "mjcf", "-o", f"{tmp_path}/x.xml").code == 0
+    assert (
+        typed(
+            "export",
+            f"{tmp_path}/mounted.toml",
+            "--to",
+            "mjcf",
+            "-o",
+            f"{tmp_path}/x.xml",
+        ).code
+        == 0
+    )
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "x.xml"))
     data = mujoco.MjData(model)
 
@@ -180,7 +286,11 @@ def test_an_inertial_unit_of_a_scenario_is_a_site_with_its_sensors(tmp_path):
     data.qvel[3:6] = [0.0, 0.0, 2.0]
     mujoco.mj_forward(model, data)
     R = Rotation.from_euler("ZYX", mount["rpy"][::-1])
-    np.testing.assert_allclose(data.sensor("imu_gyro").data, R.inv().apply([0.0, 0.0, 2.0]), atol=1e-5)
+    np.testing.assert_allclose(
+        data.sensor("imu_gyro").data, R.inv().apply([0.0, 0.0, 2.0]), atol=1e-5
+    )
     np.testing.assert_allclose(model.site("imu").pos, mount["position"], atol=1e-6)
-    np.testing.assert_allclose(data.site("imu").xmat.reshape(3, 3), R.as_matrix(), atol=1e-5)
+    np.testing.assert_allclose(
+        data.site("imu").xmat.reshape(3, 3), R.as_matrix(), atol=1e-5
+    )
     assert model.sensor("imu_acc").type[0] == mujoco.mjtSensor.mjSENS_ACCELEROMETER

@@ -59,13 +59,23 @@ def test_the_model_has_the_mass_matrix_of_the_record(seed):
     rng = np.random.default_rng([13, seed])
     vehicle = random_vehicle(rng, seed)
     state = random_state(rng, seed)
-    expected = arrays.mass_matrix(vehicle, state.position, state.quaternion, state.joints)
-    np.testing.assert_allclose(mass_matrix(vehicle, model_of(vehicle), state), expected, rtol=0.0, atol=1e-12)
+    expected = arrays.mass_matrix(
+        vehicle, state.position, state.quaternion, state.joints
+    )
+    np.testing.assert_allclose(
+        mass_matrix(vehicle, model_of(vehicle), state), expected, rtol=0.0, atol=1e-12
+    )
 
 
 def test_small_inertias_are_not_rounded():
-    """Products of inertia of 1e-9 kg m^2 reach the model; MuJoCo's own diagonalisation would lose a thousandth."""
-    tiny = Body(mass=1e-3, com=Vec3(1e-3, 2e-3, -1e-3), inertia=Sym3(2e-9, 3e-9, 2.5e-9, 5e-10, -4e-10, 3e-10))
+    """Products of inertia of 1e-9 kg m^2 reach the model; MuJoCo's own diagonalisation
+    would lose a thousandth.
+    """
+    tiny = Body(
+        mass=1e-3,
+        com=Vec3(1e-3, 2e-3, -1e-3),
+        inertia=Sym3(2e-9, 3e-9, 2.5e-9, 5e-10, -4e-10, 3e-10),
+    )
     vehicle = Vehicle(
         name="tiny",
         base=Body(mass=1.0, inertia=Sym3(0.01, 0.01, 0.02)),
@@ -77,20 +87,34 @@ def test_small_inertias_are_not_rounded():
     mujoco.mju_quat2Mat(R, np.array(body.iquat))
     R = R.reshape(3, 3)
     found = R @ np.diag(body.inertia) @ R.T
-    expected = np.array([[2e-9, 5e-10, -4e-10], [5e-10, 3e-9, 3e-10], [-4e-10, 3e-10, 2.5e-9]])
+    expected = np.array(
+        [[2e-9, 5e-10, -4e-10], [5e-10, 3e-9, 3e-10], [-4e-10, 3e-10, 2.5e-9]]
+    )
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * 3e-9)
 
 
 def test_the_model_has_no_forces_of_its_own():
     vehicle = random_flyer(0, 4)
     model = model_of(vehicle)
-    for field in ("dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness", "jnt_limited", "body_gravcomp"):
+    for field in (
+        "dof_damping",
+        "dof_frictionloss",
+        "dof_armature",
+        "jnt_stiffness",
+        "jnt_limited",
+        "body_gravcomp",
+    ):
         assert not np.any(getattr(model, field)), field
     assert not np.any(model.geom_contype)
     assert not np.any(model.geom_conaffinity)
     assert model.nu == 0
     off = mujoco.mjtDisableBit
-    for flag in (off.mjDSBL_CONTACT, off.mjDSBL_CONSTRAINT, off.mjDSBL_EULERDAMP, off.mjDSBL_AUTORESET):
+    for flag in (
+        off.mjDSBL_CONTACT,
+        off.mjDSBL_CONSTRAINT,
+        off.mjDSBL_EULERDAMP,
+        off.mjDSBL_AUTORESET,
+    ):
         assert model.opt.disableflags & int(flag)
     assert model.opt.density == 0.0
     assert model.opt.viscosity == 0.0
@@ -110,11 +134,15 @@ def test_frames_and_hubs_are_sites_at_their_place():
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     for frame in vehicle.frames:
-        np.testing.assert_allclose(model.site(frame.name).pos, tuple(frame.position), atol=1e-15)
+        np.testing.assert_allclose(
+            model.site(frame.name).pos, tuple(frame.position), atol=1e-15
+        )
     for rotor in vehicle.rotors:
         site = data.site(rotor.name)
         np.testing.assert_allclose(site.xpos, tuple(rotor.position), atol=1e-15)
-        np.testing.assert_allclose(site.xmat.reshape(3, 3)[:, 2], tuple(rotor.axis), atol=1e-12)
+        np.testing.assert_allclose(
+            site.xmat.reshape(3, 3)[:, 2], tuple(rotor.axis), atol=1e-12
+        )
 
 
 def test_names_that_collide_with_ours_are_no_trouble():
@@ -127,7 +155,9 @@ def test_names_that_collide_with_ours_are_no_trouble():
     renamed = replace(vehicle, links=links, rotors=rotors)
     x, command = flat(hovering(vehicle)), (HOVER,) * 4 + (0.01, 0.02)
     flights = [
-        MujocoPlant(Truth(vehicle=each, gravity=G), WIND).advance(x, command, leaves(WIND), 0.01)
+        MujocoPlant(Truth(vehicle=each, gravity=G), WIND).advance(
+            x, command, leaves(WIND), 0.01
+        )
         for each in (vehicle, renamed)
     ]
     assert flights[0] == flights[1]
@@ -141,23 +171,46 @@ def test_a_point_mass_a_massless_link_and_a_flat_plate_fly_in_both_plants():
         name="odd",
         base=Body(mass=1.0, inertia=Sym3(0.01, 0.012, 0.02)),
         links=(
-            Link(name="gimbal", parent=BASE, joint=Joint(name="a", axis=Vec3(1, 0, 0)), body=Body(mass=0)),
-            Link(name="plate", parent=0, joint=Joint(name="b", axis=Vec3(0, 1, 0), rotation=turn), body=plate),
-            Link(name="bob", parent=BASE, joint=Joint(name="c", axis=Vec3(0, 1, 0)), body=point),
+            Link(
+                name="gimbal",
+                parent=BASE,
+                joint=Joint(name="a", axis=Vec3(1, 0, 0)),
+                body=Body(mass=0),
+            ),
+            Link(
+                name="plate",
+                parent=0,
+                joint=Joint(name="b", axis=Vec3(0, 1, 0), rotation=turn),
+                body=plate,
+            ),
+            Link(
+                name="bob",
+                parent=BASE,
+                joint=Joint(name="c", axis=Vec3(0, 1, 0)),
+                body=point,
+            ),
         ),
         frames=(Frame(name="tip", link=2, position=Vec3(0.1, 0.0, -0.1)),),
     )
     world, x = Truth(vehicle=vehicle, gravity=G), flat(tumbling(vehicle))
     command = (0.01, -0.02, 0.005)
-    ours, theirs = (kind(world, WIND, "euler").advance(x, command, leaves(WIND), 0.2) for kind in KINDS)
+    ours, theirs = (
+        kind(world, WIND, "euler").advance(x, command, leaves(WIND), 0.2)
+        for kind in KINDS
+    )
     # the least inertia MuJoCo takes, 2e-15, against 1e-4
     np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-8)
 
 
 def test_stepping_is_mujocos_own_step():
-    """The public mj_step from the same state and forces, to the last bit; friction of ``euler`` is in its armature."""
+    """The public mj_step from the same state and forces, to the last bit; friction of
+    ``euler`` is in its armature.
+    """
     rough = random_flyer(1, 4)
-    for integrator, vehicle in (("rk4", rough), ("euler", rough.with_joints(damping=0.0, coulomb=0.0))):
+    for integrator, vehicle in (
+        ("rk4", rough),
+        ("euler", rough.with_joints(damping=0.0, coulomb=0.0)),
+    ):
         plant = MujocoPlant(Truth(vehicle=vehicle, gravity=G), WIND, integrator)
         x = flat(tumbling(vehicle))
         command = (HOVER,) * 4 + (0.1, -0.1, 0.05, 0.0)
@@ -168,21 +221,28 @@ def test_stepping_is_mujocos_own_step():
         data.qvel[:6], data.qvel[v] = x[7:13], x[17:21]
         data.qfrc_applied[:] = plant._force
         mujoco.mj_step(plant.model, data)
-        assert (*data.qpos[:7], *data.qvel[:6], *data.qpos[q], *data.qvel[v]) == end[:-4]
+        assert (*data.qpos[:7], *data.qvel[:6], *data.qpos[q], *data.qvel[v]) == end[
+            :-4
+        ]
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_planar_model_is_refused(kind):
     vehicle = hummingbird_arm()
     flat_body = replace(vehicle.links[1].body, inertia=Sym3(0, 1e-4, 0), planar=True)
-    believed = replace(vehicle, links=(vehicle.links[0], replace(vehicle.links[1], body=flat_body)))
+    believed = replace(
+        vehicle, links=(vehicle.links[0], replace(vehicle.links[1], body=flat_body))
+    )
     with pytest.raises(VehicleError, match=r"links\[lower\].planar = True"):
         kind(Truth(vehicle=believed), steady_wind())
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_unknown_integrator_lists_those_there_are(kind):
-    with pytest.raises(ValueError, match=r"integrator = 'rk5': must be one of \['rk4', 'euler', 'rk4_staged'\]"):
+    with pytest.raises(
+        ValueError,
+        match=r"integrator = 'rk5': must be one of \['rk4', 'euler', 'rk4_staged'\]",
+    ):
         kind(Truth(vehicle=hummingbird_arm()), steady_wind(), "rk5")
 
 
@@ -191,7 +251,9 @@ def test_seconds_must_be_whole_steps():
     assert whole_steps(0.3, 0.1) == 3
     assert whole_steps(100.0, 0.001) == 100_000
     for seconds in (0.0055, 0.0004, 0.0, -0.001):
-        with pytest.raises(ValueError, match=r"must be a whole number of physics steps of 0.001 s"):
+        with pytest.raises(
+            ValueError, match=r"must be a whole number of physics steps of 0.001 s"
+        ):
             whole_steps(seconds, 0.001)
     x, rest = flat(hovering(hummingbird_arm())), ((HOVER,) * 4 + (0.0, 0.0), ())
     for plant in (
@@ -205,7 +267,9 @@ def test_seconds_must_be_whole_steps():
 @pytest.mark.parametrize("bad", [math.nan, math.inf, 1e200])
 @pytest.mark.parametrize("integrator", ["rk4", "euler", "rk4_staged"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_diverged_state_stays_diverged_and_leaves_no_file(kind, integrator, bad, tmp_path, monkeypatch, capfd):
+def test_a_diverged_state_stays_diverged_and_leaves_no_file(
+    kind, integrator, bad, tmp_path, monkeypatch, capfd
+):
     monkeypatch.chdir(tmp_path)
     vehicle = hummingbird_arm()
     x = list(flat(hovering(vehicle)))
@@ -228,8 +292,14 @@ def test_a_diverged_state_stays_diverged_and_leaves_no_file(kind, integrator, ba
 def test_the_same_tuples_may_be_flown_from_and_read_again(kind, integrator):
     """What a plant keeps of an instant is not what it has moved on to since."""
     vehicle = hummingbird_arm()
-    x, around, command = tuple(flat(tumbling(vehicle))), tuple(leaves(WIND)), (HOVER,) * 4 + (0.01, 0.0)
-    plant, other = (kind(Truth(vehicle=vehicle, gravity=G), WIND, integrator) for _ in range(2))
+    x, around, command = (
+        tuple(flat(tumbling(vehicle))),
+        tuple(leaves(WIND)),
+        (HOVER,) * 4 + (0.01, 0.0),
+    )
+    plant, other = (
+        kind(Truth(vehicle=vehicle, gravity=G), WIND, integrator) for _ in range(2)
+    )
     reading = plant.specific_force(x, command, around)
     end = plant.advance(x, command, around, 0.02)
     assert end != x
@@ -243,24 +313,38 @@ def test_the_same_tuples_may_be_flown_from_and_read_again(kind, integrator):
 def test_joints_wound_past_a_turn_fly_on(kind):
     vehicle = hummingbird_arm()
     near, far = (
-        replace(hovering(vehicle), joints=(0.3 + 2.0 * math.pi * turns, -0.2 - 2.0 * math.pi * turns))
+        replace(
+            hovering(vehicle),
+            joints=(0.3 + 2.0 * math.pi * turns, -0.2 - 2.0 * math.pi * turns),
+        )
         for turns in (0, 3)
     )
     plant = kind(Truth(vehicle=vehicle, gravity=G), WIND)
-    ends = [plant.advance(flat(x), (HOVER,) * 4 + (0.0, 0.0), leaves(WIND), 0.02) for x in (near, far)]
+    ends = [
+        plant.advance(flat(x), (HOVER,) * 4 + (0.0, 0.0), leaves(WIND), 0.02)
+        for x in (near, far)
+    ]
     np.testing.assert_allclose(ends[0][:13], ends[1][:13], rtol=0.0, atol=1e-11)
-    np.testing.assert_allclose(np.subtract(ends[1][13:15], ends[0][13:15]), [6.0 * math.pi, -6.0 * math.pi], atol=1e-11)
+    np.testing.assert_allclose(
+        np.subtract(ends[1][13:15], ends[0][13:15]),
+        [6.0 * math.pi, -6.0 * math.pi],
+        atol=1e-11,
+    )
 
 
 def test_the_specific_force_of_a_bare_body_in_vacuum_is_zero():
     vehicle = random_vehicle(np.random.default_rng(3), 0)
     for kind in KINDS:
         plant = kind(Truth(vehicle=vehicle, gravity=G), steady_wind())
-        reading = plant.specific_force(flat(replace(tumbling(vehicle), rate=Vec3(0.0, 0.0, 0.0))), (), ())
+        reading = plant.specific_force(
+            flat(replace(tumbling(vehicle), rate=Vec3(0.0, 0.0, 0.0))), (), ()
+        )
         assert reading == pytest.approx((0.0, 0.0, 0.0), abs=1e-13)
 
 
-def test_what_mujoco_warns_of_is_not_printed_and_leaves_no_file(tmp_path, monkeypatch, capfd):
+def test_what_mujoco_warns_of_is_not_printed_and_leaves_no_file(
+    tmp_path, monkeypatch, capfd
+):
     """Bodies without any mass: "Inertia matrix is too close to singular"."""
     monkeypatch.chdir(tmp_path)
     vehicle = hummingbird_arm()

@@ -20,7 +20,9 @@ def told():
     mujoco.set_mju_user_warning(before)
 
 
-def test_a_users_own_handler_hears_nothing_of_ours_and_everything_before_and_after(told):
+def test_a_users_own_handler_hears_nothing_of_ours_and_everything_before_and_after(
+    told,
+):
     mujoco.get_mju_user_warning()("before")
     for turn in ("first", "second"):
         with QUIET:

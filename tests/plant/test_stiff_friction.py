@@ -34,29 +34,43 @@ def test_the_decay_rate_is_that_of_one_joint_on_a_heavy_base():
     alone = dataclasses.replace(
         TRUTH,
         base=dataclasses.replace(TRUTH.base, mass=1e6, inertia=(1e6, 1e6, 1e6)),
-        links=(dataclasses.replace(first, joint=dataclasses.replace(first.joint, damping=0.03)),),
+        links=(
+            dataclasses.replace(
+                first, joint=dataclasses.replace(first.joint, damping=0.03)
+            ),
+        ),
         frames=(),
         end_effector="",
     )
     # a rod of 40 g and 0.15 m about its end: m L^2 / 3
-    assert friction_rate(alone) == pytest.approx(0.03 / (0.04 * 0.15**2 / 3.0), rel=1e-6)
+    assert friction_rate(alone) == pytest.approx(
+        0.03 / (0.04 * 0.15**2 / 3.0), rel=1e-6
+    )
 
 
 def bent(low, high, kind="revolute", **fields):
     """Two links of the shipped arm; the second joint's limits and kind are given."""
     first, second = TRUTH.links
-    joint = dataclasses.replace(second.joint, kind=kind, lower=low, upper=high, **fields)
-    return dataclasses.replace(TRUTH, links=(first, dataclasses.replace(second, joint=joint)))
+    joint = dataclasses.replace(
+        second.joint, kind=kind, lower=low, upper=high, **fields
+    )
+    return dataclasses.replace(
+        TRUTH, links=(first, dataclasses.replace(second, joint=joint))
+    )
 
 
 def joint_mobility(vehicle, joints):
     """Joint accelerations that joint torques give, by MuJoCo's mass matrix."""
-    state = RandomState(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.array(joints), np.zeros(8))
+    state = RandomState(
+        np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.array(joints), np.zeros(8)
+    )
     return np.linalg.inv(MujocoTwin(vehicle).mass_matrix(state))[6:, 6:]
 
 
 def rate_at(vehicle, angle):
-    """Largest decay rate with the second joint at an angle, damping being the only friction."""
+    """Largest decay rate with the second joint at an angle, damping being the only
+    friction.
+    """
     damping = np.diag([link.joint.damping for link in vehicle.links])
     return np.linalg.eigvals(joint_mobility(vehicle, (0.0, angle)) @ damping).real.max()
 
@@ -71,8 +85,11 @@ def rate_at(vehicle, angle):
         ("prismatic", -0.05, 0.02, (-0.05, 0.02)),
     ],
 )
-def test_the_rate_is_the_largest_that_a_joints_own_travel_allows(kind, low, high, tried):
-    # a link that slides 2 m away along the one before it: the nearer it comes, the lighter the first joint turns
+def test_the_rate_is_the_largest_that_a_joints_own_travel_allows(
+    kind, low, high, tried
+):
+    # a link that slides 2 m away along the one before it: the nearer it comes, the
+    # lighter the first joint turns
     slide = {"axis": (0, 0, 1), "position": (0, 0, -2.0)} if kind == "prismatic" else {}
     vehicle = bent(low, high, kind, **slide)
     largest = max(rate_at(vehicle, angle) for angle in np.linspace(*tried, 201))
@@ -87,7 +104,9 @@ def test_without_friction_there_is_no_rate():
 
 @pytest.mark.parametrize("product", [0.599, 0.79, 1.19, 2.39])
 def test_the_step_keeps_the_error_of_the_fastest_mode_that_its_bound_promises(product):
-    """Rates and steps whose product is just below a multiple of the bound, or of a looser one."""
+    """Rates and steps whose product is just below a multiple of the bound, or of a
+    looser one.
+    """
     pytest.importorskip("scipy")
     period, here = 0.005, (0.4, -0.3)
     held = TRUTH.with_joints(damping=0.001, coulomb=0)
@@ -96,7 +115,10 @@ def test_the_step_keeps_the_error_of_the_fastest_mode_that_its_bound_promises(pr
         dataclasses.replace(link.joint, lower=angle - 1e-6, upper=angle + 1e-6)
         for link, angle in zip(held.links, here, strict=True)
     ]
-    links = [dataclasses.replace(link, joint=joint) for link, joint in zip(held.links, joints, strict=True)]
+    links = [
+        dataclasses.replace(link, joint=joint)
+        for link, joint in zip(held.links, joints, strict=True)
+    ]
     held = dataclasses.replace(held, links=tuple(links))
     vehicle = held.with_joints(damping=0.001 * product / (period * friction_rate(held)))
     # nothing but the fastest mode: no weight, no thrust
@@ -104,13 +126,23 @@ def test_the_step_keeps_the_error_of_the_fastest_mode_that_its_bound_promises(pr
     mode = 0.3 * modes[:, np.argmax(rates)]
     world = Truth(vehicle=vehicle, gravity=0.0)
     start = dataclasses.replace(
-        trimmed_state(world, (0.0, 0.0, 10.0), 0.0, here), joint_rates=tuple(mode.tolist()), rotor_speeds=(0.0,) * 4
+        trimmed_state(world, (0.0, 0.0, 10.0), 0.0, here),
+        joint_rates=tuple(mode.tolist()),
+        rotor_speeds=(0.0,) * 4,
     )
-    found = np.array(RigidBodyPlant(world, steady_wind()).advance(flat(start), (0.0,) * 6, (), period))
-    wanted = Flight(vehicle, 0.0, steady_wind()).fly(flat(start), (0.0,) * 4, (0.0,) * 2, period)
+    found = np.array(
+        RigidBodyPlant(world, steady_wind()).advance(
+            flat(start), (0.0,) * 6, (), period
+        )
+    )
+    wanted = Flight(vehicle, 0.0, steady_wind()).fly(
+        flat(start), (0.0,) * 4, (0.0,) * 2, period
+    )
     # the promised 6e-4, rounded up
     assert np.abs(found - wanted)[15:17].max() < 6.5e-4 * np.abs(mode).max()
-    assert np.abs(wanted)[15:17].max() == pytest.approx(math.exp(-product) * np.abs(mode).max(), rel=0.01)
+    assert np.abs(wanted)[15:17].max() == pytest.approx(
+        math.exp(-product) * np.abs(mode).max(), rel=0.01
+    )
 
 
 @pytest.mark.parametrize("damping", [0.001, 0.02, 0.05])
@@ -134,7 +166,9 @@ def test_mujoco_holds_stiff_friction_for_short_steps_only():
 
 def test_mujocos_bodies_with_stage_loads_take_shorter_steps_in_stiff_friction():
     vehicle = TRUTH.with_joints(damping=0.3)
-    assert 0.001 * friction_rate(vehicle) > 2.8, "beyond which a step of fourth order is unstable"
+    assert 0.001 * friction_rate(vehicle) > 2.8, (
+        "beyond which a step of fourth order is unstable"
+    )
     world = Truth(vehicle=vehicle)
     ours = flown(RigidBodyPlant(world, steady_wind()), vehicle, 0.005)
     theirs = flown(MujocoPlant(world, steady_wind(), "rk4_staged"), vehicle, 0.005)
@@ -145,6 +179,10 @@ def test_mujocos_bodies_with_stage_loads_take_shorter_steps_in_stiff_friction():
 def test_friction_beyond_any_explicit_integrator_is_refused_by_joint_and_field():
     sticky = TRUTH.with_joints(coulomb=0.1, coulomb_rate=1e-4)
     with pytest.raises(
-        VehicleError, match=r"^joints\[joint2\].coulomb = 0.1: joint friction decays .* raise coulomb_rate"
+        VehicleError,
+        match=(
+            r"^joints\[joint2\].coulomb = 0.1: joint friction decays .* raise"
+            r" coulomb_rate"
+        ),
     ):
         RigidBodyPlant(Truth(vehicle=sticky), steady_wind())

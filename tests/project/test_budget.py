@@ -14,8 +14,16 @@ def test_every_nightly_case_is_one_of_its_file():
     wrong = []
     for file, row in TABLE.items():
         path = ROOT / file
-        functions = set(re.findall(r"^ *def (test_\w+)", path.read_text("utf-8"), re.M)) if path.is_file() else set()
-        wrong += [f"{file}: {name}" for name in row.get("nightly", ()) if name.split("[")[0] not in functions]
+        functions = (
+            set(re.findall(r"^ *def (test_\w+)", path.read_text("utf-8"), re.M))
+            if path.is_file()
+            else set()
+        )
+        wrong += [
+            f"{file}: {name}"
+            for name in row.get("nightly", ())
+            if name.split("[")[0] not in functions
+        ]
     assert wrong == [], "python tests/budget.py chooses anew"
 
 
@@ -24,10 +32,18 @@ def test_files_that_are_always_run_have_no_nightly_cases():
 
 
 def test_the_slowest_cases_go_and_each_function_keeps_its_fastest():
-    times = {"a.py": {"test_x[1]": 2.0, "test_x[2]": 0.4, "test_y": 0.01}, "b.py": {"test_z": 1.0}}
+    times = {
+        "a.py": {"test_x[1]": 2.0, "test_x[2]": 0.4, "test_y": 0.01},
+        "b.py": {"test_z": 1.0},
+    }
     assert chosen(times, 10.0) == {"a.py": [], "b.py": []}
     nightly = chosen(times, 1.5)
     assert nightly == {"a.py": ["test_x[1]"], "b.py": []}
     table = written(times, nightly)
-    assert table == {"a.py": {"seconds": 0.4, "nightly": ["test_x[1]"]}, "b.py": {"seconds": 1.0}}
-    assert written(times, {"a.py": ["test_x[1]", "test_x[2]"], "b.py": []})["a.py"]["nightly"] == ["test_x"]
+    assert table == {
+        "a.py": {"seconds": 0.4, "nightly": ["test_x[1]"]},
+        "b.py": {"seconds": 1.0},
+    }
+    assert written(times, {"a.py": ["test_x[1]", "test_x[2]"], "b.py": []})["a.py"][
+        "nightly"
+    ] == ["test_x"]

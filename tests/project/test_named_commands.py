@@ -9,8 +9,21 @@ from skyarm.cli.commands import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [
-    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md", "Makefile", "mkdocs.yml")),
-    *(each for room in ("docs", "examples", "src") for each in sorted((ROOT / room).rglob("*"))),
+    *(
+        ROOT / name
+        for name in (
+            "README.md",
+            "CONTRIBUTING.md",
+            "SECURITY.md",
+            "Makefile",
+            "mkdocs.yml",
+        )
+    ),
+    *(
+        each
+        for room in ("docs", "examples", "src")
+        for each in sorted((ROOT / room).rglob("*"))
+    ),
 ]
 SUFFIXES = {"", ".py", ".md", ".toml", ".txt", ".js", ".html", ".yml"}
 NAMED = re.compile(rb"skyarm ([a-z][a-z-]+)")
@@ -32,11 +45,14 @@ NO_COMMANDS = {
     "writes",
     "wrote",
 }
-"""Words after the name of the library, of Python or of a sentence, that are no commands."""
+"""Words after the name of the library, of Python or of a sentence, that are no
+commands."""
 
 
 def code_of(path: Path) -> bytes:
-    """Text of a file in which commands stand; of a page its code only, since a sentence may begin with the name."""
+    """Text of a file in which commands stand; of a page its code only, since a sentence
+    may begin with the name.
+    """
     text = path.read_bytes()
     return b"\n".join(CODE.findall(text)) if path.suffix == ".md" else text
 
@@ -48,4 +64,8 @@ def test_every_command_that_is_named_exists() -> None:
             for word in NAMED.findall(code_of(path)):
                 named.setdefault(word.decode(), str(path.relative_to(ROOT)))
     assert set(COMMANDS) <= set(named)
-    assert {word: path for word, path in named.items() if word not in {*COMMANDS, *NO_COMMANDS}} == {}
+    assert {
+        word: path
+        for word, path in named.items()
+        if word not in {*COMMANDS, *NO_COMMANDS}
+    } == {}

@@ -1,4 +1,6 @@
-"""Shares of the workers: no file is left out or collected by two, and every test is handed out once, whatever dies."""
+"""Shares of the workers: no file is left out or collected by two, and every test is
+handed out once, whatever dies.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +8,24 @@ from types import SimpleNamespace
 
 import pytest
 
-from support.shares import EVERYONES, ROOT, ShareScheduling, others_of, seconds_of_files, shares_of
+from support.shares import (
+    EVERYONES,
+    ROOT,
+    ShareScheduling,
+    others_of,
+    seconds_of_files,
+    shares_of,
+)
 
-FILES = {path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("test_*.py")}
+FILES = {
+    path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("test_*.py")
+}
 
 
 @pytest.mark.parametrize("count", [2, 3, 8])
-def test_every_file_is_of_one_share_and_each_worker_leaves_the_files_of_the_others(count):
+def test_every_file_is_of_one_share_and_each_worker_leaves_the_files_of_the_others(
+    count,
+):
     shares = shares_of(seconds_of_files(), count)
     assert sorted(file for share in shares for file in share) == sorted(FILES)
     assert len(shares) == count + 1
@@ -23,14 +36,21 @@ def test_every_file_is_of_one_share_and_each_worker_leaves_the_files_of_the_othe
 @pytest.mark.parametrize("count", [2, 4])
 def test_shares_take_as_long_as_each_other_and_everyones_as_stated(count):
     seconds = seconds_of_files()
-    *own, everyones = (sum(seconds[file] + 0.05 for file in share) for share in shares_of(seconds, count))
+    *own, everyones = (
+        sum(seconds[file] + 0.05 for file in share)
+        for share in shares_of(seconds, count)
+    )
     longest = max(seconds.values())
     assert max(own) - min(own) < 2.0 * longest
-    assert everyones == pytest.approx(EVERYONES * (sum(own) + everyones), abs=2.0 * longest)
+    assert everyones == pytest.approx(
+        EVERYONES * (sum(own) + everyones), abs=2.0 * longest
+    )
 
 
 class Node:
-    """Worker that runs what it is given, in order, and holds its last test back until it is told to end."""
+    """Worker that runs what it is given, in order, and holds its last test back until
+    it is told to end.
+    """
 
     def __init__(self, names):
         self.names, self.queue, self.shutting_down = names, [], False
@@ -52,13 +72,19 @@ class Node:
 
 
 def collected(common, *owned):
-    """Scheduling of workers that have collected tests of their own before those of everyone."""
+    """Scheduling of workers that have collected tests of their own before those of
+    everyone.
+    """
     session = SimpleNamespace(testscollected=0)
     config = SimpleNamespace(
-        option=SimpleNamespace(tx=owned), pluginmanager=SimpleNamespace(get_plugin={"session": session}.get)
+        option=SimpleNamespace(tx=owned),
+        pluginmanager=SimpleNamespace(get_plugin={"session": session}.get),
     )
     scheduling = ShareScheduling(config)
-    nodes = [Node([f"own {k}.{i}" for i in range(count)] + common) for k, count in enumerate(owned)]
+    nodes = [
+        Node([f"own {k}.{i}" for i in range(count)] + common)
+        for k, count in enumerate(owned)
+    ]
     for node in nodes:
         scheduling.add_node(node)
         assert not scheduling.collection_is_completed
@@ -68,7 +94,15 @@ def collected(common, *owned):
 
 
 @pytest.mark.parametrize(
-    ("common", "owned"), [(30, (20, 20)), (30, (1, 50)), (0, (3, 0)), (1, (0, 0)), (5, (4,)), (2, (9, 1, 0))]
+    ("common", "owned"),
+    [
+        (30, (20, 20)),
+        (30, (1, 50)),
+        (0, (3, 0)),
+        (1, (0, 0)),
+        (5, (4,)),
+        (2, (9, 1, 0)),
+    ],
 )
 def test_every_test_is_run_once_and_all_workers_end(common, owned):
     everyones = [f"everyone's {i}" for i in range(common)]
@@ -91,7 +125,19 @@ def test_what_a_dead_worker_had_is_run_by_the_one_in_its_place():
     done = [first.run(scheduling), second.run(scheduling)]
     assert scheduling.remove_node(first) == "own 0.1"
     assert not scheduling.tests_finished
-    clone = Node(["own 0.0", "own 0.1", "own 0.2", "own 0.3", "own 1.0", "own 1.1", "own 1.2", "any 0", "any 1"])
+    clone = Node(
+        [
+            "own 0.0",
+            "own 0.1",
+            "own 0.2",
+            "own 0.3",
+            "own 1.0",
+            "own 1.1",
+            "own 1.2",
+            "any 0",
+            "any 1",
+        ]
+    )
     scheduling.add_node(clone)
     scheduling.add_node_collection(clone, clone.names)
     scheduling.schedule()

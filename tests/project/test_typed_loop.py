@@ -1,4 +1,6 @@
-"""The files that explain the closed loop say the type of everything that they pass on."""
+"""The files that explain the closed loop say the type of everything that they pass
+on.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ UNTYPED = {"Any", "object"}
 
 
 def untyped_words(text: str) -> set[str]:
-    """Words of some source that leave a type out, also in a type that is written as a text."""
+    """Words of some source that leave a type out, also in a type that is written as a
+    text.
+    """
     found = set()
     for node in ast.walk(ast.parse(text)):
         names = {getattr(node, "id", ""), getattr(node, "attr", "")}
@@ -46,8 +50,14 @@ def parts_of(alias: object) -> Iterator[object]:
 def test_no_type_of_the_loop_is_left_out(name: str) -> None:
     module = importlib.import_module(name)
     assert untyped_words(Path(str(module.__file__)).read_text("utf-8")) == set()
-    aliases = {word: held for word, held in vars(module).items() if typing.get_args(held)}
-    assert [word for word, held in aliases.items() if Any in parts_of(held) or object in parts_of(held)] == []
+    aliases = {
+        word: held for word, held in vars(module).items() if typing.get_args(held)
+    }
+    assert [
+        word
+        for word, held in aliases.items()
+        if Any in parts_of(held) or object in parts_of(held)
+    ] == []
 
 
 @pytest.mark.parametrize(
@@ -65,4 +75,9 @@ def test_every_spelling_of_an_untyped_value_is_seen(line: str) -> None:
 
 
 def test_words_of_comments_and_of_sentences_are_no_types() -> None:
-    assert untyped_words('"""Any object that is seen."""\nx: tuple[float, ...] = ()  # object of Any') == set()
+    assert (
+        untyped_words(
+            '"""Any object that is seen."""\nx: tuple[float, ...] = ()  # object of Any'
+        )
+        == set()
+    )

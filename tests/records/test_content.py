@@ -1,4 +1,6 @@
-"""Results of pure functions are kept by the content of records, in which 0, 0.0, -0.0 and False differ."""
+"""Results of pure functions are kept by the content of records, in which 0, 0.0, -0.0
+and False differ.
+"""
 
 import dataclasses
 import math
@@ -28,16 +30,22 @@ def test_equal_records_of_other_kinds_have_another_content():
     assert content("1.0") != content(1.0)
     assert content(Members(("a",), (1.0,))) != content({"a": 1.0})
     assert content({"a": 1.0}) != content({"b": 1.0})
-    assert content((Side.LEFT, len.__class__, content)) == content((Side.LEFT, len.__class__, content))
+    assert content((Side.LEFT, len.__class__, content)) == content(
+        (Side.LEFT, len.__class__, content)
+    )
 
 
 def test_a_vehicle_read_anew_has_the_content_of_the_first():
     given, other = (skyarm.load_vehicle("hummingbird_arm2") for _ in range(2))
-    moved = dataclasses.replace(other, base=dataclasses.replace(other.base, mass=other.base.mass + 1e-15))
+    moved = dataclasses.replace(
+        other, base=dataclasses.replace(other.base, mass=other.base.mass + 1e-15)
+    )
     assert content(given) == content(other) != content(moved)
 
 
-@pytest.mark.parametrize("value", [np.float64(1.0), np.zeros(2), object(), Vec3(1.0, 2.0, np.zeros(3))])
+@pytest.mark.parametrize(
+    "value", [np.float64(1.0), np.zeros(2), object(), Vec3(1.0, 2.0, np.zeros(3))]
+)
 def test_arrays_and_objects_have_none(value):
     with pytest.raises(TypeError, match="has no content"):
         content(value)
@@ -66,11 +74,21 @@ def test_a_result_is_kept_for_the_content_of_its_arguments():
 def test_the_start_is_met_once_by_file_check_and_flight(monkeypatch):
     given = skyarm.load_scenario("slide_circle")
     met = []
-    monkeypatch.setattr("skyarm.world.contact.initial_world.require_start_outside", lambda *given: met.append(given[0]))
-    own = dataclasses.replace(given, initial=dataclasses.replace(first_state(given), position=Vec3(0.0, 0.0, 1.25)))
+    monkeypatch.setattr(
+        "skyarm.world.contact.initial_world.require_start_outside",
+        lambda *given: met.append(given[0]),
+    )
+    own = dataclasses.replace(
+        given,
+        initial=dataclasses.replace(first_state(given), position=Vec3(0.0, 0.0, 1.25)),
+    )
     begin(own)
     begin(own)
     begin(dataclasses.replace(own, seed=own.seed + 1))
     assert len(met) == 1
-    begin(dataclasses.replace(own, initial=dataclasses.replace(own.initial, position=Vec3(0.0, 0.0, 1.5))))
+    begin(
+        dataclasses.replace(
+            own, initial=dataclasses.replace(own.initial, position=Vec3(0.0, 0.0, 1.5))
+        )
+    )
     assert len(met) == 2

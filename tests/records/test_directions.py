@@ -1,4 +1,6 @@
-"""Axes and rotations that are rounded are made exact in Python as in a file, and others are refused or left alone."""
+"""Axes and rotations that are rounded are made exact in Python as in a file, and others
+are refused or left alone.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,12 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.compile import trace
-from skyarm.records.coerce import RecordError, near_unit_quaternion, proper_rotation, unit_vector
+from skyarm.records.coerce import (
+    RecordError,
+    near_unit_quaternion,
+    proper_rotation,
+    unit_vector,
+)
 from skyarm.world import Dryden
 
 HALF = math.sqrt(0.5)
@@ -22,12 +29,17 @@ def turned(axis: object) -> skyarm.Vehicle:
     vehicle = skyarm.load_vehicle("hummingbird_arm2_rotors")
     first = vehicle.links[0]
     joint = dataclasses.replace(first.joint, axis=axis, rotation=Mat3.identity())
-    return dataclasses.replace(vehicle, links=(dataclasses.replace(first, joint=joint), *vehicle.links[1:]))
+    return dataclasses.replace(
+        vehicle, links=(dataclasses.replace(first, joint=joint), *vehicle.links[1:])
+    )
 
 
 def test_a_rounded_axis_gives_the_mass_matrix_of_the_exact_one() -> None:
     at = ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.3, -0.2])
-    rounded, exact = (skyarm.mass_matrix(turned(axis), *at) for axis in ([0.707107, 0, 0.707107], [HALF, 0, HALF]))
+    rounded, exact = (
+        skyarm.mass_matrix(turned(axis), *at)
+        for axis in ([0.707107, 0, 0.707107], [HALF, 0, HALF])
+    )
     np.testing.assert_allclose(rounded, exact, rtol=0.0, atol=1e-15)
 
 
@@ -38,13 +50,15 @@ def test_an_exact_axis_keeps_its_bits(axis: list[float]) -> None:
 
 def test_the_rotors_axis_is_made_exact_too() -> None:
     rotor = skyarm.load_vehicle("hummingbird").rotors[0]
-    assert np.linalg.norm(dataclasses.replace(rotor, axis=(0.0, 0.0995037, 0.9950372)).axis) == pytest.approx(
-        1.0, abs=1e-15
-    )
+    assert np.linalg.norm(
+        dataclasses.replace(rotor, axis=(0.0, 0.0995037, 0.9950372)).axis
+    ) == pytest.approx(1.0, abs=1e-15)
 
 
 def test_an_axis_of_another_length_is_refused_by_its_vehicle() -> None:
-    with pytest.raises(skyarm.VehicleError, match=r"must be a unit vector, its length is 1.1"):
+    with pytest.raises(
+        skyarm.VehicleError, match=r"must be a unit vector, its length is 1.1"
+    ):
         turned([1.1, 0.0, 0.0])
 
 
@@ -62,18 +76,24 @@ def test_a_length_a_millionth_off_and_more_is_refused(off: float) -> None:
 
 
 def test_traced_axes_pass() -> None:
-    program = trace(lambda axis: skyarm.Joint(name="j", axis=axis).axis, Vec3(1.0, 0.5, 0.25))
+    program = trace(
+        lambda axis: skyarm.Joint(name="j", axis=axis).axis, Vec3(1.0, 0.5, 0.25)
+    )
     assert tuple(program(Vec3(0.9999999, 0.0, 0.0))) == (0.9999999, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("digits", [6, 7, 9])
 @pytest.mark.parametrize("frame", [False, True])
 def test_a_rounded_rotation_becomes_the_nearest_one(digits: int, frame: bool) -> None:
-    """Against the singular value decomposition, which shares no line with the iteration."""
+    """Against the singular value decomposition, which shares no line with the
+    iteration.
+    """
     given = np.round(Rotation.from_euler("zyx", [0.4, -0.7, 1.1]).as_matrix(), digits)
     left, _, right = np.linalg.svd(given)
     if frame:
-        held = skyarm.Frame(name="f", link=-1, position=(0, 0, 0), rotation=given).rotation
+        held = skyarm.Frame(
+            name="f", link=-1, position=(0, 0, 0), rotation=given
+        ).rotation
     else:
         held = skyarm.Joint(name="j", rotation=given).rotation
     # rounding of the decomposition
@@ -82,7 +102,10 @@ def test_a_rounded_rotation_becomes_the_nearest_one(digits: int, frame: bool) ->
 
 
 def test_what_is_no_rotation_is_refused() -> None:
-    with pytest.raises(RecordError, match=r"^bent = .*: must be a rotation \(orthogonal, determinant \+1\)$"):
+    with pytest.raises(
+        RecordError,
+        match=r"^bent = .*: must be a rotation \(orthogonal, determinant \+1\)$",
+    ):
         proper_rotation("bent", np.eye(3) + 1e-3)
 
 
@@ -100,14 +123,25 @@ def test_a_rounded_quaternion_of_a_state_is_made_exact() -> None:
     )
     held = dataclasses.replace(scenario, initial=start).initial
     assert held is not None
-    assert math.sqrt(sum(c * c for c in held.quaternion)) == pytest.approx(1.0, abs=2e-16)
+    assert math.sqrt(sum(c * c for c in held.quaternion)) == pytest.approx(
+        1.0, abs=2e-16
+    )
     exact = Quaternion(HALF, 0.0, HALF, 0.0)
     assert near_unit_quaternion(exact) is exact
 
 
 def test_the_turbulence_blows_along_a_unit_vector() -> None:
     one = (1.0, 1.0, 1.0)
-    rounded = Dryden(intensity=one, scale_length=one, airspeed=1.0, direction_W=[0.707107, 0.707107, 0.0])
+    rounded = Dryden(
+        intensity=one,
+        scale_length=one,
+        airspeed=1.0,
+        direction_W=[0.707107, 0.707107, 0.0],
+    )
     assert np.linalg.norm(rounded.direction_W) == pytest.approx(1.0, abs=2e-16)
-    with pytest.raises(RecordError, match=r"^turbulence.direction_W = .*must be a unit vector"):
-        Dryden(intensity=one, scale_length=one, airspeed=1.0, direction_W=(2.0, 0.0, 0.0))
+    with pytest.raises(
+        RecordError, match=r"^turbulence.direction_W = .*must be a unit vector"
+    ):
+        Dryden(
+            intensity=one, scale_length=one, airspeed=1.0, direction_W=(2.0, 0.0, 0.0)
+        )

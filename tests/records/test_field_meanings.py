@@ -1,4 +1,6 @@
-"""Every number that a file can name has a meaning, and those that people tune say what more or less of them does."""
+"""Every number that a file can name has a meaning, and those that people tune say what
+more or less of them does.
+"""
 
 from __future__ import annotations
 
@@ -28,16 +30,33 @@ from skyarm.world.contact.material import Material
 
 SOURCE = Path(skyarm.__file__).parent
 
-DIALECT = re.compile(r"\b(told|tells|heard|hears|felt|feels|believed|believes|wanted|asked|asks|foretold|learnt)\b")
-"""Words of people in place of the field's own, as in ``tests/project/test_words.py``."""
+DIALECT = re.compile(
+    r"\b(told|tells|heard|hears|felt|feels|believed|believes|wanted|asked|asks|foretold|learnt)\b"
+)
+"""Words of people in place of the field's own, as in
+``tests/project/test_words.py``."""
 
 TUNED = (
-    *(BaseGains, GeometricGains, JointGains, ObserverGains, TipGains, Weights, Bandwidths, Limits),
+    *(
+        BaseGains,
+        GeometricGains,
+        JointGains,
+        ObserverGains,
+        TipGains,
+        Weights,
+        Bandwidths,
+        Limits,
+    ),
     *(SensorNoise, Material),
 )
 """Records whose numbers people tune."""
 
-NOT_TUNED = {"TipGains.shift_rate", "TipGains.preview", "Limits.joint_step", "ObserverGains.jump"}
+NOT_TUNED = {
+    "TipGains.shift_rate",
+    "TipGains.preview",
+    "Limits.joint_step",
+    "ObserverGains.jump",
+}
 
 
 def module_of(name: str) -> ModuleType | None:
@@ -52,9 +71,18 @@ def module_of(name: str) -> ModuleType | None:
 @cache
 def records() -> tuple[type, ...]:
     """Classes of the library in modules that declare units."""
-    paths = [path for path in sorted(SOURCE.rglob("*.py")) if "Unit" in path.read_text("utf-8")]
-    names = [".".join(("skyarm", *path.relative_to(SOURCE).with_suffix("").parts)) for path in paths]
-    modules = list(filter(None, (module_of(name.removesuffix(".__init__")) for name in names)))
+    paths = [
+        path
+        for path in sorted(SOURCE.rglob("*.py"))
+        if "Unit" in path.read_text("utf-8")
+    ]
+    names = [
+        ".".join(("skyarm", *path.relative_to(SOURCE).with_suffix("").parts))
+        for path in paths
+    ]
+    modules = list(
+        filter(None, (module_of(name.removesuffix(".__init__")) for name in names))
+    )
     return tuple(
         kind
         for module in modules
@@ -88,7 +116,9 @@ def test_every_number_that_a_scenario_file_can_name_has_a_meaning() -> None:
 
 
 def test_an_option_of_a_law_has_the_unit_and_the_meaning_of_its_constant() -> None:
-    (row,) = [row for row in grammar() if (row.path, row.of) == ("controller.cutoff", "indi")]
+    (row,) = [
+        row for row in grammar() if (row.path, row.of) == ("controller.cutoff", "indi")
+    ]
     assert (row.unit, row.bounds) == ("Hz", "above 0")
     assert row.meaning == "cut-off frequency of every filter of the law"
     assert row.effect.startswith("lower values pass less noise")
@@ -99,14 +129,20 @@ def test_meanings_are_noun_phrases_in_the_words_of_the_field() -> None:
         for text in (unit.meaning, unit.effect):
             assert not text.endswith("."), name
             assert not DIALECT.search(text), f"{name}: {text}"
-        assert not re.match(r"(of|that|by|with) ", unit.meaning), f"{name}: {unit.meaning}"
+        assert not re.match(r"(of|that|by|with) ", unit.meaning), (
+            f"{name}: {unit.meaning}"
+        )
 
 
 @pytest.mark.parametrize("kind", TUNED, ids=lambda kind: kind.__name__)
 def test_what_people_tune_says_what_more_or_less_of_it_does(kind: type) -> None:
     silent = {name for name, unit in declared((kind,)) if not unit.effect}
     assert silent <= NOT_TUNED
-    assert all(re.match(r"(higher|lower|longer|shorter) ", unit.effect) for _, unit in declared((kind,)) if unit.effect)
+    assert all(
+        re.match(r"(higher|lower|longer|shorter) ", unit.effect)
+        for _, unit in declared((kind,))
+        if unit.effect
+    )
 
 
 @dataclass(frozen=True)

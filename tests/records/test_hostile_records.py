@@ -1,7 +1,8 @@
-"""Every public record made of hostile values flies, or is refused in one plain line: never an error from inside.
+"""Every public record made of hostile values flies, or is refused in one plain line:
+never an error from inside.
 
-The records are found by walking: what ``skyarm`` exports, and everything that scenarios of every kind hold. A new one
-is tried without a line here.
+The records are found by walking: what ``skyarm`` exports, and everything that scenarios
+of every kind hold. A new one is tried without a line here.
 """
 
 from __future__ import annotations
@@ -39,32 +40,96 @@ Place = tuple[str, ...]
 
 HOSTILE: tuple[Any, ...] = (
     *(None, True, "", "abc", "nan", b"1", 1j, [], (), {}, {"x": 1}, object, math.sin),
-    *(math.nan, math.inf, -math.inf, -1.0, 0.0, -0.0, 1e308, 5e-324, 0, -1, 3, 10**400, Fraction(1, 3)),
-    *([3, 0, 0], (0.0, 0.0, 1.0), ["a", "b", "c"], [math.nan] * 3, [1.0, 2.0], [[1.0]], [None], (1.0,) * 4),
-    *(np.float32(0.5), np.array(0.5), np.array([1.0, 2.0, 3.0]), np.array([math.nan] * 3), np.array("x"), np.int64(-3)),
-    *(skyarm.Vec3("a", 0.0, 0.0), skyarm.Vec3(math.nan, 0.0, 0.0), skyarm.Vec3(0.6, 0.0, 0.8)),  # type: ignore[arg-type]
-    *(skyarm.Quaternion(2.0, 0.0, 0.0, 0.0), skyarm.Constant(1.0), skyarm.Delays(), skyarm.Payload(mass=1.0)),
+    *(
+        math.nan,
+        math.inf,
+        -math.inf,
+        -1.0,
+        0.0,
+        -0.0,
+        1e308,
+        5e-324,
+        0,
+        -1,
+        3,
+        10**400,
+        Fraction(1, 3),
+    ),
+    *(
+        [3, 0, 0],
+        (0.0, 0.0, 1.0),
+        ["a", "b", "c"],
+        [math.nan] * 3,
+        [1.0, 2.0],
+        [[1.0]],
+        [None],
+        (1.0,) * 4,
+    ),
+    *(
+        np.float32(0.5),
+        np.array(0.5),
+        np.array([1.0, 2.0, 3.0]),
+        np.array([math.nan] * 3),
+        np.array("x"),
+        np.int64(-3),
+    ),
+    *(
+        skyarm.Vec3("a", 0.0, 0.0),
+        skyarm.Vec3(math.nan, 0.0, 0.0),
+        skyarm.Vec3(0.6, 0.0, 0.8),
+    ),  # type: ignore[arg-type]
+    *(
+        skyarm.Quaternion(2.0, 0.0, 0.0, 0.0),
+        skyarm.Constant(1.0),
+        skyarm.Delays(),
+        skyarm.Payload(mass=1.0),
+    ),
 )
 
 
 def scenarios() -> dict[str, Callable[[], skyarm.Scenario]]:
-    """Scenarios that hold between them every kind of record that ships, made when they are asked for."""
+    """Scenarios that hold between them every kind of record that ships, made when they
+    are asked for.
+    """
     base = functools.cache(lambda: skyarm.load_scenario("case2_gust", duration=SECONDS))
-    found = {name: functools.partial(skyarm.load_scenario, name, duration=SECONDS) for name in PAPER_CASES}
-    found["everything"] = lambda: dataclasses.replace(skyarm.scenario_from(document("everything")), duration=SECONDS)
+    found = {
+        name: functools.partial(skyarm.load_scenario, name, duration=SECONDS)
+        for name in PAPER_CASES
+    }
+    found["everything"] = lambda: dataclasses.replace(
+        skyarm.scenario_from(document("everything")), duration=SECONDS
+    )
     found["force"] = lambda: dataclasses.replace(
         base(),
         faults=(skyarm.Fault(rotor="front", effectiveness=0.9, start=0.0),),
-        wind=skyarm.ForceWind(force_W=(1.0, 0.0, 0.0), gust=skyarm.Gust(peak=(1.0, 0, 0), start=0.0, duration=1.0)),
+        wind=skyarm.ForceWind(
+            force_W=(1.0, 0.0, 0.0),
+            gust=skyarm.Gust(peak=(1.0, 0, 0), start=0.0, duration=1.0),
+        ),
     )
-    found["guarded"] = lambda: dataclasses.replace(base(), controller=with_safety_layer(base().controller))
-    wall = skyarm.Surface(name="wall", shape="box", size=(0.1, 1.0, 1.0), position=(2.0, 0.0, 0.0))
-    points = (skyarm.ContactPoint(name="skid", body="base", position=(0.0, 0.0, -0.1), radius=0.01),)
+    found["guarded"] = lambda: dataclasses.replace(
+        base(), controller=with_safety_layer(base().controller)
+    )
+    wall = skyarm.Surface(
+        name="wall", shape="box", size=(0.1, 1.0, 1.0), position=(2.0, 0.0, 0.0)
+    )
+    points = (
+        skyarm.ContactPoint(
+            name="skid", body="base", position=(0.0, 0.0, -0.1), radius=0.01
+        ),
+    )
     found["contact"] = lambda: dataclasses.replace(
-        base(), world=skyarm.Contact(surfaces=(wall, skyarm.Surface(name="ground")), points=points, rotor_radius=0.1)
+        base(),
+        world=skyarm.Contact(
+            surfaces=(wall, skyarm.Surface(name="ground")),
+            points=points,
+            rotor_radius=0.1,
+        ),
     )
     for law in LAWS:
-        found[law] = functools.partial(skyarm.load_scenario, "case1", duration=SECONDS, controller=law)
+        found[law] = functools.partial(
+            skyarm.load_scenario, "case1", duration=SECONDS, controller=law
+        )
     return {name: functools.cache(make) for name, make in found.items()}
 
 
@@ -90,13 +155,16 @@ def places(record: Any, at: Place = ()) -> Iterator[Place]:
 
 @functools.cache
 def places_of(name: str) -> tuple[Place, ...]:
-    """Those of a scenario, one of each field of each class: alike are alike. Of a law's, its constants only."""
+    """Those of a scenario, one of each field of each class: alike are alike. Of a
+    law's, its constants only.
+    """
     scenario, found = MADE[name](), {}
     for place in places(scenario):
         owner = functools.reduce(step, place[:-1], scenario)
         if name not in LAWS or place[: len(PAR)] == PAR:
             found.setdefault((type(owner), place[-1], place[0]), place)
-    # a first memory is made by the law, and functions are laws of one's own: neither is a record that users give
+    # a first memory is made by the law, and functions are laws of one's own: neither is
+    # a record that users give
     own = tuple((*PAR[:-1], field) for field in ("memory", "law", "margin"))
     return tuple(place for place in found.values() if place[: len(PAR)] not in own)
 
@@ -113,9 +181,13 @@ def replaced(record: Any, place: Place, value: Any) -> Any:
         return value
     inner = replaced(step(record, place[0]), place[1:], value)
     if isinstance(record, Mapping):
-        return {name: inner if name == place[0] else item for name, item in record.items()}
+        return {
+            name: inner if name == place[0] else item for name, item in record.items()
+        }
     if isinstance(record, tuple):
-        return tuple(inner if str(i) == place[0] else item for i, item in enumerate(record))
+        return tuple(
+            inner if str(i) == place[0] else item for i, item in enumerate(record)
+        )
     return dataclasses.replace(record, **{place[0]: inner})
 
 
@@ -127,15 +199,22 @@ def plainly(call: Callable[[], Any]) -> Any:
             return call()
     except ValueError as error:
         assert "\n" not in str(error)
-        assert type(error).__module__.startswith("skyarm") or " = " in str(error), repr(error)
+        assert type(error).__module__.startswith("skyarm") or " = " in str(error), repr(
+            error
+        )
         assert len(str(error)) <= 1000
     return None
 
 
-@pytest.mark.parametrize("name", sampled(list(MADE), 5, keep=("everything", "force", "guarded", "contact", "indi")))
+@pytest.mark.parametrize(
+    "name",
+    sampled(list(MADE), 5, keep=("everything", "force", "guarded", "contact", "indi")),
+)
 @settings(max_examples=8, deadline=None, derandomize=True)
 @given(data=st.data())
-def test_a_scenario_flies_or_is_refused_whatever_one_of_its_fields_holds(name: str, data: st.DataObject) -> None:
+def test_a_scenario_flies_or_is_refused_whatever_one_of_its_fields_holds(
+    name: str, data: st.DataObject
+) -> None:
     place = data.draw(st.sampled_from(places_of(name)))
     value = data.draw(st.sampled_from(HOSTILE))
     scenario = plainly(lambda: replaced(MADE[name](), place, value))
@@ -147,9 +226,15 @@ LOOKED_AT = ("everything", "indi", "force", "guarded", "centroidal", "contact")
 
 
 @pytest.mark.parametrize(
-    ("name", "share"), [("everything", 10), *(pytest.param(name, 1, marks=pytest.mark.thorough) for name in LOOKED_AT)]
+    ("name", "share"),
+    [
+        ("everything", 10),
+        *(pytest.param(name, 1, marks=pytest.mark.thorough) for name in LOOKED_AT),
+    ],
 )
-def test_every_field_takes_or_refuses_every_hostile_value(name: str, share: int) -> None:
+def test_every_field_takes_or_refuses_every_hostile_value(
+    name: str, share: int
+) -> None:
     """Without a flight: a share of them for each field, or all, some thousand."""
     taken = 0
     for index, place in enumerate(places_of(name)):
@@ -161,7 +246,11 @@ def test_every_field_takes_or_refuses_every_hostile_value(name: str, share: int)
 def exported() -> dict[str, type]:
     """Records among the names of the library."""
     found = {name: getattr(skyarm, name) for name in skyarm.__all__}
-    return {name: kind for name, kind in found.items() if isinstance(kind, type) and field_names(kind) is not None}
+    return {
+        name: kind
+        for name, kind in found.items()
+        if isinstance(kind, type) and field_names(kind) is not None
+    }
 
 
 PLAIN: dict[type, Any] = {
@@ -197,9 +286,15 @@ def instances() -> dict[type, Any]:
 def of_class(kind: type) -> dict[str, Any]:
     """Plain values of the fields that a record of this class must be given."""
     if kind in instances():
-        return {name: getattr(instances()[kind], name) for name in field_names(kind) or ()}
+        return {
+            name: getattr(instances()[kind], name) for name in field_names(kind) or ()
+        }
     hints = typing.get_type_hints(kind)
-    required = [f for f in dataclasses.fields(kind) if f.default is f.default_factory is dataclasses.MISSING]
+    required = [
+        f
+        for f in dataclasses.fields(kind)
+        if f.default is f.default_factory is dataclasses.MISSING
+    ]
     return {f.name: _plain_value(hints[f.name]) for f in required}
 
 
@@ -208,18 +303,26 @@ def _plain_value(wanted: Any) -> Any:
         return PLAIN[wanted]
     if wanted is Any:  # a class of its own from Python 3.11 on
         return 0.5
-    fitting = (each for each in instances().values() if isinstance(wanted, type) and isinstance(each, wanted))
+    fitting = (
+        each
+        for each in instances().values()
+        if isinstance(wanted, type) and isinstance(each, wanted)
+    )
     return next(fitting, 0.5)
 
 
 ALGEBRA = ("Vec3", "Mat3", "Quaternion")
-"""What records are made of; they are made at every line of every formula, and checked in the records that hold them."""
+"""What records are made of; they are made at every line of every formula, and checked
+in the records that hold them."""
 
 GIVEN_BY_US = ("Log", "LogFormat", "Mixer", "Plan")
-"""A log is what a flight gives, a format is two functions; make_mixer gives a mixer, plan a plan."""
+"""A log is what a flight gives, a format is two functions; make_mixer gives a mixer,
+plan a plan."""
 
 
-@pytest.mark.parametrize("name", [name for name in exported() if name not in (*ALGEBRA, *GIVEN_BY_US)])
+@pytest.mark.parametrize(
+    "name", [name for name in exported() if name not in (*ALGEBRA, *GIVEN_BY_US)]
+)
 def test_every_exported_record_is_made_or_refused(name: str) -> None:
     kind = exported()[name]
     usual, hints = of_class(kind), typing.get_type_hints(kind)
@@ -230,15 +333,26 @@ def test_every_exported_record_is_made_or_refused(name: str) -> None:
         assert refusals > 5, f"{name}.{field} takes almost anything"
 
 
-STATE = {"position": [0, 0, 1], "quaternion": [1, 0, 0, 0], "velocity": [0, 0, 0], "rate": np.zeros(3)}
+STATE = {
+    "position": [0, 0, 1],
+    "quaternion": [1, 0, 0, 0],
+    "velocity": [0, 0, 0],
+    "rate": np.zeros(3),
+}
 
 
 def test_lists_and_arrays_stand_for_vectors() -> None:
-    state = skyarm.State(**STATE, joints=[0.1, 0], joint_rates=np.zeros(2), rotor_speeds=[0.0] * 4)
+    state = skyarm.State(
+        **STATE, joints=[0.1, 0], joint_rates=np.zeros(2), rotor_speeds=[0.0] * 4
+    )
     assert state.position == skyarm.Vec3(0.0, 0.0, 1.0)
-    assert [type(c) for c in (*state.position, *state.joints, *state.joint_rates)] == [float] * 7
+    assert [type(c) for c in (*state.position, *state.joints, *state.joint_rates)] == [
+        float
+    ] * 7
     assert skyarm.MovingAir(velocity_W=[3, 0, 0]).velocity_W == skyarm.Vec3(3.0, 0, 0)
-    scenario = dataclasses.replace(MADE["case1"](), initial=state, wind=skyarm.MovingAir(velocity_W=[3, 0, 0]))
+    scenario = dataclasses.replace(
+        MADE["case1"](), initial=state, wind=skyarm.MovingAir(velocity_W=[3, 0, 0])
+    )
     exact = dataclasses.replace(
         scenario,
         initial=dataclasses.replace(state, joints=(0.1, 0.0)),
@@ -279,17 +393,28 @@ CALLS: dict[str, tuple[Callable[..., Any], tuple[Any, ...]]] = {
     "hover": (skyarm.hover, ([0, 0, 1],)),
     "run": (skyarm.run, (MADE["case1"],)),
     "Session": (skyarm.Session, (MADE["case1"],)),
-    "session.step": (lambda value: skyarm.Session(MADE["case1"]()).step(value), (None,)),
+    "session.step": (
+        lambda value: skyarm.Session(MADE["case1"]()).step(value),
+        (None,),
+    ),
     "session.step of a command": (
-        lambda speeds, efforts: at_its_start().step(skyarm.Command(rotor_speeds=speeds, efforts=efforts)),
+        lambda speeds, efforts: at_its_start().step(
+            skyarm.Command(rotor_speeds=speeds, efforts=efforts)
+        ),
         ((500.0,) * 4, (0.0, 0.0)),
     ),
     "make_controller": (skyarm.make_controller, ("paper_ct", None)),
     "preset": (skyarm.preset, ("paper_ct", None)),
     "load_scenario": (skyarm.load_scenario, ("case1",)),
     "load_vehicle": (skyarm.load_vehicle, ("hummingbird",)),
-    "with_payload": (lambda mass: skyarm.load_vehicle("hummingbird_arm2").with_payload(mass), (0.1,)),
-    "Payload": (lambda mass: skyarm.Payload(mass=mass).held_by(MADE["case1"]().plant.vehicle), (0.1,)),
+    "with_payload": (
+        lambda mass: skyarm.load_vehicle("hummingbird_arm2").with_payload(mass),
+        (0.1,),
+    ),
+    "Payload": (
+        lambda mass: skyarm.Payload(mass=mass).held_by(MADE["case1"]().plant.vehicle),
+        (0.1,),
+    ),
 }
 
 
@@ -298,25 +423,64 @@ def test_public_functions_take_or_refuse(name: str) -> None:
     function, usual = CALLS[name]
     for i in range(len(usual)):
         for value in HOSTILE:
-            given = [each() if callable(each) and not isinstance(each, type) else each for each in usual]
+            given = [
+                each() if callable(each) and not isinstance(each, type) else each
+                for each in usual
+            ]
             given[i] = value
             plainly(lambda: function(*given))  # noqa: B023
 
 
 FRONT: dict[str, tuple[Callable[..., Any], str]] = {
-    "Batch(3)": (lambda scenario, _: skyarm.Batch(3), "scenario = 3: must be a Scenario"),
-    "paths": (lambda scenario, _: skyarm.Batch(scenario, 5), "paths = 5: must be a list of paths"),
-    "paths, one": (lambda scenario, _: skyarm.Batch(scenario, "plant.gravity"), "paths = 'plant.gravity': must be a"),
-    "paths, no words": (lambda scenario, _: skyarm.Batch(scenario, [5]), r"paths = \[5\]: must be a list of paths"),
-    "metrics": (lambda scenario, _: skyarm.Batch(scenario, metrics=3), "metrics = 3: must be a list of names"),
-    "windows": (lambda scenario, _: skyarm.Batch(scenario, windows=3), "windows = 3: must be Windows or None"),
-    "stiffest": (lambda scenario, _: skyarm.Batch(scenario, stiffest=3), "stiffest = 3: must be Scenario or None"),
-    "log_every": (lambda scenario, _: skyarm.Batch(scenario, log_every=-1), "log_every = -1: must be a whole number"),
-    "effort": (lambda scenario, _: skyarm.Batch(scenario, effort=None), "effort = None: must be a whole number"),
+    "Batch(3)": (
+        lambda scenario, _: skyarm.Batch(3),
+        "scenario = 3: must be a Scenario",
+    ),
+    "paths": (
+        lambda scenario, _: skyarm.Batch(scenario, 5),
+        "paths = 5: must be a list of paths",
+    ),
+    "paths, one": (
+        lambda scenario, _: skyarm.Batch(scenario, "plant.gravity"),
+        "paths = 'plant.gravity': must be a",
+    ),
+    "paths, no words": (
+        lambda scenario, _: skyarm.Batch(scenario, [5]),
+        r"paths = \[5\]: must be a list of paths",
+    ),
+    "metrics": (
+        lambda scenario, _: skyarm.Batch(scenario, metrics=3),
+        "metrics = 3: must be a list of names",
+    ),
+    "windows": (
+        lambda scenario, _: skyarm.Batch(scenario, windows=3),
+        "windows = 3: must be Windows or None",
+    ),
+    "stiffest": (
+        lambda scenario, _: skyarm.Batch(scenario, stiffest=3),
+        "stiffest = 3: must be Scenario or None",
+    ),
+    "log_every": (
+        lambda scenario, _: skyarm.Batch(scenario, log_every=-1),
+        "log_every = -1: must be a whole number",
+    ),
+    "effort": (
+        lambda scenario, _: skyarm.Batch(scenario, effort=None),
+        "effort = None: must be a whole number",
+    ),
     "score(3)": (lambda _, log: skyarm.score(3), "log = 3: must be a Log"),
-    "score, windows": (lambda _, log: skyarm.score(log, windows=3), "windows = 3: must be Windows or None"),
-    "score, metrics": (lambda _, log: skyarm.score(log, metrics=3), "metrics = 3: must be a list of names"),
-    "score, one": (lambda _, log: skyarm.score(log, "standard"), "metrics = 'standard': must be a list of names"),
+    "score, windows": (
+        lambda _, log: skyarm.score(log, windows=3),
+        "windows = 3: must be Windows or None",
+    ),
+    "score, metrics": (
+        lambda _, log: skyarm.score(log, metrics=3),
+        "metrics = 3: must be a list of names",
+    ),
+    "score, one": (
+        lambda _, log: skyarm.score(log, "standard"),
+        "metrics = 'standard': must be a list of names",
+    ),
 }
 
 
@@ -332,11 +496,19 @@ def test_what_batches_and_scores_are_given_is_looked_at_first(name: str) -> None
     ("given", "words"),
     [
         ({"values": 3}, "values = 3: must be a mapping"),
-        ({"values": {}, "threads": 0}, "threads = 0: must be a whole number, at least 1"),
-        ({"values": {}, "threads": "x"}, "threads = 'x': must be a whole number, at least 1"),
+        (
+            {"values": {}, "threads": 0},
+            "threads = 0: must be a whole number, at least 1",
+        ),
+        (
+            {"values": {}, "threads": "x"},
+            "threads = 'x': must be a whole number, at least 1",
+        ),
     ],
 )
-def test_what_a_batch_flies_is_looked_at_first(given: dict[str, Any], words: str) -> None:
+def test_what_a_batch_flies_is_looked_at_first(
+    given: dict[str, Any], words: str
+) -> None:
     batch = skyarm.Batch(dataclasses.replace(MADE["case1"](), duration=0.01), effort=0)
     with pytest.raises(skyarm.ScenarioError, match=f"^{words}"):
         batch.fly(**given)
@@ -348,6 +520,9 @@ def test_a_batch_flies_numbers(values: Any) -> None:
     batch = skyarm.Batch(MADE["case1"](), [path])
     with pytest.raises(
         skyarm.ScenarioError,
-        match=r"^values\['controller.gains.position.x'\] = .*must be one number for each of [12] lanes",
+        match=(
+            r"^values\['controller.gains.position.x'\] = .*must be one number for each"
+            r" of [12] lanes"
+        ),
     ):
         batch.fly({path: values})

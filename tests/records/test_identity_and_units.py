@@ -1,4 +1,6 @@
-"""Identity leaves out what is for people and nothing else; units are said once, at the field."""
+"""Identity leaves out what is for people and nothing else; units are said once, at the
+field.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,10 @@ def test_identity_is_of_all_numbers_and_of_no_title() -> None:
 
 
 def test_every_field_of_what_crosses_the_boundary_says_its_unit() -> None:
-    assert units(skyarm.Measurement)["specific_force"].words == "m/s^2, accelerometer, base axes, +g along z in hover"
+    assert (
+        units(skyarm.Measurement)["specific_force"].words
+        == "m/s^2, accelerometer, base axes, +g along z in hover"
+    )
     for kind in (skyarm.Measurement, skyarm.Reference, skyarm.Command):
         assert set(units(kind)) == {field.name for field in dataclasses.fields(kind)}
 
@@ -54,7 +59,10 @@ class Spring:
     [
         ({"stiffness": -1.0}, "spring.stiffness = -1.0: must be at least 0"),
         ({"stiffness": 2e4}, "spring.stiffness = 20000.0: must be at most 10000"),
-        ({"stiffness": float("inf")}, "spring.stiffness = inf: must be a finite number"),
+        (
+            {"stiffness": float("inf")},
+            "spring.stiffness = inf: must be a finite number",
+        ),
         ({"count": 0}, "spring.count = 0: must be at least 1"),
         ({"count": 10}, "spring.count = 10: must be at most 9"),
         ({"count": 1.5}, "spring.count = 1.5: must be a whole number"),
@@ -65,7 +73,9 @@ class Spring:
         ({"patience": float("nan")}, "spring.patience = nan: must be a number"),
     ],
 )
-def test_a_field_refuses_what_its_unit_does_not_allow(fields: dict[str, object], words: str) -> None:
+def test_a_field_refuses_what_its_unit_does_not_allow(
+    fields: dict[str, object], words: str
+) -> None:
     with pytest.raises(RecordError) as error:
         Spring(**{"stiffness": 1.0, **fields})  # type: ignore[arg-type]
     assert str(error.value) == words
@@ -82,7 +92,12 @@ class Plain:
 
 
 def test_a_plugins_record_without_metadata_is_looked_at_by_its_types() -> None:
-    for fine in (Plain(), Plain(gain=2), Plain(gain=float("inf")), Plain(late=object())):
+    for fine in (
+        Plain(),
+        Plain(gain=2),
+        Plain(gain=float("inf")),
+        Plain(late=object()),
+    ):
         require_fields(fine, "forces[0]")
     for wrong, words in (
         (Plain(gain="a"), "forces[0].gain = 'a': must be a number"),  # type: ignore[arg-type]
@@ -113,7 +128,9 @@ class Tower:
         ({"weight": 1e13}, "weight = 10000000000000.0: must be at most 1e+12"),
     ],
 )
-def test_a_number_with_a_unit_is_bounded_though_its_field_names_no_bound(fields: Any, words: str) -> None:
+def test_a_number_with_a_unit_is_bounded_though_its_field_names_no_bound(
+    fields: Any, words: str
+) -> None:
     with pytest.raises(RecordError, match=f"^{re.escape(f'tower.{words}')}$"):
         Tower(**fields)
     with pytest.raises(ValueError, match=f"^{re.escape(f'world.towers[1].{words}')}$"):
@@ -121,5 +138,7 @@ def test_a_number_with_a_unit_is_bounded_though_its_field_names_no_bound(fields:
 
 
 def test_what_may_be_infinite_or_has_no_unit_is_not_bounded_by_its_unit() -> None:
-    assert Tower(lasts=float("inf"), rank=1e300) == Tower(height=1.0, lasts=float("inf"), rank=1e300)
+    assert Tower(lasts=float("inf"), rank=1e300) == Tower(
+        height=1.0, lasts=float("inf"), rank=1e300
+    )
     assert Tower(height=1e7, weight=1e12).height == 1e7

@@ -24,7 +24,10 @@ def pair(*options, **fields):
         ({}, [()]),
         ({"a": ...}, [(1.0,), (1,), (2.0,), (np.nan,), ((1.0,),), (-0.0,), (0.0,)]),
         ({"a": ..., "b": 3.0}, [(1.0,), (1.0, 3.0), (1.0, 2.0), (2.0, 3.0)]),
-        ({"a": ..., "b": field(default=3.0, compare=False)}, [(1.0,), (1.0, 2.0), (2.0, 3.0)]),
+        (
+            {"a": ..., "b": field(default=3.0, compare=False)},
+            [(1.0,), (1.0, 2.0), (2.0, 3.0)],
+        ),
     ],
 )
 def test_equality_and_hash_are_those_of_a_dataclass(fields, values):
@@ -65,14 +68,22 @@ def test_records_of_two_classes_differ_and_a_comparison_of_its_own_stays():
     class OfTheUsers(Length):
         more: float = 0.0
 
-    assert OfTheUsers(value=1.0) == OfTheUsers(value=1.0) != OfTheUsers(value=1.0, more=2.0)
+    assert (
+        OfTheUsers(value=1.0)
+        == OfTheUsers(value=1.0)
+        != OfTheUsers(value=1.0, more=2.0)
+    )
 
 
 @pytest.fixture(params=["as this Python has them", "as an unknown Python may"])
 def any_python(request, monkeypatch):
-    """Frozen methods shared by all classes, and those of a Python without the function that they replace."""
+    """Frozen methods shared by all classes, and those of a Python without the function
+    that they replace.
+    """
     if "unknown" in request.param:
-        monkeypatch.setattr(module, "_dataclass", module._quick_dataclass("_of_another_python"))
+        monkeypatch.setattr(
+            module, "_dataclass", module._quick_dataclass("_of_another_python")
+        )
         assert module._dataclass is dataclass
 
 
@@ -99,10 +110,14 @@ def test_frozen_records_refuse_as_those_of_python_do(slots):
 
 @pytest.mark.usefixtures("any_python")
 def test_what_inherits_from_a_frozen_record_may_have_more():
-    ours = immutable(slots=False)(type("Same", (), {"__annotations__": {"a": float}, "a": 1.0}))
+    ours = immutable(slots=False)(
+        type("Same", (), {"__annotations__": {"a": float}, "a": 1.0})
+    )
     more = type("More", (ours,), {})()
     more.own = 5
     assert more.own == 5
     del more.own
-    with pytest.raises(dataclasses.FrozenInstanceError, match="cannot assign to field 'a'"):
+    with pytest.raises(
+        dataclasses.FrozenInstanceError, match="cannot assign to field 'a'"
+    ):
         more.a = 2.0

@@ -1,4 +1,6 @@
-"""What a process sends others along with its work: its plugins as it loaded them, and names of its own."""
+"""What a process sends others along with its work: its plugins as it loaded them, and
+names of its own.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,13 @@ import pytest
 import skyarm
 from skyarm.records.files.user_code import identity_of
 from skyarm.records.registry import RegistryError, names
-from skyarm.records.registry.plugins import Plugin, identities, load_again, load_plugin, loaded_plugins
+from skyarm.records.registry.plugins import (
+    Plugin,
+    identities,
+    load_again,
+    load_plugin,
+    loaded_plugins,
+)
 from skyarm.records.registry.registrations import registrations
 from skyarm.records.travel import luggage
 from support.components import registry_kept
@@ -58,7 +66,9 @@ def there(program: str, content: bytes, folder: Path) -> Any:
     """What a new process in an empty folder prints."""
     folder.mkdir()
     command = [sys.executable, "-W", "error", "-c", program]
-    done = subprocess.run(command, input=content, cwd=folder, capture_output=True, check=False)
+    done = subprocess.run(
+        command, input=content, cwd=folder, capture_output=True, check=False
+    )
     assert done.returncode == 0, done.stderr.decode()
     return json.loads(done.stdout)
 
@@ -93,7 +103,9 @@ def test_another_process_loads_the_same_plugins_by_the_same_names_without_files(
         assert told == ["321.0", str(given), 9]
 
 
-def test_a_file_that_changed_since_flies_as_it_was_loaded(tmp_path: Path, plugin: Path) -> None:
+def test_a_file_that_changed_since_flies_as_it_was_loaded(
+    tmp_path: Path, plugin: Path
+) -> None:
     with registry_kept():
         load_plugin(plugin)
         plugin.write_text("1 / 0\n")
@@ -119,14 +131,17 @@ def test_a_module_that_a_script_imported_before_the_plugin_comes_along_and_no_ot
 def test_a_name_of_a_script_travels_and_one_that_is_there_stays(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
-        "import sys\nimport skyarm\nfrom dataclasses import dataclass\nfrom skyarm.records.travel import luggage\n"
-        "@skyarm.register.metric('lug_count')\n@dataclass(frozen=True)\nclass Count(skyarm.Metric):\n"
-        "    def result(self, memory, instants, period):\n        return 2 * instants\n"
-        "lock = __import__('threading').Lock()\n"
-        "skyarm.register.command('lug_locked')(lambda: lock)\n"
-        "sys.stdout.buffer.write(luggage())\n"
+        "import sys\nimport skyarm\nfrom dataclasses import dataclass\nfrom"
+        " skyarm.records.travel import"
+        " luggage\n@skyarm.register.metric('lug_count')\n@dataclass(frozen=True)\nclass"
+        " Count(skyarm.Metric):\n    def result(self, memory, instants, period):\n     "
+        "   return 2 * instants\nlock ="
+        " __import__('threading').Lock()\nskyarm.register.command('lug_locked')(lambda:"
+        " lock)\nsys.stdout.buffer.write(luggage())\n"
     )
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, check=True)
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, check=True
+    )
     program = (
         "import json, sys, skyarm\nfrom skyarm.records.travel import unload\n"
         "from skyarm.records.registry import find, names\n"
@@ -137,11 +152,20 @@ def test_a_name_of_a_script_travels_and_one_that_is_there_stays(tmp_path: Path) 
         "print(json.dumps('ours' if made is dict else made().result(None, 4, 0.1)))\n"
     )
     assert there(program, done.stdout, tmp_path / "elsewhere") == 8
-    assert there("import sys\nsys.argv = ['', 'taken']\n" + program, done.stdout, tmp_path / "taken") == "ours"
+    assert (
+        there(
+            "import sys\nsys.argv = ['', 'taken']\n" + program,
+            done.stdout,
+            tmp_path / "taken",
+        )
+        == "ours"
+    )
 
 
 def test_installed_plugins_must_be_there(tmp_path: Path) -> None:
-    with pytest.raises(RegistryError, match=r"^plugin absent: must be installed here as version 1$"):
+    with pytest.raises(
+        RegistryError, match=r"^plugin absent: must be installed here as version 1$"
+    ):
         load_again([Plugin("absent", "version 1")], {})
 
 
@@ -149,12 +173,17 @@ def test_what_was_sent_is_compared_with_its_digest(tmp_path: Path) -> None:
     identity = identity_of(b"x = 1\n")
     name = f"skyarm_plugin_lug_forged_{identity[7:15]}"
     with pytest.raises(RegistryError, match="has changed since it was loaded first"):
-        load_again([Plugin("/nowhere/lug_forged.py", identity)], {name: ("lug_forged.py", b"x = 2\n")})
+        load_again(
+            [Plugin("/nowhere/lug_forged.py", identity)],
+            {name: ("lug_forged.py", b"x = 2\n")},
+        )
     assert name not in sys.modules
 
 
 def test_what_ships_stays_at_home() -> None:
-    shipped = {name for name, row in registrations("law").items() if row.source == "skyarm"}
+    shipped = {
+        name for name, row in registrations("law").items() if row.source == "skyarm"
+    }
     assert shipped
     assert names("law")
     assert len(luggage()) < 100_000

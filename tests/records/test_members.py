@@ -1,4 +1,6 @@
-"""Members of a group by name: a mapping in order, its views, and wrong ones in one line."""
+"""Members of a group by name: a mapping in order, its views, and wrong ones in one
+line.
+"""
 
 from __future__ import annotations
 
@@ -30,12 +32,20 @@ def test_members_are_a_mapping_in_their_order() -> None:
         ((True,), "members.names = True: must be a tuple of names"),
         (("left", (1,)), "members.names = 'left': must be a tuple of names"),
         (((1,), (1,)), "members.names = (1,): must be a tuple of names"),
-        ((("left",), True), "members.records = True: must be a tuple of 1, one for each name"),
-        ((("left",), (1, 2)), "members.records = (1, 2): must be a tuple of 1, one for each name"),
+        (
+            (("left",), True),
+            "members.records = True: must be a tuple of 1, one for each name",
+        ),
+        (
+            (("left",), (1, 2)),
+            "members.records = (1, 2): must be a tuple of 1, one for each name",
+        ),
         ((("left",), (1,), None), "members.others = None: must be a tuple of names"),
     ],
 )
-def test_wrong_members_are_refused_in_one_line(given: tuple[Any, ...], words: str) -> None:
+def test_wrong_members_are_refused_in_one_line(
+    given: tuple[Any, ...], words: str
+) -> None:
     with pytest.raises(RecordError) as error:
         Members(*given)
     assert str(error.value) == words

@@ -1,4 +1,6 @@
-"""Results know the code that flew: one's own files, and what a plugin imports from its folder, by SHA-256."""
+"""Results know the code that flew: one's own files, and what a plugin imports from its
+folder, by SHA-256.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,13 @@ from skyarm.records.files.user_code import PACKAGE, is_beside, source_of
 from skyarm.records.identity import FOR_PEOPLE, _without, all_files, identity, own_files
 from skyarm.records.plain import digest, plain
 from skyarm.records.registry import RegistryError
-from skyarm.records.registry.plugins import Plugin, identities, load_again, load_plugin, loaded_plugins
+from skyarm.records.registry.plugins import (
+    Plugin,
+    identities,
+    load_again,
+    load_plugin,
+    loaded_plugins,
+)
 from skyarm.studies.compare.own_scenario import OwnScenario
 from skyarm.studies.sweep.plan import prepare
 from support.components import registry_kept
@@ -84,7 +92,12 @@ def sha(file: Path) -> str:
 def python(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     environment = {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(
-        [sys.executable, *words], cwd=folder, capture_output=True, text=True, check=False, env=environment
+        [sys.executable, *words],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
     )
 
 
@@ -106,25 +119,43 @@ def refused_after(folder: Path, command: list[str], changed: Path, told: str) ->
     assert told in line
     assert "must be 'sha256:" in line
     assert "choose another --out" in line
-    assert {file.name.split(".")[0] for file in (folder / "out" / "rows").iterdir()} == {"chunk_0000000"}
+    assert {
+        file.name.split(".")[0] for file in (folder / "out" / "rows").iterdir()
+    } == {"chunk_0000000"}
 
 
 @pytest.mark.thorough
-def test_a_study_refuses_a_module_that_its_plugin_imports_when_that_has_changed(tmp_path: Path) -> None:
+def test_a_study_refuses_a_module_that_its_plugin_imports_when_that_has_changed(
+    tmp_path: Path,
+) -> None:
     study(tmp_path)
-    (tmp_path / "push_plugin.py").write_text(FORCE.format(top="from push_helper import GAIN"))
+    (tmp_path / "push_plugin.py").write_text(
+        FORCE.format(top="from push_helper import GAIN")
+    )
     helper = tmp_path / "push_helper.py"
     helper.write_text("GAIN = 1.0\n")
-    command = ["-m", "skyarm", "--plugin", "push_plugin.py", "sweep", "st.toml", "--out", "out"]
+    command = [
+        "-m",
+        "skyarm",
+        "--plugin",
+        "push_plugin.py",
+        "sweep",
+        "st.toml",
+        "--out",
+        "out",
+    ]
     refused_after(tmp_path, command, helper, "plugin 'push_helper.py' = 'sha256:")
 
 
 @pytest.mark.thorough
-def test_a_study_of_a_script_refuses_the_script_when_it_has_changed(tmp_path: Path) -> None:
+def test_a_study_of_a_script_refuses_the_script_when_it_has_changed(
+    tmp_path: Path,
+) -> None:
     study(tmp_path)
     script = tmp_path / "push_script.py"
     script.write_text(
-        FORCE.format(top="GAIN = 1.0") + '\nif __name__ == "__main__":\n    skyarm.fly_sweep("st.toml", "out")\n'
+        FORCE.format(top="GAIN = 1.0")
+        + '\nif __name__ == "__main__":\n    skyarm.fly_sweep("st.toml", "out")\n'
     )
     refused_after(tmp_path, [script.name], script, "plugin 'push_script.py' = 'sha256:")
 
@@ -143,16 +174,26 @@ def of_script(folder: Path, gain: float) -> tuple[skyarm.Scenario, Path]:
     file.write_text(FORCE.format(top=f"GAIN = {gain}"))
     with registry_kept():
         force = imported(file).Push()
-    return dataclasses.replace(skyarm.load_scenario("case1", duration=0.05), forces=(force,)), file
+    return (
+        dataclasses.replace(
+            skyarm.load_scenario("case1", duration=0.05), forces=(force,)
+        ),
+        file,
+    )
 
 
-def test_a_scenario_and_its_log_have_another_digest_when_own_code_has_changed(tmp_path: Path) -> None:
+def test_a_scenario_and_its_log_have_another_digest_when_own_code_has_changed(
+    tmp_path: Path,
+) -> None:
     scenario, file = of_script(tmp_path, 1.0)
     first, before = identity(scenario), skyarm.run(scenario)
     assert before.info["code"] == own_files(scenario) == {"push_own.py": sha(file)}
     assert before.info["plugins"] == {}
     again, _ = of_script(tmp_path, 1.0)
-    assert (identity(again), skyarm.run(again).info["digest"]) == (first, before.info["digest"])
+    assert (identity(again), skyarm.run(again).info["digest"]) == (
+        first,
+        before.info["digest"],
+    )
     other, _ = of_script(tmp_path, 2.0)
     after = skyarm.run(other)
     assert after.info["scenario_record"] == before.info["scenario_record"]
@@ -160,16 +201,23 @@ def test_a_scenario_and_its_log_have_another_digest_when_own_code_has_changed(tm
     assert after.info["digest"] != before.info["digest"]
 
 
-def test_a_log_of_own_code_is_read_back_and_refused_when_that_has_changed(tmp_path: Path) -> None:
+def test_a_log_of_own_code_is_read_back_and_refused_when_that_has_changed(
+    tmp_path: Path,
+) -> None:
     scenario, _ = of_script(tmp_path, 1.0)
     skyarm.register.force("push_read_back")(type(scenario.forces[0]))
     log = skyarm.run(scenario)
     assert identity(log.scenario) == identity(scenario)
     of_script(tmp_path, 2.0)
-    with pytest.raises(ValueError, match=r"^code 'push_own.py' = 'sha256:.*must be 'sha256:.* as it was flown$"):
+    with pytest.raises(
+        ValueError,
+        match=r"^code 'push_own.py' = 'sha256:.*must be 'sha256:.* as it was flown$",
+    ):
         _ = log.scenario
     log.info["code"] = {}
-    with pytest.raises(ValueError, match="must be of the log's digest; it was changed after"):
+    with pytest.raises(
+        ValueError, match="must be of the log's digest; it was changed after"
+    ):
         _ = log.scenario
 
 
@@ -222,7 +270,9 @@ def shipped_around(inner: Any) -> Any:
         ("/home/me/.venv/lib/python3.11/site-packages/scipy/__init__.py", False),
     ],
 )
-def test_beside_a_plugin_is_what_is_neither_elsewhere_nor_installed(file: str, beside: bool) -> None:
+def test_beside_a_plugin_is_what_is_neither_elsewhere_nor_installed(
+    file: str, beside: bool
+) -> None:
     assert is_beside(file, "/home/me") is beside
 
 
@@ -238,9 +288,20 @@ HERE = {Path(__file__).name: sha(Path(__file__))}
 
 @pytest.mark.parametrize(
     "thing",
-    [mine, Mine, Mine(), Child(1.0, 2.0, 3.0), [{"a": (mine,)}], functools.partial(load_plugin, mine),
-     functools.partial(print, key=mine), functools.lru_cache(mine), closed(mine), lambda: 0,
-     shipped_around(mine), {1: frozenset([mine])}],
+    [
+        mine,
+        Mine,
+        Mine(),
+        Child(1.0, 2.0, 3.0),
+        [{"a": (mine,)}],
+        functools.partial(load_plugin, mine),
+        functools.partial(print, key=mine),
+        functools.lru_cache(mine),
+        closed(mine),
+        lambda: 0,
+        shipped_around(mine),
+        {1: frozenset([mine])},
+    ],
 )
 def test_own_code_is_found_wherever_it_stands(thing: object) -> None:
     assert own_files(thing) == HERE
@@ -275,21 +336,33 @@ def test_a_plugin_brings_the_modules_of_its_folder_that_it_imported(
     load_again(loaded_plugins())
     (folder / "inner.py").write_text("GAIN = 2.0\n")
     for again in (lambda: load_plugin(file), lambda: load_again(loaded_plugins())):
-        with pytest.raises(RegistryError, match=r"push_mine.py': '.*inner.py', which it imports, has changed since"):
+        with pytest.raises(
+            RegistryError,
+            match=r"push_mine.py': '.*inner.py', which it imports, has changed since",
+        ):
             again()
 
 
-def test_a_worker_refuses_another_module_of_a_plugins_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_refuses_another_module_of_a_plugins_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "push_told.py").write_text("GAIN = 2.0\n")
     file = tmp_path / "push_worker.py"
     file.write_text("import push_told\n")
-    theirs = Plugin(str(file), sha(file), ((str(tmp_path / "push_told.py"), "sha256:of another"),))
-    with pytest.raises(RegistryError, match=r"push_told.py', which it imports, has changed since it was loaded first"):
+    theirs = Plugin(
+        str(file), sha(file), ((str(tmp_path / "push_told.py"), "sha256:of another"),)
+    )
+    with pytest.raises(
+        RegistryError,
+        match=r"push_told.py', which it imports, has changed since it was loaded first",
+    ):
         load_again([theirs])
 
 
-def test_a_plugin_that_fails_leaves_no_module_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plugin_that_fails_leaves_no_module_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "push_half.py").write_text("")
     file = tmp_path / "push_fails.py"
@@ -318,7 +391,10 @@ def test_an_identity_has_the_plugins_that_are_loaded_in_it(tmp_path: Path) -> No
 
 
 def test_code_without_a_file_is_told_by_itself() -> None:
-    codes = [compile(text, "<stdin>", "exec") for text in ("a = 1", "a = 1", "a = 2", "f = lambda x: x in {1, 2}")]
+    codes = [
+        compile(text, "<stdin>", "exec")
+        for text in ("a = 1", "a = 1", "a = 2", "f = lambda x: x in {1, 2}")
+    ]
     told = [source_of(code) for code in codes]
     assert told[0] == told[1]
     assert len({identity for _, identity in told}) == 3
@@ -341,7 +417,9 @@ def test_a_cell_of_a_comparison_is_of_the_code_that_flew(tmp_path: Path) -> None
     file = tmp_path / "push_cell.py"
     file.write_text(FORCE.format(top="GAIN = 1.0"))
     imported(file)
-    flights = OwnScenario(scenario=str(tmp_path / "pushed.toml"), laws=["paper_pd"]).plan_cells()[0][0]
+    flights = OwnScenario(
+        scenario=str(tmp_path / "pushed.toml"), laws=["paper_pd"]
+    ).plan_cells()[0][0]
     first = flights.work().key
     assert flights.work().key == first
     file.write_text(FORCE.format(top="GAIN = 2.0"))
@@ -364,21 +442,34 @@ def test_a_study_knows_the_files_of_the_metrics_that_it_counts(tmp_path: Path) -
     assert counted["plugins"] == {"push_metric.py": sha(metric)}
 
 
-@pytest.mark.parametrize("names", [("first.py", "second.py"), ("a/same.py", "b/same.py")])
-def test_the_order_in_which_plugins_are_loaded_changes_no_digest(names: tuple[str, str], tmp_path: Path) -> None:
-    """Neither of a study, nor of a comparison's cells; two files of one name are told apart by what they hold."""
+@pytest.mark.parametrize(
+    "names", [("first.py", "second.py"), ("a/same.py", "b/same.py")]
+)
+def test_the_order_in_which_plugins_are_loaded_changes_no_digest(
+    names: tuple[str, str], tmp_path: Path
+) -> None:
+    """Neither of a study, nor of a comparison's cells; two files of one name are told
+    apart by what they hold.
+    """
     found = []
     for order in (names, names[::-1]):
         with registry_kept():
             for name in order:
                 file = tmp_path / name
                 file.parent.mkdir(exist_ok=True)
-                file.write_text(METRIC.replace("push_count", f"push_{names.index(name)}"))
+                file.write_text(
+                    METRIC.replace("push_count", f"push_{names.index(name)}")
+                )
                 load_plugin(file)
             manifest = prepare(small_study()).manifest
             cell = OwnScenario(scenario="case1", laws=["paper_pd"]).plan_cells()[0][0]
             found.append(
-                (manifest.digest, cell.work().key, list(identities().items()), list(manifest.study["plugins"]))
+                (
+                    manifest.digest,
+                    cell.work().key,
+                    list(identities().items()),
+                    list(manifest.study["plugins"]),
+                )
             )
     assert found[0] == found[1]
     assert len(found[0][2]) == len(found[0][3]) == 2

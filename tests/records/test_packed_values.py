@@ -1,4 +1,6 @@
-"""What travels to another process flies there as it does here: functions, classes and records of all kinds."""
+"""What travels to another process flies there as it does here: functions, classes and
+records of all kinds.
+"""
 
 from __future__ import annotations
 
@@ -32,30 +34,47 @@ def _python(*arguments: str, given: bytes = b"") -> bytes:
     """What a fresh process writes."""
     paths = [str(Path(travelling_laws.__file__).parent), *sys.path]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
-    done = subprocess.run([sys.executable, *arguments], input=given, capture_output=True, check=False, env=environment)
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        input=given,
+        capture_output=True,
+        check=False,
+        env=environment,
+    )
     assert done.returncode == 0, done.stderr.decode()
     return done.stdout
 
 
 def _flown_there(packed: Iterable[bytes]) -> list[dict[str, bytes]]:
     """Arrays of flights of scenarios that a fresh process unpacks."""
-    found: list[dict[str, bytes]] = pickle.loads(_python("-c", UNPACKS, given=pickle.dumps(list(packed))))
+    found: list[dict[str, bytes]] = pickle.loads(
+        _python("-c", UNPACKS, given=pickle.dumps(list(packed)))
+    )
     return found
 
 
 def _same_there(flights: dict[str, tuple[dict[str, bytes], bytes]]) -> dict[str, bool]:
     there = _flown_there(content for _, content in flights.values())
-    return {name: here == other for (name, (here, _)), other in zip(flights.items(), there, strict=True)}
+    return {
+        name: here == other
+        for (name, (here, _)), other in zip(flights.items(), there, strict=True)
+    }
 
 
 @pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.thorough)])
-def test_laws_of_a_module_and_of_a_script_fly_as_where_they_were_made(every: int) -> None:
+def test_laws_of_a_module_and_of_a_script_fly_as_where_they_were_made(
+    every: int,
+) -> None:
     here = {make.__name__: make for make in travelling_laws.OF_MODULES[::every]}
     of_script = pickle.loads(_python(travelling_laws.__file__))
-    flights = travelling_laws.packed_flights(here) | {f"script: {name}": each for name, each in of_script.items()}
+    flights = travelling_laws.packed_flights(here) | {
+        f"script: {name}": each for name, each in of_script.items()
+    }
     assert len(flights) == len(here) + len(travelling_laws.OF_SCRIPTS)
     assert _same_there(flights) == dict.fromkeys(flights, True)
-    plain = travelling_laws.arrays_of(skyarm.load_scenario("case1", controller="paper_pd", duration=0.1))
+    plain = travelling_laws.arrays_of(
+        skyarm.load_scenario("case1", controller="paper_pd", duration=0.1)
+    )
     assert plain not in [arrays for arrays, _ in flights.values()]
 
 
@@ -73,12 +92,17 @@ def _scenario_of(name: str) -> Any:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("names", [SHIPPED[i : i + 9] for i in range(0, len(SHIPPED), 9)])
+@pytest.mark.parametrize(
+    "names", [SHIPPED[i : i + 9] for i in range(0, len(SHIPPED), 9)]
+)
 def test_shipped_laws_go_by_name_and_fly_as_here(names: tuple[str, ...]) -> None:
     scenarios = {name: _scenario_of(name) for name in names}
     for each in scenarios.values():
         assert pickle.loads(pickle.dumps(each)).controller == each.controller
-    flights = {name: (travelling_laws.arrays_of(each), pack(each)) for name, each in scenarios.items()}
+    flights = {
+        name: (travelling_laws.arrays_of(each), pack(each))
+        for name, each in scenarios.items()
+    }
     assert _same_there(flights) == dict.fromkeys(names, True)
 
 
@@ -103,7 +127,9 @@ def test_what_a_function_carries_travels() -> None:
     assert unpack(pack(give)).mark == "blue"
 
 
-def test_a_module_that_nobody_can_import_goes_by_content(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_module_that_nobody_can_import_goes_by_content(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     made = type(sys)("made_of_nothing")
     monkeypatch.setitem(sys.modules, made.__name__, made)
     exec("GAIN = 3.0\ndef make():\n    return lambda x: GAIN * x", vars(made))

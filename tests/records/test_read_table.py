@@ -1,4 +1,6 @@
-"""A record's annotations are read once: by its table in a file, by the check where it is made, by comments."""
+"""A record's annotations are read once: by its table in a file, by the check where it
+is made, by comments.
+"""
 
 from __future__ import annotations
 
@@ -41,19 +43,30 @@ TABLE = {"spring": {"stiffness": 3}, "anchor": [0, 1.5, 2]}
 
 
 def test_a_table_is_read_by_the_annotations_units_or_not() -> None:
-    tether = record_from(Tether, Fields({**TABLE, "length": 2, "turns": 4.0}, "forces[0]"))
+    tether = record_from(
+        Tether, Fields({**TABLE, "length": 2, "turns": 4.0}, "forces[0]")
+    )
     assert tether == Tether(Spring(3.0), skyarm.Vec3(0.0, 1.5, 2.0), 2.0, 4)
     assert record_from(Tether, Fields(TABLE, "forces[0]")).length is None
 
 
 def test_a_zero_is_data_unless_its_field_folds() -> None:
-    made, read = Tether(Spring(3.0), [0, 0.0, 2]), record_from(Tether, Fields(TABLE, ""), folds=True)  # type: ignore[arg-type]
-    assert [type(each) for tether in (made, read) for each in tether.anchor] == [float] * 6
+    made, read = (
+        Tether(Spring(3.0), [0, 0.0, 2]),
+        record_from(Tether, Fields(TABLE, ""), folds=True),
+    )  # type: ignore[arg-type]
+    assert [type(each) for tether in (made, read) for each in tether.anchor] == [
+        float
+    ] * 6
 
 
 def test_an_entry_is_read_back_and_a_class_that_no_file_can_name_has_none() -> None:
     tether = Tether(Spring(3.0), skyarm.Vec3(0.0, 1.5, 2.0), turns=4)
-    assert entry_of(tether) == {"spring": {"stiffness": 3.0}, "anchor": [0.0, 1.5, 2.0], "turns": 4}
+    assert entry_of(tether) == {
+        "spring": {"stiffness": 3.0},
+        "anchor": [0.0, 1.5, 2.0],
+        "turns": 4,
+    }
     assert record_from(Tether, Fields(entry_of(tether), "")) == tether
     with pytest.raises(TypeError, match=r"^Own is registered under no name$"):
         entry_of(Own())
@@ -64,7 +77,9 @@ def test_the_unit_of_an_option_of_a_union_is_the_field_s() -> None:
         "anchor": "m, world axes",
         "length": "m, at rest",
     }
-    with pytest.raises(RecordError, match=r"^tether\.length = -1\.0: must be at least 0$"):
+    with pytest.raises(
+        RecordError, match=r"^tether\.length = -1\.0: must be at least 0$"
+    ):
         Tether(Spring(1.0), skyarm.Vec3(0.0, 0.0, 0.0), -1.0)
 
 
@@ -74,10 +89,15 @@ def test_the_unit_of_an_option_of_a_union_is_the_field_s() -> None:
         ({"length": "long"}, "forces[0].length = 'long': must be a finite number"),
         ({"turns": 1.5}, "forces[0].turns = 1.5: must be a whole number"),
         ({"anchor": [1, 2]}, "forces[0].anchor = [1, 2]: must be three numbers"),
-        ({"spring": {"stiffness": 1, "colour": 2}}, "forces[0].spring.colour = 2: unknown field"),
+        (
+            {"spring": {"stiffness": 1, "colour": 2}},
+            "forces[0].spring.colour = 2: unknown field",
+        ),
     ],
 )
-def test_what_an_annotation_does_not_allow_is_named(change: dict[str, object], words: str) -> None:
+def test_what_an_annotation_does_not_allow_is_named(
+    change: dict[str, object], words: str
+) -> None:
     with pytest.raises(ValueError) as error:  # noqa: PT011
         record_from(Tether, Fields({**TABLE, **change}, "forces[0]"))
     assert str(error.value).startswith(words)
@@ -89,14 +109,23 @@ class Lost:
 
 
 def test_an_annotation_that_cannot_be_found_is_one_line() -> None:
-    with pytest.raises(ValueError, match=r"^forces\[0\]\.mass: the annotation of this field names a type that cannot"):
+    with pytest.raises(
+        ValueError,
+        match=(
+            r"^forces\[0\]\.mass: the annotation of this field names a type that cannot"
+        ),
+    ):
         record_from(Lost, Fields({"mass": 1.0}, "forces[0]"))
 
 
 def test_options_of_a_function_are_read_by_the_same_rules() -> None:
-    def lemniscate(size: Annotated[float, Unit("m")], turns: int = 2, *, level=0.0) -> None: ...  # type: ignore[no-untyped-def]
+    def lemniscate(
+        size: Annotated[float, Unit("m")], turns: int = 2, *, level=0.0
+    ) -> None: ...  # type: ignore[no-untyped-def]
 
-    assert options_from(lemniscate, Fields({"size": 2, "turns": 3, "level": 1}, "reference")) == {
+    assert options_from(
+        lemniscate, Fields({"size": 2, "turns": 3, "level": 1}, "reference")
+    ) == {
         "size": 2.0,
         "turns": 3,
         "level": 1.0,

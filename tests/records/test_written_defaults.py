@@ -1,7 +1,9 @@
-"""A default that is written out changes nothing: every table of the pages, and flights to the bit.
+"""A default that is written out changes nothing: every table of the pages, and flights
+to the bit.
 
-The defaults are those of the pages' columns, as texts. A scenario that is read with them must be the one that is read
-without them, to the type of each number: flights follow from records.
+The defaults are those of the pages' columns, as texts. A scenario that is read with
+them must be the one that is read without them, to the type of each number: flights
+follow from records.
 """
 
 from __future__ import annotations
@@ -43,9 +45,20 @@ SENSORS: Tables = {
     "compass": {"kind": "magnetometer"},
     "barometer": {"kind": "barometer"},
 }
-BOX: Tables = {"name": "box", "size": [0.1, 0.1, 0.1], "mass": 0.1, "position": [1.0, 0.0, 0.05]}
+BOX: Tables = {
+    "name": "box",
+    "size": [0.1, 0.1, 0.1],
+    "mass": 0.1,
+    "position": [1.0, 0.0, 0.05],
+}
 GUST: Tables = {"start": 0.1, "duration": 0.1}
-DOOR: Tables = {"name": "door", "kind": "door", "size": [0.5, 1.0, 0.05], "mass": 5.0, "position": [5.0, 0.0, 0.0]}
+DOOR: Tables = {
+    "name": "door",
+    "kind": "door",
+    "size": [0.5, 1.0, 0.05],
+    "mass": 5.0,
+    "position": [5.0, 0.0, 0.0],
+}
 HOVER: Tables = {"kind": "hover", "position": [0.0, 0.0, 2.0]}
 SERVO: Tables = {"inertia": 1e-3, "stiffness": 2.0}
 
@@ -83,7 +96,10 @@ def governed() -> Tables:
 
 def led() -> Tables:
     path = {"kind": "hover", "position": [0.0, 0.0, 1.8]}
-    return tables(controller={"law": "centroidal", "mode": "tip"}, reference={"tip": {"path": path}})
+    return tables(
+        controller={"law": "centroidal", "mode": "tip"},
+        reference={"tip": {"path": path}},
+    )
 
 
 def safe(**own: Any) -> Tables:
@@ -97,17 +113,28 @@ def team(law: str) -> Tables:
 
 
 def led_on(vehicle: str, **options: Any) -> Tables:
-    """Tables of a law that keeps the tip of a vehicle, by whose arm it computes defaults."""
+    """Tables of a law that keeps the tip of a vehicle, by whose arm it computes
+    defaults.
+    """
     law = {"law": "centroidal", "mode": "tip", **options}
-    return tables(controller=law, plant={"vehicle": vehicle}, reference={"base": HOVER, "load": 0.0})
+    return tables(
+        controller=law,
+        plant={"vehicle": vehicle},
+        reference={"base": HOVER, "load": 0.0},
+    )
 
 
 def standing() -> Tables:
     """Tables of a vehicle that stands on a floor with its skids."""
     points = [
-        {"name": f"skid{x}{y}", "body": "base", "position": [0.1 * x, 0.1 * y, -0.3]} for x in (-1, 1) for y in (-1, 1)
+        {"name": f"skid{x}{y}", "body": "base", "position": [0.1 * x, 0.1 * y, -0.3]}
+        for x in (-1, 1)
+        for y in (-1, 1)
     ]
-    return world(points=points) | {"initial": {"standing": True}, "reference": {"base": HOVER, "joints": [1.5, 1.5]}}
+    return world(points=points) | {
+        "initial": {"standing": True},
+        "reference": {"base": HOVER, "joints": [1.5, 1.5]},
+    }
 
 
 SAFETY = f"{WORDS} controller.safety -"
@@ -115,9 +142,19 @@ PAGES: list[tuple[str, str, str, Tables]] = [
     ("scenario_files", f"{WORDS} top", "", tables()),
     ("scenario_files", f"{WORDS} rates", "rates", tables()),
     ("scenario_files", f"{WORDS} plant", "plant", tables()),
-    ("scenario_files", f"{WORDS} model", "model", tables(model={"vehicle": "hummingbird_arm2"})),
+    (
+        "scenario_files",
+        f"{WORDS} model",
+        "model",
+        tables(model={"vehicle": "hummingbird_arm2"}),
+    ),
     ("scenario_files", f"{WORDS} controller -->", "controller", tables()),
-    ("scenario_files", f"{WORDS} environment =", "environment", tables(environment={"wind": {"mode": "force_wind"}})),
+    (
+        "scenario_files",
+        f"{WORDS} environment =",
+        "environment",
+        tables(environment={"wind": {"mode": "force_wind"}}),
+    ),
     (
         "scenario_files",
         f"{WORDS} environment.faults loss",
@@ -126,7 +163,12 @@ PAGES: list[tuple[str, str, str, Tables]] = [
     ),
     ("scenario_files", f"{WORDS} sensors", "sensors", tables(sensors={"joints": 0.01})),
     ("scenario_files", f"{WORDS} delays", "delays", tables()),
-    ("scenario_files", f"{WORDS} initial", "initial", tables(initial={"position": [0.0, 0.0, 2.0]})),
+    (
+        "scenario_files",
+        f"{WORDS} initial",
+        "initial",
+        tables(initial={"position": [0.0, 0.0, 2.0]}),
+    ),
     ("scenario_files", f"{WORDS} reference +", "reference", tables()),
     ("scenario_files", f"{SAFETY}joint_speed", "controller.safety", safe()),
     (
@@ -145,7 +187,14 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         "scenario_files",
         f"{WORDS} environment.wind force_wind",
         "environment.wind",
-        tables(environment={"wind": {"mode": "force_wind", "gust": {"force": [0.1, 0.0, 0.0], **GUST}}}),
+        tables(
+            environment={
+                "wind": {
+                    "mode": "force_wind",
+                    "gust": {"force": [0.1, 0.0, 0.0], **GUST},
+                }
+            }
+        ),
     ),
     (
         "scenario_files",
@@ -162,11 +211,21 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         ),
     ),
     *(
-        ("laws", f"<!-- generated: law {law} -", "controller", tables(controller={"law": law}))
+        (
+            "laws",
+            f"<!-- generated: law {law} -",
+            "controller",
+            tables(controller={"law": law}),
+        )
         for law in SHIPPED["law"]
     ),
     *(
-        ("laws", "<!-- generated: law centroidal -", "controller", led_on(vehicle, **options))
+        (
+            "laws",
+            "<!-- generated: law centroidal -",
+            "controller",
+            led_on(vehicle, **options),
+        )
         for vehicle, options in (
             ("hexarotor_arm6", {}),  # a light tip
             ("octo_coaxial_two_arms", {}),  # sliding joints
@@ -175,7 +234,12 @@ PAGES: list[tuple[str, str, str, Tables]] = [
             ("tilted_hexarotor", {"mode": "joint"}),  # no arm
         )
     ),
-    ("scenario_files", f"{WORDS} controller -->", "controller", tables(controller={"preset": "centroidal_tip"})),
+    (
+        "scenario_files",
+        f"{WORDS} controller -->",
+        "controller",
+        tables(controller={"preset": "centroidal_tip"}),
+    ),
     ("scenario_files", f"{WORDS} initial", "initial", standing()),
     *(
         ("carry_together", f"{RECORD}.world.team.{law}:{kind} -", "team", team(law))
@@ -187,17 +251,47 @@ PAGES: list[tuple[str, str, str, Tables]] = [
     ),
     ("autopilots", "| option of `[controller]` |", "controller", flown_by("px4")),
     ("autopilots", "| field of `gains` |", "controller.gains", flown_by("betaflight")),
-    ("path_governor", "| field | meaning | raise it when |", "reference.governor", governed()),
+    (
+        "path_governor",
+        "| field | meaning | raise it when |",
+        "reference.governor",
+        governed(),
+    ),
     ("tip_and_tasks", "| `[reference.tip]` |", "reference.tip", led()),
-    ("tip_and_tasks", "| limit | unit |", "reference.base", moved(kind="waypoints", points=[[0, 0, 1], [1, 0, 1]])),
+    (
+        "tip_and_tasks",
+        "| limit | unit |",
+        "reference.base",
+        moved(kind="waypoints", points=[[0, 0, 1], [1, 0, 1]]),
+    ),
     ("contact", "| `[world]` |", "world", world()),
     ("contact", "| `[[world.surfaces]]` |", "world.surfaces.0", world()),
     ("contact", "| `material` | unit", "world.surfaces.0.material", world()),
-    ("contact", "| `[[world.points]]` |", "world.points.0", world(points=[{"name": "p", "body": "base"}])),
+    (
+        "contact",
+        "| `[[world.points]]` |",
+        "world.points.0",
+        world(points=[{"name": "p", "body": "base"}]),
+    ),
     ("contact", "| `[[world.objects]]` |", "world.objects.0", world(objects=[BOX])),
-    ("contact", "| `[[world.grippers]]` |", "world.grippers.0", world(objects=[BOX], grippers=[{"name": "magnet"}])),
-    ("mechanisms", "| `[[world.mechanisms]]` |", "world.mechanisms.0", world(mechanisms=[DOOR])),
-    ("disturbances_and_payloads", "| `[[payloads]]` |", "payloads.0", tables(payloads=[{"mass": 0.1, "pick": 0.1}])),
+    (
+        "contact",
+        "| `[[world.grippers]]` |",
+        "world.grippers.0",
+        world(objects=[BOX], grippers=[{"name": "magnet"}]),
+    ),
+    (
+        "mechanisms",
+        "| `[[world.mechanisms]]` |",
+        "world.mechanisms.0",
+        world(mechanisms=[DOOR]),
+    ),
+    (
+        "disturbances_and_payloads",
+        "| `[[payloads]]` |",
+        "payloads.0",
+        tables(payloads=[{"mass": 0.1, "pick": 0.1}]),
+    ),
     (
         "disturbances_and_payloads",
         "| `[[payloads]]` |",
@@ -210,12 +304,20 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         "estimator",
         tables(sensors=SENSORS, estimator={"kind": "ekf"}),
     ),
-    *(("sensors", "| field of one kind |", f"sensors.{name}", tables(sensors=SENSORS)) for name in SENSORS),
+    *(
+        ("sensors", "| field of one kind |", f"sensors.{name}", tables(sensors=SENSORS))
+        for name in SENSORS
+    ),
     (
         "actuators",
         f"{RECORD}.dynamics.actuators.servo:PositionServo",
         "plant.drives.joint1",
-        tables(plant={"vehicle": "hummingbird_arm2_rotors", "drives": {"joint1": {"kind": "position_servo", **SERVO}}}),
+        tables(
+            plant={
+                "vehicle": "hummingbird_arm2_rotors",
+                "drives": {"joint1": {"kind": "position_servo", **SERVO}},
+            }
+        ),
     ),
 ]
 
@@ -244,29 +346,48 @@ thrust_table = { speed = [300.0, 900.0], thrust = [1.0, 9.0], torque = [0.02, 0.
 """
 
 OTHER_KIND = re.compile("unknown field|must be a table")
-"""Refusal of a key that another kind of the same table has, or has as a table of errors."""
+"""Refusal of a key that another kind of the same table has, or has as a table of
+errors."""
 
 
 def literal(cell: str, kind: str) -> Any:
-    """Default of a page's cell as a file has it; None for one in words. A vector's number is three, of joints two."""
+    """Default of a page's cell as a file has it; None for one in words. A vector's
+    number is three, of joints two.
+    """
     try:
         value = tomllib.loads(f"x = {cell.strip('`')}")["x"]
     except tomllib.TOMLDecodeError:
         return None
-    counts = {"(3|three) numbers": 3, "list of numbers, rad$": 0, "(list of numbers|one number for each joint)": 2}
-    several = next((count for words, count in counts.items() if re.match(words, kind)), None)
-    return value if several is None or isinstance(value, list) else [float(value)] * several
+    counts = {
+        "(3|three) numbers": 3,
+        "list of numbers, rad$": 0,
+        "(list of numbers|one number for each joint)": 2,
+    }
+    several = next(
+        (count for words, count in counts.items() if re.match(words, kind)), None
+    )
+    return (
+        value
+        if several is None or isinstance(value, list)
+        else [float(value)] * several
+    )
 
 
 def defaults(page: str, head: str) -> Iterator[tuple[str, Any]]:
     """Field and default of every row of a table that has a default to write."""
     text = (DOCS / f"{page}.md").read_text("utf-8")
     block = text[text.index("|", text.index(head)) :].split("\n\n")[0]
-    at = [cell.strip() for cell in block.splitlines()[0].strip("| ").split(" | ")].index("default")
+    at = [
+        cell.strip() for cell in block.splitlines()[0].strip("| ").split(" | ")
+    ].index("default")
     for row in cells_of(block):
         # "| `on`, `off` | ... | 0.5, 0.25 |"
         names, cells = re.findall(r"`([\w.]+)`", row[0]), row[at].split(", ")
-        for name, cell in zip(names, cells if len(cells) == len(names) else [row[at]] * len(names), strict=True):
+        for name, cell in zip(
+            names,
+            cells if len(cells) == len(names) else [row[at]] * len(names),
+            strict=True,
+        ):
             value = literal(cell, row[1])
             if value is not None:
                 yield name, value
@@ -285,17 +406,26 @@ def text(record: Any) -> str:
 
 
 OTHER_FORM = ("controller.rate_weights = [1.0, 1.0]", "world.grippers.0.closed = 1")
-"""Defaults that the record has in another form when they are written; these are flown, to the bit."""
+"""Defaults that the record has in another form when they are written; these are flown,
+to the bit."""
 
 
 def flown(document: Tables) -> tuple[str, list[Any]]:
     """Metrics and paths of a short flight."""
     log = skyarm.run(skyarm.scenario_from(document))
-    return repr(score(log, ("standard",))), [log.position.tolist(), log.joints.tolist(), log.rotor_commands.tolist()]
+    return repr(score(log, ("standard",))), [
+        log.position.tolist(),
+        log.joints.tolist(),
+        log.rotor_commands.tolist(),
+    ]
 
 
-def changed(page: str, head: str, path: str, document: Tables, read: Any = skyarm.scenario_from) -> list[str]:
-    """Lines of a table's defaults that change the record when they are written, or are refused."""
+def changed(
+    page: str, head: str, path: str, document: Tables, read: Any = skyarm.scenario_from
+) -> list[str]:
+    """Lines of a table's defaults that change the record when they are written, or are
+    refused.
+    """
     every, bare = copy.deepcopy(document), text(read(document))
     lines, alone = list[str](), list[tuple[str, Tables]]()
     for name, value in defaults(page, head):
@@ -315,7 +445,9 @@ def changed(page: str, head: str, path: str, document: Tables, read: Any = skyar
         pass  # some are of another kind
     for line, more in alone:
         try:
-            same = text(read(more)) == bare or (line in OTHER_FORM and flown(document) == flown(more))
+            same = text(read(more)) == bare or (
+                line in OTHER_FORM and flown(document) == flown(more)
+            )
             lines += [] if same else [line]
         except ValueError as error:
             lines += [] if OTHER_KIND.search(str(error)) else [f"{line}: {error}"]
@@ -323,7 +455,9 @@ def changed(page: str, head: str, path: str, document: Tables, read: Any = skyar
 
 
 @pytest.mark.parametrize(
-    ("page", "head", "path", "document"), PAGES, ids=[f"{p[0]} {p[2]} {p[1][-25:]}" for p in PAGES]
+    ("page", "head", "path", "document"),
+    PAGES,
+    ids=[f"{p[0]} {p[2]} {p[1][-25:]}" for p in PAGES],
 )
 def test_a_default_of_a_page_that_is_written_is_the_one_left_out(
     page: str, head: str, path: str, document: Tables
@@ -335,13 +469,30 @@ def test_a_default_of_a_page_that_is_written_is_the_one_left_out(
 def test_a_written_default_of_a_vehicle_file_is_the_one_left_out(kind: str) -> None:
     """A name to each part, and what the page requires."""
     document = tomllib.loads(VEHICLE)
-    path = {"joint": "links.0.joint", "rotors": "rotors.0", "body": "base", "drag": "drag", "frames": "frames.0"}
-    assert changed("vehicle_files", f"<!-- generated: vehicle {kind} -->", path.get(kind, ""), document, vehicle) == []
+    path = {
+        "joint": "links.0.joint",
+        "rotors": "rotors.0",
+        "body": "base",
+        "drag": "drag",
+        "frames": "frames.0",
+    }
+    assert (
+        changed(
+            "vehicle_files",
+            f"<!-- generated: vehicle {kind} -->",
+            path.get(kind, ""),
+            document,
+            vehicle,
+        )
+        == []
+    )
 
 
 def test_the_default_window_of_the_end_is_that_of_a_shorter_flight() -> None:
     """The page's 5 s, written in a flight of 0.6 s."""
-    assert flown(tables(duration=0.6)) == flown(tables(duration=0.6, windows={"last": 5}))
+    assert flown(tables(duration=0.6)) == flown(
+        tables(duration=0.6, windows={"last": 5})
+    )
 
 
 def test_a_standing_start_may_be_said_to_be_level_and_at_rest() -> None:
@@ -350,19 +501,37 @@ def test_a_standing_start_may_be_said_to_be_level_and_at_rest() -> None:
         document["initial"] |= own
         return skyarm.scenario_from(document).agent.initial
 
-    assert text(started(quaternion_wxyz=[1.0, 0.0, 0.0, 0.0], velocity=[0.0, 0.0, 0.0])) == text(started())
-    for wrong in ({"quaternion_wxyz": [0.0, 1.0, 0.0, 0.0]}, {"velocity": [0.1, 0.0, 0.0]}):
-        with pytest.raises(ValueError, match="must be left out of a start that is standing"):
+    assert text(
+        started(quaternion_wxyz=[1.0, 0.0, 0.0, 0.0], velocity=[0.0, 0.0, 0.0])
+    ) == text(started())
+    for wrong in (
+        {"quaternion_wxyz": [0.0, 1.0, 0.0, 0.0]},
+        {"velocity": [0.1, 0.0, 0.0]},
+    ):
+        with pytest.raises(
+            ValueError, match="must be left out of a start that is standing"
+        ):
             started(**wrong)
 
 
 def vehicle(document: Mapping[str, Any]) -> Any:
-    """Vehicle of a document; where its numbers come from is another thing: of lags that are stated it says so."""
+    """Vehicle of a document; where its numbers come from is another thing: of lags that
+    are stated it says so.
+    """
     return dataclasses.replace(vehicle_from(document, lambda *_: None), sources=())
 
 
 def test_a_written_default_of_a_battery_is_the_one_left_out() -> None:
-    assert changed("actuators", f"{RECORD}.vehicle.battery:Battery", "battery", tomllib.loads(VEHICLE), vehicle) == []
+    assert (
+        changed(
+            "actuators",
+            f"{RECORD}.vehicle.battery:Battery",
+            "battery",
+            tomllib.loads(VEHICLE),
+            vehicle,
+        )
+        == []
+    )
 
 
 @pytest.mark.parametrize("kind", [TaskLimits, Contact, Start, Goal])
@@ -370,7 +539,16 @@ def test_a_written_default_of_a_planned_task_is_the_one_left_out(kind: type) -> 
     def read(document: Tables) -> Any:
         return record_from(kind, Fields(copy.deepcopy(document), ""))
 
-    assert changed("planning_tasks", f"{RECORD}.planning.task.{kind.__name__} -->", "", {}, read) == []
+    assert (
+        changed(
+            "planning_tasks",
+            f"{RECORD}.planning.task.{kind.__name__} -->",
+            "",
+            {},
+            read,
+        )
+        == []
+    )
 
 
 SIGNALS: Mapping[str, Tables] = {
@@ -383,8 +561,16 @@ SIGNALS: Mapping[str, Tables] = {
 
 @pytest.mark.parametrize("kind", SIGNALS)
 def test_a_written_default_of_a_signal_is_the_one_left_out(kind: str) -> None:
-    rows = cells_of((DOCS / "scenario_files.md").read_text("utf-8").split("<!-- generated: signals -->")[1])
-    values = {row[1].strip("`"): literal(row[3], row[2]) for row in rows if len(row) > 3 and row[0] == f"`{kind}`"}
+    rows = cells_of(
+        (DOCS / "scenario_files.md")
+        .read_text("utf-8")
+        .split("<!-- generated: signals -->")[1]
+    )
+    values = {
+        row[1].strip("`"): literal(row[3], row[2])
+        for row in rows
+        if len(row) > 3 and row[0] == f"`{kind}`"
+    }
     stated = {name: value for name, value in values.items() if value is not None}
     assert stated
     bare, full = ({"kind": kind, **SIGNALS[kind], **more} for more in ({}, stated))
@@ -393,14 +579,30 @@ def test_a_written_default_of_a_signal_is_the_one_left_out(kind: str) -> None:
 
 
 def test_no_error_of_a_sensor_is_no_error_however_it_is_written() -> None:
-    """Zeros of a channel, of dropouts and of the encoder's steps: nothing is drawn for them."""
+    """Zeros of a channel, of dropouts and of the encoder's steps: nothing is drawn for
+    them.
+    """
     zeros = {"density": 0, "turn_on": 0.0, "walk": 0, "scale": 0, "resolution": 0.0}
-    channels = {"imu": ("gyro", "accelerometer"), "pose": ("position",), "encoders": ("joints",), "gnss": ("velocity",)}
+    channels = {
+        "imu": ("gyro", "accelerometer"),
+        "pose": ("position",),
+        "encoders": ("joints",),
+        "gnss": ("velocity",),
+    }
     for kind, names in channels.items():
         for name in names:
-            bare = {"kind": kind, name: {"sigma": 0.01}} | ({"bits": 0} if kind == "encoders" else {})
-            full = bare | {name: {"sigma": 0.01, **zeros}, "latency": 0, "dropouts": {"share": 0, "duration": 0.0}}
-            here, there = (skyarm.scenario_from(tables(sensors={"one": each})) for each in (bare, full))
+            bare = {"kind": kind, name: {"sigma": 0.01}} | (
+                {"bits": 0} if kind == "encoders" else {}
+            )
+            full = bare | {
+                name: {"sigma": 0.01, **zeros},
+                "latency": 0,
+                "dropouts": {"share": 0, "duration": 0.0},
+            }
+            here, there = (
+                skyarm.scenario_from(tables(sensors={"one": each}))
+                for each in (bare, full)
+            )
             assert text(here) == text(there), f"{kind}.{name}"
 
 
@@ -412,7 +614,10 @@ NOISY = tables(
         "pose": {"kind": "pose"},
     },
     estimator={"kind": "ekf"},
-    environment={"ground": False, "wind": {"mode": "force_wind", "force": [0.1, 0.0, 0.0]}},
+    environment={
+        "ground": False,
+        "wind": {"mode": "force_wind", "force": [0.1, 0.0, 0.0]},
+    },
 )
 
 
@@ -427,7 +632,9 @@ def test_a_noisy_flight_with_every_default_written_has_the_same_bits() -> None:
         ("scenario_files", f"{WORDS} rates", "rates"),
     ):
         for name, value in defaults(page, head):
-            if "." not in name and (name in ("bits", "rates") or path != "sensors.encoders"):
+            if "." not in name and (
+                name in ("bits", "rates") or path != "sensors.encoders"
+            ):
                 entry(more, path).setdefault(name, value)
     entry(more, "sensors.imu.gyro").update(walk=0, turn_on=0, sigma=0.0)
     entry(more, "sensors.encoders.joints").update(density=0, walk=0, resolution=0)
@@ -442,7 +649,9 @@ def test_an_encoder_of_no_bits_has_no_steps(bits: float) -> None:
     flight = tables(duration=0.2, sensors={"enc": {"kind": "encoders", "bits": bits}})
     log = skyarm.run(skyarm.scenario_from(flight))
     assert np.array_equal(np.array(log.readings["enc"]["joints"]), log.joints)
-    varied = skyarm.scenario_from(flight | {"sensors": {"enc": {"kind": "encoders", "bits": 8}}})
+    varied = skyarm.scenario_from(
+        flight | {"sensors": {"enc": {"kind": "encoders", "bits": 8}}}
+    )
     none = skyarm.run(with_numbers(varied, {"sensors.enc.bits": 0.0}))
     assert np.array_equal(np.array(none.readings["enc"]["joints"]), none.joints)
 
@@ -450,5 +659,7 @@ def test_an_encoder_of_no_bits_has_no_steps(bits: float) -> None:
 def test_steps_of_an_encoder_are_either_bits_or_a_resolution() -> None:
     stated = {"kind": "encoders", "bits": 0, "joints": {"resolution": 0.01}}
     skyarm.scenario_from(tables(sensors={"enc": stated}))
-    with pytest.raises(ValueError, match=r"bits = 12.*: must be 0 where joints\.resolution is given"):
+    with pytest.raises(
+        ValueError, match=r"bits = 12.*: must be 0 where joints\.resolution is given"
+    ):
         skyarm.scenario_from(tables(sensors={"enc": stated | {"bits": 12}}))

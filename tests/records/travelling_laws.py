@@ -1,4 +1,6 @@
-"""Laws as people write them, each with something that a copy in another process may lose. Also run as a script."""
+"""Laws as people write them, each with something that a copy in another process may
+lose. Also run as a script.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,10 @@ def held_by(law: Any, plain: Any) -> Any:
 def more(found: Any, by: Any) -> Any:
     """Result of a law whose rotors turn faster."""
     memory, command = found
-    return memory, Command(rotor_speeds=tuple(s + by for s in command.rotor_speeds), efforts=command.efforts)
+    return memory, Command(
+        rotor_speeds=tuple(s + by for s in command.rotor_speeds),
+        efforts=command.efforts,
+    )
 
 
 def shifted(memory: Any, *given: Any, par: Any, law: Any, by: float) -> Any:
@@ -69,7 +74,10 @@ def compares_members(model: Any) -> Any:
     mine = Own.A
 
     def law(*given: Any, par: Any) -> Any:
-        return more(plain.law(*given, par=par), 1.0 if going() is Mode.GO and mine is Own.A else 9.0)
+        return more(
+            plain.law(*given, par=par),
+            1.0 if going() is Mode.GO and mine is Own.A else 9.0,
+        )
 
     return held_by(law, plain)
 
@@ -130,11 +138,19 @@ def has_records_of_its_own(model: Any) -> Any:
         total: float = 0.0
 
     def law(memory: Any, seen: Any, wanted: Any, dt: Any, *, par: Any) -> Any:
-        inner, command = more(plain.law(memory.inner, seen, wanted, dt, par=par.inner), par.by + memory.total)
-        return dataclasses.replace(memory, inner=inner, total=memory.total + dt), command
+        inner, command = more(
+            plain.law(memory.inner, seen, wanted, dt, par=par.inner),
+            par.by + memory.total,
+        )
+        return (
+            dataclasses.replace(memory, inner=inner, total=memory.total + dt),
+            command,
+        )
 
     par = Par(model=model, inner=plain.par)
-    return skyarm.Controller(name="mine", law=law, par=par, memory=Sum(inner=plain.memory))
+    return skyarm.Controller(
+        name="mine", law=law, par=par, memory=Sum(inner=plain.memory)
+    )
 
 
 def is_decorated(model: Any) -> Any:
@@ -154,7 +170,11 @@ def calls_itself(model: Any) -> Any:
     plain = base(model)
 
     def law(*given: Any, par: Any, times: int = 3) -> Any:
-        return more(law(*given, par=par, times=times - 1), 1.0) if times else plain.law(*given, par=par)
+        return (
+            more(law(*given, par=par, times=times - 1), 1.0)
+            if times
+            else plain.law(*given, par=par)
+        )
 
     return held_by(law, plain)
 
@@ -169,7 +189,12 @@ def locks(model: Any) -> Any:
     return held_by(law, plain)
 
 
-OF_SCRIPTS: tuple[Callable[[Any], Any], ...] = (compares_a_global, is_a_lambda, is_of_a_class, has_records_of_its_own)
+OF_SCRIPTS: tuple[Callable[[Any], Any], ...] = (
+    compares_a_global,
+    is_a_lambda,
+    is_of_a_class,
+    has_records_of_its_own,
+)
 """What a script holds goes by content."""
 
 OF_MODULES: tuple[Callable[[Any], Any], ...] = (
@@ -191,15 +216,21 @@ def planned(make: Callable[[Any], Any]) -> Any:
     return dataclasses.replace(plain, controller=make(plain.controller.par.model))
 
 
-def packed_flights(makers: Mapping[str, Callable[[Any], Any]]) -> dict[str, tuple[dict[str, bytes], bytes]]:
+def packed_flights(
+    makers: Mapping[str, Callable[[Any], Any]],
+) -> dict[str, tuple[dict[str, bytes], bytes]]:
     """Arrays of a flight here, and its scenario for another process, by name."""
     scenarios = {name: planned(make) for name, make in makers.items()}
     return {name: (arrays_of(each), pack(each)) for name, each in scenarios.items()}
 
 
 def arrays_of(scenario: Any) -> dict[str, bytes]:
-    return {name: array.tobytes() for name, array in skyarm.run(scenario).arrays().items()}
+    return {
+        name: array.tobytes() for name, array in skyarm.run(scenario).arrays().items()
+    }
 
 
 if __name__ == "__main__":
-    sys.stdout.buffer.write(pickle.dumps(packed_flights({make.__name__: make for make in OF_SCRIPTS})))
+    sys.stdout.buffer.write(
+        pickle.dumps(packed_flights({make.__name__: make for make in OF_SCRIPTS}))
+    )

@@ -1,4 +1,6 @@
-"""Phases that take a handle: from when to when the tip grips, about which axis, and one line for what cannot be."""
+"""Phases that take a handle: from when to when the tip grips, about which axis, and one
+line for what cannot be.
+"""
 
 from __future__ import annotations
 
@@ -28,18 +30,36 @@ def push_at(trajectory, t):
 
 
 def test_a_handle_is_held_from_the_closing_of_the_gripper_to_its_opening():
-    found = read({"kind": "hold", "duration": 1.0}, DOOR | {"force": -0.5}, OPEN, RELEASE, {"kind": "retreat"})
-    # the gripper closes half-way through a dwell of 1 s from 1 s on, and opens half-way through 0.6 s from 6 s on
+    found = read(
+        {"kind": "hold", "duration": 1.0},
+        DOOR | {"force": -0.5},
+        OPEN,
+        RELEASE,
+        {"kind": "retreat"},
+    )
+    # the gripper closes half-way through a dwell of 1 s from 1 s on, and opens half-way
+    # through 0.6 s from 6 s on
     grips = [push_at(found, t)[5] for t in (0.5, 1.499, 1.5, 5.0, 6.299, 6.3, 7.0)]
     assert grips == [0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0]
-    assert [push_at(found, t)[0] for t in (1.4, 1.6, 6.2, 6.4)] == [0.0, -0.5, -0.5, 0.0]
-    pivot, axis, normal = push_at(found, 2.0)[6:9], push_at(found, 2.0)[9:], push_at(found, 0.0)[2:5]
+    assert [push_at(found, t)[0] for t in (1.4, 1.6, 6.2, 6.4)] == [
+        0.0,
+        -0.5,
+        -0.5,
+        0.0,
+    ]
+    pivot, axis, normal = (
+        push_at(found, 2.0)[6:9],
+        push_at(found, 2.0)[9:],
+        push_at(found, 0.0)[2:5],
+    )
     assert (pivot, axis, normal) == ([0.6, -0.8, 1.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0])
 
 
 def test_what_is_held_goes_about_its_own_axis():
     found = read(DOOR, OPEN)
-    places = np.array([[float(c) for c in found.at(t).position] for t in (0.0, 5.0, 9.0)])
+    places = np.array(
+        [[float(c) for c in found.at(t).position] for t in (0.0, 5.0, 9.0)]
+    )
     turned = [0.6 - 0.8 * math.sin(1.0), -0.8 + 0.8 * math.cos(1.0), 1.2]
     np.testing.assert_allclose(places, [START, turned, turned], atol=1e-12)
     assert push_at(found, 1e4)[5] == 1.0, "nothing lets it go"
@@ -48,7 +68,12 @@ def test_what_is_held_goes_about_its_own_axis():
 
 
 def test_a_move_after_a_turn_ends_where_it_is_told():
-    found = read(DOOR, OPEN, RELEASE, {"kind": "go_to", "position": [0.2, 0.1, 1.5], "duration": 2.0})
+    found = read(
+        DOOR,
+        OPEN,
+        RELEASE,
+        {"kind": "go_to", "position": [0.2, 0.1, 1.5], "duration": 2.0},
+    )
     turned = [0.6 - 0.8 * math.sin(1.0), -0.8 + 0.8 * math.cos(1.0), 1.2]
     places = np.array([[float(c) for c in found.at(t).position] for t in (5.5, 60.0)])
     np.testing.assert_allclose(places, [turned, [0.2, 0.1, 1.5]], atol=1e-12)
@@ -68,18 +93,42 @@ def test_a_gripper_without_an_arc_asks_for_no_contact():
 @pytest.mark.parametrize(
     ("phases", "words"),
     [
-        ([GRASP | {"axis": [0, 0, 1]}], "phases[0].axis: must be left out without center"),
+        (
+            [GRASP | {"axis": [0, 0, 1]}],
+            "phases[0].axis: must be left out without center",
+        ),
         ([GRASP | {"force": 1.0}], "phases[0].force: must be left out without center"),
-        ([{"kind": "grasp", "payload": "box", "center": [0, 0, 0]}], "phases[0].center: must be left out without grip"),
-        ([DOOR | {"center": [0.6, 0.0, 9.0]}], "phases[0].center = [0.6, 0.0, 9.0]: must be a place beside which"),
+        (
+            [{"kind": "grasp", "payload": "box", "center": [0, 0, 0]}],
+            "phases[0].center: must be left out without grip",
+        ),
+        (
+            [DOOR | {"center": [0.6, 0.0, 9.0]}],
+            "phases[0].center = [0.6, 0.0, 9.0]: must be a place beside which",
+        ),
         ([DOOR | {"axis": [0, 0, 0]}], "phases[0].axis"),
         ([DOOR | {"force": 2e4}], "phases[0].force = 20000: must be from"),
         ([DOOR | {"force": float("nan")}], "phases[0].force"),
-        ([DOOR, OPEN | {"center": [0.6, -0.7, 1.0]}], "phases[1].center = [0.6, -0.7, 1.0]: must be left out, or as"),
-        ([DOOR, OPEN | {"axis": [1, 0, 0]}], "phases[1].axis = [1.0, 0.0, 0.0]: must be left out, or as"),
-        ([DOOR, OPEN | {"force": 1.0}], "phases[1].force = 1.0: must not press while a handle is held"),
-        ([DOOR, PRESS], "phases[1].kind = 'press': must not press while a handle is held"),
-        ([DOOR, RELEASE, DOOR | {"center": [0.5, -0.8, 1.0]}], "phases[2].center: a task goes about one axis only"),
+        (
+            [DOOR, OPEN | {"center": [0.6, -0.7, 1.0]}],
+            "phases[1].center = [0.6, -0.7, 1.0]: must be left out, or as",
+        ),
+        (
+            [DOOR, OPEN | {"axis": [1, 0, 0]}],
+            "phases[1].axis = [1.0, 0.0, 0.0]: must be left out, or as",
+        ),
+        (
+            [DOOR, OPEN | {"force": 1.0}],
+            "phases[1].force = 1.0: must not press while a handle is held",
+        ),
+        (
+            [DOOR, PRESS],
+            "phases[1].kind = 'press': must not press while a handle is held",
+        ),
+        (
+            [DOOR, RELEASE, DOOR | {"center": [0.5, -0.8, 1.0]}],
+            "phases[2].center: a task goes about one axis only",
+        ),
         ([RELEASE | {"center": [0, 0, 0]}], "center"),
         ([OPEN], "phases[0].center"),
     ],

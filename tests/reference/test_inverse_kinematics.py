@@ -1,4 +1,6 @@
-"""Inverse kinematics against SciPy's least squares, and what redundancy, limits and singularities do."""
+"""Inverse kinematics against SciPy's least squares, and what redundancy, limits and
+singularities do.
+"""
 
 import dataclasses
 import math
@@ -11,24 +13,40 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics.array_front import frame_pose_world
-from skyarm.reference.tip_plan import TipChoices, follow, rotation_vector, solve_pose, task_of
+from skyarm.reference.tip_plan import (
+    TipChoices,
+    follow,
+    rotation_vector,
+    solve_pose,
+    task_of,
+)
 from support.cases import sampled
 
-ARM2, ARM6 = (skyarm.load_vehicle(name) for name in ("hummingbird_arm2_rotors", "hexarotor_arm6"))
+ARM2, ARM6 = (
+    skyarm.load_vehicle(name) for name in ("hummingbird_arm2_rotors", "hexarotor_arm6")
+)
 POSTURE = (0.1, 0.6, -1.0, 0.2, 0.5, 0.1)
 TASK2 = task_of(ARM2, (0, 1), TipChoices(posture=(0.4, -0.8)))
 TASK6 = task_of(ARM6, tuple(range(6)), TipChoices(posture=POSTURE))
 
 
 def tip(vehicle, q):
-    p, R = frame_pose_world(vehicle, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.array(q))
+    p, R = frame_pose_world(
+        vehicle, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.array(q)
+    )
     return np.asarray(p), np.asarray(R)
 
 
 def solve(task, position=None, orientation=None, start=None):
     goal = None if position is None else Vec3(*map(float, position))
-    turn = None if orientation is None else Mat3.columns(*(Vec3(*map(float, c)) for c in orientation.T))
-    return np.array(solve_pose(task, goal, turn, start or task.posture, task.lower, task.upper))
+    turn = (
+        None
+        if orientation is None
+        else Mat3.columns(*(Vec3(*map(float, c)) for c in orientation.T))
+    )
+    return np.array(
+        solve_pose(task, goal, turn, start or task.posture, task.lower, task.upper)
+    )
 
 
 def test_a_reachable_pose_is_reached():
@@ -50,16 +68,24 @@ def test_the_redundant_joints_are_nearest_to_the_posture():
         return np.concatenate([1e4 * (tip(ARM6, q)[0] - p), q - np.array(POSTURE)])
 
     best = least_squares(away, found + 0.05, xtol=1e-14, ftol=1e-14, gtol=1e-12)
-    assert np.linalg.norm(found - POSTURE) == pytest.approx(np.linalg.norm(best.x - POSTURE), rel=1e-3)
+    assert np.linalg.norm(found - POSTURE) == pytest.approx(
+        np.linalg.norm(best.x - POSTURE), rel=1e-3
+    )
 
 
 def test_what_is_out_of_reach_is_approached_and_the_step_stays_calm():
     start = [0.4, -0.8]
     found = solve(TASK2, (0.5, 0.0, -0.5))
     direction = tip(ARM2, found)[0] / 0.3
-    np.testing.assert_allclose(direction, np.array([1.0, 0.0, -1.0]) / math.sqrt(2.0), atol=2e-3)
+    np.testing.assert_allclose(
+        direction, np.array([1.0, 0.0, -1.0]) / math.sqrt(2.0), atol=2e-3
+    )
     for _ in range(20):  # stretched: singular
-        start = list(solve_pose(TASK2, Vec3(0.5, 0.0, -0.5), None, start, TASK2.lower, TASK2.upper, 1))
+        start = list(
+            solve_pose(
+                TASK2, Vec3(0.5, 0.0, -0.5), None, start, TASK2.lower, TASK2.upper, 1
+            )
+        )
         assert np.isfinite(start).all()
 
 
@@ -78,24 +104,49 @@ def test_no_joint_moves_faster_than_it_may_from_instant_to_instant():
     path = [Vec3(0.05, 0.0, -0.25)] * 3 + [Vec3(-0.1, 0.0, -0.2)] * 30
     steps = np.diff(follow(slow, path, None, 0.1), axis=0)
     assert np.abs(steps).max() == pytest.approx(0.05, rel=1e-9)
-    np.testing.assert_allclose(tip(ARM2, follow(slow, path, None, 0.1)[-1])[0], [-0.1, 0.0, -0.2], atol=1e-5)
+    np.testing.assert_allclose(
+        tip(ARM2, follow(slow, path, None, 0.1)[-1])[0], [-0.1, 0.0, -0.2], atol=1e-5
+    )
 
 
 def test_the_rotation_vector_is_scipys():
-    for vector in ([0.3, -0.2, 0.5], [0.0, 0.0, 1e-8], [3.0, 0.5, -0.2], [math.pi, 0.0, 0.0], [0.0, 0.0, 0.0]):
+    for vector in (
+        [0.3, -0.2, 0.5],
+        [0.0, 0.0, 1e-8],
+        [3.0, 0.5, -0.2],
+        [math.pi, 0.0, 0.0],
+        [0.0, 0.0, 0.0],
+    ):
         R = Rotation.from_rotvec(vector).as_matrix()
         found = rotation_vector(Mat3.columns(*(Vec3(*map(float, c)) for c in R.T)))
-        np.testing.assert_allclose(Rotation.from_rotvec([*found]).as_matrix(), R, atol=1e-12)
+        np.testing.assert_allclose(
+            Rotation.from_rotvec([*found]).as_matrix(), R, atol=1e-12
+        )
 
 
-@pytest.mark.parametrize(("beside", "exact"), sampled([(0.1, True), (0.0, False), (0.0, True), (0.1, False)], 2))
-def test_a_goal_of_even_motion_moves_joints_evenly_to_the_stretched_arm_and_beyond(beside, exact):
-    """A planar arm cannot follow sideways, and a stretched one no further: neither may make it chatter."""
-    task = dataclasses.replace(task_of(ARM2, (0, 1), TipChoices(posture=(0.3, -0.6)), exact=exact), rates=(2.0, 2.0))
-    path = [Vec3(0.02 + 0.001 * k, beside * k / 60, -0.27 - 0.001 * k) for k in range(60)]
+@pytest.mark.parametrize(
+    ("beside", "exact"),
+    sampled([(0.1, True), (0.0, False), (0.0, True), (0.1, False)], 2),
+)
+def test_a_goal_of_even_motion_moves_joints_evenly_to_the_stretched_arm_and_beyond(
+    beside, exact
+):
+    """A planar arm cannot follow sideways, and a stretched one no further: neither may
+    make it chatter.
+    """
+    task = dataclasses.replace(
+        task_of(ARM2, (0, 1), TipChoices(posture=(0.3, -0.6)), exact=exact),
+        rates=(2.0, 2.0),
+    )
+    path = [
+        Vec3(0.02 + 0.001 * k, beside * k / 60, -0.27 - 0.001 * k) for k in range(60)
+    ]
     joints = np.array(follow(task, path, None, 0.1))
     steps = np.diff(joints, axis=0)[3:]
-    turns = np.sum(np.diff(np.sign(np.where(np.abs(steps) < 1e-6, 0.0, steps)), axis=0) != 0.0, axis=0)
+    turns = np.sum(
+        np.diff(np.sign(np.where(np.abs(steps) < 1e-6, 0.0, steps)), axis=0) != 0.0,
+        axis=0,
+    )
     assert turns.max() <= 3, steps
     assert np.abs(np.diff(steps, axis=0)).max() < 0.2
     still = np.array(follow(task, [path[-1]] * 12, None, 0.1))
@@ -103,7 +154,9 @@ def test_a_goal_of_even_motion_moves_joints_evenly_to_the_stretched_arm_and_beyo
 
 
 def test_a_tip_in_the_world_asks_for_no_violent_arm():
-    """Sideways motion of a planar arm, most of it the base's: joint accelerations stay those of the path."""
+    """Sideways motion of a planar arm, most of it the base's: joint accelerations stay
+    those of the path.
+    """
     from skyarm.reference import Constant
     from skyarm.reference.signals import Ramp
     from skyarm.reference.tip_motion import TipMotion, arm_of
@@ -118,7 +171,10 @@ def test_a_tip_in_the_world_asks_for_no_violent_arm():
     )
     joints = plan(ARM2, path, Constant(0.0), choices, 5.0)
     times = np.arange(0.0, 5.0, 0.02)
-    fastest = [max(abs(float(joint.derivatives(float(t))[2])) for t in times) for joint in joints]
+    fastest = [
+        max(abs(float(joint.derivatives(float(t))[2])) for t in times)
+        for joint in joints
+    ]
     assert max(fastest) < 12.0, fastest
     late = [[float(joint.derivatives(t)[2]) for t in (4.0, 4.5)] for joint in joints]
     np.testing.assert_allclose(late, 0.0, atol=0.05)

@@ -1,4 +1,6 @@
-"""The time of a governed reference: its curve against SciPy's, what a law is told against differences of it."""
+"""The time of a governed reference: its curve against SciPy's, what a law is told
+against differences of it.
+"""
 
 import dataclasses
 
@@ -29,7 +31,9 @@ def test_the_curve_is_the_uniform_quintic_spline_of_its_points():
     knots = STEP * (np.arange(len(POINTS) + 6) - 5.0)
     spline = BSpline(knots, POINTS, 5)
     for order, found in enumerate(PATH.derivatives(TIMES)):
-        assert np.allclose(found, spline(TIMES, nu=order), rtol=1e-11, atol=1e-9 / STEP**order)
+        assert np.allclose(
+            found, spline(TIMES, nu=order), rtol=1e-11, atol=1e-9 / STEP**order
+        )
 
 
 def test_its_rate_stays_within_the_steps_between_its_points():
@@ -52,7 +56,9 @@ def test_even_points_are_the_flight_s_own_time():
 def test_one_time_and_many_have_the_same_bits():
     many = PATH.derivatives(TIMES)
     for k in (0, 77, 199):
-        assert [float(each) for each in PATH.derivatives(float(TIMES[k]))] == [float(each[k]) for each in many]
+        assert [float(each) for each in PATH.derivatives(float(TIMES[k]))] == [
+            float(each[k]) for each in many
+        ]
 
 
 def test_when_is_where_the_curve_has_come_to():
@@ -65,17 +71,27 @@ def numerically(read, order, h=2e-3):
     """A derivative of what a law is told, by central differences of the lower one."""
     weights = {-2: 1.0, -1: -8.0, 1: 8.0, 2: -1.0}
     return sum(
-        w * np.stack(read(governed_reference(MOTION, PATH, TIMES + k * h))[order - 1]) for k, w in weights.items()
+        w * np.stack(read(governed_reference(MOTION, PATH, TIMES + k * h))[order - 1])
+        for k, w in weights.items()
     ) / (12.0 * h)
 
 
 def base(r):
     zero = 0.0 * TIMES
-    return [[c + zero for c in v] for v in (r.position, r.velocity, r.acceleration, r.jerk, r.snap)]
+    return [
+        [c + zero for c in v]
+        for v in (r.position, r.velocity, r.acceleration, r.jerk, r.snap)
+    ]
 
 
 def joints(r):
-    named = (r.joints, r.joint_rates, r.joint_accelerations, r.joint_jerks, r.joint_snaps)
+    named = (
+        r.joints,
+        r.joint_rates,
+        r.joint_accelerations,
+        r.joint_jerks,
+        r.joint_snaps,
+    )
     return [[c + 0.0 * TIMES for c in values] for values in named]
 
 
@@ -83,26 +99,45 @@ def heading(r):
     return [[c + 0.0 * TIMES] for c in (r.yaw, r.yaw_rate, r.yaw_acceleration)]
 
 
-@pytest.mark.parametrize(("read", "orders"), [(base, 4), (joints, 4), (heading, 2)], ids=["base", "joints", "heading"])
+@pytest.mark.parametrize(
+    ("read", "orders"),
+    [(base, 4), (joints, 4), (heading, 2)],
+    ids=["base", "joints", "heading"],
+)
 def test_what_is_told_are_derivatives_of_what_is_told(read, orders):
     told = read(governed_reference(MOTION, PATH, TIMES))
     for order in range(1, orders + 1):
         found = numerically(read, order)
-        assert np.abs(np.stack(told[order]) - found).max() < 2e-6 * np.abs(found).max() + 1e-9, order
+        assert (
+            np.abs(np.stack(told[order]) - found).max()
+            < 2e-6 * np.abs(found).max() + 1e-9
+        ), order
 
 
 def test_what_rests_by_structure_rests_when_governed():
     told = governed_reference(hover([0.0, 0.0, 1.0], joints=[0.1]), PATH, 1.0)
-    assert all(type(c) is int for c in (*told.velocity, *told.snap, *told.joint_rates, told.yaw_rate))
+    assert all(
+        type(c) is int
+        for c in (*told.velocity, *told.snap, *told.joint_rates, told.yaw_rate)
+    )
 
 
 @pytest.mark.parametrize(
     ("fields", "words"),
     [
-        ({"points": (0.0,) * 5, "step": 0.1}, "path_time.points: 5, must be at least 6"),
-        ({"points": (0.0, 0.1, 0.2, 0.1, 0.3, 0.4), "step": 0.1}, "never runs backwards"),
+        (
+            {"points": (0.0,) * 5, "step": 0.1},
+            "path_time.points: 5, must be at least 6",
+        ),
+        (
+            {"points": (0.0, 0.1, 0.2, 0.1, 0.3, 0.4), "step": 0.1},
+            "never runs backwards",
+        ),
         ({"points": (0.0,) * 6, "step": 0.0}, "path_time.step = 0.0: must be above 0"),
-        ({"points": (0.0, float("nan"), 0.0, 0.0, 0.0, 0.0), "step": 0.1}, "finite number"),
+        (
+            {"points": (0.0, float("nan"), 0.0, 0.0, 0.0, 0.0), "step": 0.1},
+            "finite number",
+        ),
     ],
 )
 def test_what_is_no_time_is_refused_in_one_line(fields, words):

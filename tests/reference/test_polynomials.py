@@ -1,4 +1,6 @@
-"""Piecewise polynomials, curves of B-splines and motions of least snap, against SciPy."""
+"""Piecewise polynomials, curves of B-splines and motions of least snap, against
+SciPy.
+"""
 
 import numpy as np
 import pytest
@@ -35,18 +37,28 @@ def test_no_other_derivatives_at_the_inner_points_cost_less():
         ends[:, 0], ends[1:4, 1:] = VALUES, free.reshape(3, 3)
         for i in range(4):
             pair = make_interp_spline(
-                TIMES[i : i + 2], VALUES[i : i + 2], k=7,
-                bc_type=([(k, ends[i, k]) for k in (1, 2, 3)], [(k, ends[i + 1, k]) for k in (1, 2, 3)]),
+                TIMES[i : i + 2],
+                VALUES[i : i + 2],
+                k=7,
+                bc_type=(
+                    [(k, ends[i, k]) for k in (1, 2, 3)],
+                    [(k, ends[i + 1, k]) for k in (1, 2, 3)],
+                ),
             )
             nodes, weights = np.polynomial.legendre.leggauss(8)
             half = 0.5 * (TIMES[i + 1] - TIMES[i])
-            total += half * (weights * pair(TIMES[i] + half * (nodes + 1.0), 4) ** 2).sum()
+            total += (
+                half * (weights * pair(TIMES[i] + half * (nodes + 1.0), 4) ** 2).sum()
+            )
         return total
 
     inner = np.array([list(MOTION.derivatives(t)[1:4]) for t in TIMES[1:4]]).ravel()
     least = cost(inner)
-    assert snap_cost(span_powers(TIMES), MOTION.coefficients) == pytest.approx(least, rel=1e-9)
-    # a quadratic cost whose slope is zero along each of the nine directions has its minimum here
+    assert snap_cost(span_powers(TIMES), MOTION.coefficients) == pytest.approx(
+        least, rel=1e-9
+    )
+    # a quadratic cost whose slope is zero along each of the nine directions has its
+    # minimum here
     for way in np.diag(1e-2 * np.abs(inner) + 1e-3):
         up, down = cost(inner + way), cost(inner - way)
         assert min(up, down) > least
@@ -62,7 +74,12 @@ def test_it_is_held_before_and_after():
 
 def test_floats_arrays_and_programs_agree_to_the_last_bit():
     times = [0.1, 0.5, 1.49, 1.5, 2.2, 3.0, 3.69, 4.99, 5.0, 6.0]
-    table = np.array([np.broadcast_to(row, len(times)) for row in MOTION.derivatives(np.array(times))])
+    table = np.array(
+        [
+            np.broadcast_to(row, len(times))
+            for row in MOTION.derivatives(np.array(times))
+        ]
+    )
     program = trace(lambda inputs: MOTION.derivatives(inputs[0]), (0.0,))
     for column, t in zip(table.T, times, strict=True):
         assert tuple(column) == MOTION.derivatives(t) == tuple(program.flat([t]))
@@ -88,5 +105,8 @@ def test_control_points_interpolate_what_is_smooth():
 
 
 def test_knots_and_pieces_must_fit():
-    with pytest.raises(ValueError, match=r"polynomials\.knots: 3, must be one more than the 1 polynomials"):
+    with pytest.raises(
+        ValueError,
+        match=r"polynomials\.knots: 3, must be one more than the 1 polynomials",
+    ):
         Polynomials((0.0, 1.0, 2.0), ((0.0,),))

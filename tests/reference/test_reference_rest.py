@@ -1,4 +1,6 @@
-"""A reference that names nothing is one that stands at the origin: as is that of a trajectory without signals."""
+"""A reference that names nothing is one that stands at the origin: as is that of a
+trajectory without signals.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ from skyarm.reference import Reference, Trajectory
 
 
 @pytest.mark.parametrize(
-    "reference", [Reference(), Trajectory().at(0.7), Reference().dense()], ids=["record", "signals", "data"]
+    "reference",
+    [Reference(), Trajectory().at(0.7), Reference().dense()],
+    ids=["record", "signals", "data"],
 )
 def test_what_is_not_named_is_zero(reference):
     for field in dataclasses.fields(reference):
@@ -21,5 +25,8 @@ def test_what_is_not_named_is_zero(reference):
 
 
 def test_what_is_not_named_is_structure_so_that_it_folds():
-    assert all(type(getattr(Reference(), name)) is int for name in ("yaw", "yaw_rate", "yaw_acceleration"))
+    assert all(
+        type(getattr(Reference(), name)) is int
+        for name in ("yaw", "yaw_rate", "yaw_acceleration")
+    )
     assert all(type(part) is int for part in (*Reference().position, *Reference().snap))

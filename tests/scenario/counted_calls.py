@@ -1,11 +1,12 @@
-"""Counts of the library's function calls: one scenario read, and one number of it replaced at a time.
+"""Counts of the library's function calls: one scenario read, and one number of it
+replaced at a time.
 
-``python tests/scenario/counted_calls.py`` prints the counts of the library on Python's path, of whatever version;
-``--write`` writes them into ``pins/calls.json``.
+``python tests/scenario/counted_calls.py`` prints the counts of the library on Python's
+path, of whatever version; ``--write`` writes them into ``pins/calls.json``.
 
-Counted are calls of Python functions of the package, resumptions of generators among them, and the files that they lie
-in. Each work is done twice before it is counted: what is cached for the life of a process, such as the rules of a
-class, does not count.
+Counted are calls of Python functions of the package, resumptions of generators among
+them, and the files that they lie in. Each work is done twice before it is counted: what
+is cached for the life of a process, such as the rules of a class, does not count.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ PACKAGE = str(Path(skyarm.__file__).parent)
 LOADED = "case3"
 
 TEAM = "two_carry_a_bar"
-"""Scenario of two vehicles whose law is the same and whose bar is set down and met before it is flown."""
+"""Scenario of two vehicles whose law is the same and whose bar is set down and met
+before it is flown."""
 
 REPLACED = {
     "plant.gravity": 9.7,
@@ -42,7 +44,9 @@ REPLACED = {
 
 
 def count(work: Callable[[], object]) -> dict[str, int]:
-    """Calls of the package's functions in some work, and the number of files that these lie in."""
+    """Calls of the package's functions in some work, and the number of files that these
+    lie in.
+    """
     files: list[str] = []
 
     def see(frame: FrameType, event: str, _: object) -> None:
@@ -59,7 +63,9 @@ def count(work: Callable[[], object]) -> dict[str, int]:
 
 
 def version() -> str:
-    """Version of Python, on which the counts depend: a comprehension is a call in some and not in others."""
+    """Version of Python, on which the counts depend: a comprehension is a call in some
+    and not in others.
+    """
     return ".".join(platform.python_version_tuple()[:2])
 
 
@@ -69,10 +75,15 @@ def works() -> dict[str, Callable[[], object]]:
     found: dict[str, Callable[[], object]] = {
         f"load {LOADED}": partial(skyarm.load_scenario, LOADED),
         f"load {TEAM}": partial(skyarm.load_scenario, TEAM),
-        f"start of {TEAM}, computed anew": partial(begin.__wrapped__, skyarm.load_scenario(TEAM)),  # type: ignore[attr-defined]
+        f"start of {TEAM}, computed anew": partial(
+            begin.__wrapped__, skyarm.load_scenario(TEAM)
+        ),  # type: ignore[attr-defined]
         "seed": partial(dataclasses.replace, given, seed=given.seed + 1),
     }
-    return found | {path: partial(skyarm.with_numbers, given, {path: value}) for path, value in REPLACED.items()}
+    return found | {
+        path: partial(skyarm.with_numbers, given, {path: value})
+        for path, value in REPLACED.items()
+    }
 
 
 def counts() -> dict[str, dict[str, int]]:

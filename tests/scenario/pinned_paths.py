@@ -1,9 +1,11 @@
-"""Parameter paths of scenarios, with the fields of the records that they lead to, as text that can be pinned.
+"""Parameter paths of scenarios, with the fields of the records that they lead to, as
+text that can be pinned.
 
-``python tests/scenario/pinned_paths.py --write`` writes ``pins/paths.json`` and the trees ``pins/paths_*.txt`` anew.
+``python tests/scenario/pinned_paths.py --write`` writes ``pins/paths.json`` and the
+trees ``pins/paths_*.txt`` anew.
 
-The paths are found through :mod:`skyarm.scenario.paths` by :func:`paths` alone: whoever replaces that module replaces
-this one function.
+The paths are found through :mod:`skyarm.scenario.paths` by :func:`paths` alone: whoever
+replaces that module replaces this one function.
 """
 
 from __future__ import annotations
@@ -31,51 +33,79 @@ WHOLE = ("case3_wind", RICH)
 """Scenarios whose paths are kept as a whole, to read what has changed."""
 
 Pinned = Mapping[str, tuple[tuple[Place, ...], str]]
-"""Path -> the fields that it leads to, none where it leads to no field, and what is there."""
+"""Path -> the fields that it leads to, none where it leads to no field, and what is
+there."""
 
 
 def started(given: skyarm.Scenario) -> skyarm.Scenario:
     """A scenario with an initial state, so that there are paths of it."""
-    return given if given.initial is not None else dataclasses.replace(given, initial=first_state(given))
+    return (
+        given
+        if given.initial is not None
+        else dataclasses.replace(given, initial=first_state(given))
+    )
 
 
 def paths(given: skyarm.Scenario) -> Iterator[str]:
-    """Every path that begins with a root and goes on through names, those of records and lists included."""
+    """Every path that begins with a root and goes on through names, those of records
+    and lists included.
+    """
     for root, start in roots(given).items():
         if part(given, start) is not None:
             yield from _below(given, root, (start,), path_names(part(given, start)))
     yield from (*delay_words(), "reference.tracking_start")
 
 
-def _below(given: skyarm.Scenario, path: str, heads: tuple[Place, ...], options: Mapping[str, Any]) -> Iterator[str]:
+def _below(
+    given: skyarm.Scenario,
+    path: str,
+    heads: tuple[Place, ...],
+    options: Mapping[str, Any],
+) -> Iterator[str]:
     for name, found in options.items():
         if isinstance(found, NumberView) or name == "payload":
             continue  # computed
         yield f"{path}.{name}"
         if isinstance(found, tuple):
             places = tuple((*head, *tail) for head in heads for tail in found)
-            yield from _below(given, f"{path}.{name}", places, path_names(part(given, places[0])))
+            yield from _below(
+                given, f"{path}.{name}", places, path_names(part(given, places[0]))
+            )
         else:
             yield from _below(given, f"{path}.{name}", heads, found)
 
 
 def computed(given: skyarm.Scenario) -> Iterator[str]:
-    """Paths of numbers that are no field: loads at each frame, and angles of the attitude."""
-    for root, vehicle in (("plant", given.plant.vehicle), ("model", given.controller.par.model.vehicle)):
-        frames = ("", *(f"{frame.name}." for frame in vehicle.frames)) if vehicle.end_effector else ()
+    """Paths of numbers that are no field: loads at each frame, and angles of the
+    attitude.
+    """
+    for root, vehicle in (
+        ("plant", given.plant.vehicle),
+        ("model", given.controller.par.model.vehicle),
+    ):
+        frames = (
+            ("", *(f"{frame.name}." for frame in vehicle.frames))
+            if vehicle.end_effector
+            else ()
+        )
         yield from (f"{root}.payload.{frame}mass" for frame in frames)
     yield from (f"initial.{angle}" for angle in ("roll", "pitch", "yaw"))
 
 
 def pinned(given: skyarm.Scenario) -> Pinned:
-    """All paths of a scenario with their fields, and what is there: a number, what varies not, or a refusal.
+    """All paths of a scenario with their fields, and what is there: a number, what
+    varies not, or a refusal.
 
     Of several agents, those of the flight of each, under its name.
     """
     if len(given.agents) == 1:
         return _pinned_of_one(started(given))
     each = {name: _pinned_of_one(started(given.of(name))) for name in given.agents}
-    return {f"agents.{name}.{path}": row for name, rows in each.items() for path, row in rows.items()}
+    return {
+        f"agents.{name}.{path}": row
+        for name, rows in each.items()
+        for path, row in rows.items()
+    }
 
 
 def _pinned_of_one(given: skyarm.Scenario) -> Pinned:
@@ -94,7 +124,11 @@ def _pinned_of_one(given: skyarm.Scenario) -> Pinned:
 
 def _kind(given: skyarm.Scenario, path: str, value: object) -> str:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return type(value).__name__ if is_record(value) else {"tuple": "list"}.get(kind := type(value).__name__, kind)
+        return (
+            type(value).__name__
+            if is_record(value)
+            else {"tuple": "list"}.get(kind := type(value).__name__, kind)
+        )
     try:
         number_at(given, path)
     except ScenarioError:
@@ -107,20 +141,33 @@ def _text(places: tuple[Place, ...]) -> str:
 
 
 def summary(found: Pinned) -> dict[str, list[Any]]:
-    """Number of paths and SHA-256 of them with their fields, by the two words that they begin with."""
-    lines = sorted(f"{path} -> {_text(places)} {kind}\n" for path, (places, kind) in found.items())
+    """Number of paths and SHA-256 of them with their fields, by the two words that they
+    begin with.
+    """
+    lines = sorted(
+        f"{path} -> {_text(places)} {kind}\n" for path, (places, kind) in found.items()
+    )
     told: dict[str, list[Any]] = {}
-    for group, found_there in groupby(lines, lambda line: ".".join(line.split(" ", 1)[0].split(".")[:2])):
+    for group, found_there in groupby(
+        lines, lambda line: ".".join(line.split(" ", 1)[0].split(".")[:2])
+    ):
         several = list(found_there)
-        told[group] = [len(several), hashlib.sha256("".join(several).encode()).hexdigest()[:12]]
+        told[group] = [
+            len(several),
+            hashlib.sha256("".join(several).encode()).hexdigest()[:12],
+        ]
     return told
 
 
 def tree(found: Pinned) -> str:
-    """The paths as an indented tree; fields are written where they are not those of the line above and the word."""
+    """The paths as an indented tree; fields are written where they are not those of the
+    line above and the word.
+    """
     lines = []
     above: list[tuple[str, tuple[Place, ...]]] = []
-    for path in sorted(found, key=lambda path: [_order(word) for word in path.split(".")]):
+    for path in sorted(
+        found, key=lambda path: [_order(word) for word in path.split(".")]
+    ):
         places, kind = found[path]
         while above and not path.startswith(f"{above[-1][0]}."):
             above.pop()
@@ -162,13 +209,22 @@ def main() -> None:
         told[name] = summary(found)
         if name in WHOLE:
             tree_file(name).write_text(tree(found), "utf-8")
-    lines = (f"{json.dumps(name)}: {{\n{_rows(groups)}\n}}" for name, groups in told.items())
+    lines = (
+        f"{json.dumps(name)}: {{\n{_rows(groups)}\n}}" for name, groups in told.items()
+    )
     FILE.write_text("{\n" + ",\n".join(lines) + "\n}\n", "utf-8")
-    print(sum(count for groups in told.values() for count, _ in groups.values()), "paths of", len(told), "scenarios")
+    print(
+        sum(count for groups in told.values() for count, _ in groups.values()),
+        "paths of",
+        len(told),
+        "scenarios",
+    )
 
 
 def _rows(groups: dict[str, list[Any]]) -> str:
-    return ",\n".join(f" {json.dumps(group)}: {json.dumps(each)}" for group, each in groups.items())
+    return ",\n".join(
+        f" {json.dumps(group)}: {json.dumps(each)}" for group, each in groups.items()
+    )
 
 
 if __name__ == "__main__":

@@ -1,11 +1,13 @@
-"""Digests of all records that ship: scenarios, vehicles, studies, suites, laws, and scenarios with parts replaced.
+"""Digests of all records that ship: scenarios, vehicles, studies, suites, laws, and
+scenarios with parts replaced.
 
 ``python tests/scenario/pinned_records.py --write`` writes ``pins/records.json`` anew.
 
-``flight_digests`` keeps what flies; here is what is read. The first digest of a record is its identity, by which stored
-flights are matched with it; the second is of all its plain data, titles, sources and notes included; the third is the
-second of numbers of nine digits, for processors whose linear algebra rounds otherwise: some vehicles' numbers are
-fitted, some references planned. Paths of files begin at the repository.
+``flight_digests`` keeps what flies; here is what is read. The first digest of a record
+is its identity, by which stored flights are matched with it; the second is of all its
+plain data, titles, sources and notes included; the third is the second of numbers of
+nine digits, for processors whose linear algebra rounds otherwise: some vehicles'
+numbers are fitted, some references planned. Paths of files begin at the repository.
 """
 
 from __future__ import annotations
@@ -38,8 +40,17 @@ from support import flight_digests
 
 FILE = PINS / "records.json"
 
-VEHICLES = (*skyarm.list_vehicles(), "examples/servo_quad.toml", "examples/carrier.toml", "tests/data/servo_arm.toml")
-STUDIES = (*list_studies(), "examples/arm_length.toml", "examples/press_in_four_worlds.toml")
+VEHICLES = (
+    *skyarm.list_vehicles(),
+    "examples/servo_quad.toml",
+    "examples/carrier.toml",
+    "tests/data/servo_arm.toml",
+)
+STUDIES = (
+    *list_studies(),
+    "examples/arm_length.toml",
+    "examples/press_in_four_worlds.toml",
+)
 
 NUMBERS: Mapping[str, Mapping[str, float]] = {
     "case3": {
@@ -96,9 +107,17 @@ PARTS: Mapping[str, Any] = {
     "controller.law": "hybrid_computed_torque",
     "controller": {"preset": "paper_ct", "safety": True},
     "reference": {**STRAIGHT, "push": {"force": 0.2, "normal": [-1.0, 0.0, 0.0]}},
-    "reference.base": {"kind": "circle", "radius": 0.2, "frequency_hz": 0.1, "center": [0.0, 0.0, 1.5]},
+    "reference.base": {
+        "kind": "circle",
+        "radius": 0.2,
+        "frequency_hz": 0.1,
+        "center": [0.0, 0.0, 1.5],
+    },
     "reference.yaw": {"kind": "sine", "amplitude": 0.1, "frequency_hz": 0.1},
-    "reference.joints": [0.1, {"kind": "ramp", "start": 1.0, "duration": 1.0, "height": 0.2}],
+    "reference.joints": [
+        0.1,
+        {"kind": "ramp", "start": 1.0, "duration": 1.0, "height": 0.2},
+    ],
     "environment.wind": {"mode": "force_wind", "force": [1.0, 0.0, 0.0], "gust": GUST},
     "environment.faults": [{"rotor": "right", "effectiveness": 0.8, "start": 1.0}],
     "environment.air": [{"kind": "moving_air", "velocity_W": [1.0, 0.0, 0.0]}],
@@ -107,21 +126,38 @@ PARTS: Mapping[str, Any] = {
     "estimator": "pass_through",
     "endings": [{"kind": "ground"}],
 }
-"""Parts of a scenario, each of which is replaced by itself in the one that has every table."""
+"""Parts of a scenario, each of which is replaced by itself in the one that has every
+table."""
 
 
 def records() -> dict[str, Callable[[], Any]]:
     """Name of every record with what makes it."""
-    found: dict[str, Callable[[], Any]] = {f"scenario {name}": partial(scenario, name) for name in NAMES}
+    found: dict[str, Callable[[], Any]] = {
+        f"scenario {name}": partial(scenario, name) for name in NAMES
+    }
     found |= {f"vehicle {name}": partial(_vehicle, name) for name in VEHICLES}
     found |= {f"study {name}": partial(_study, name) for name in STUDIES}
     found |= {f"suite {name}": partial(tuple, each) for name, each in SUITES.items()}
     found["envelope"] = setting_of
-    found |= {f"paper {each.case} {each.controller} {each.plant}": partial(flights.scenario, each) for each in PAPER}
-    found |= {f"law {name}": partial(skyarm.load_scenario, "case1", controller=name) for name in laws()}
+    found |= {
+        f"paper {each.case} {each.controller} {each.plant}": partial(
+            flights.scenario, each
+        )
+        for each in PAPER
+    }
+    found |= {
+        f"law {name}": partial(skyarm.load_scenario, "case1", controller=name)
+        for name in laws()
+    }
     for name, numbers in NUMBERS.items():
-        found |= {f"{name} {path} = {value}": partial(_replaced, name, path, value) for path, value in numbers.items()}
-    return found | {f"{RICH} {path} as a whole": partial(_with_part, path, value) for path, value in PARTS.items()}
+        found |= {
+            f"{name} {path} = {value}": partial(_replaced, name, path, value)
+            for path, value in numbers.items()
+        }
+    return found | {
+        f"{RICH} {path} as a whole": partial(_with_part, path, value)
+        for path, value in PARTS.items()
+    }
 
 
 SUITES: Mapping[str, Any] = {
@@ -136,7 +172,12 @@ PAPER = flights.flights()
 def laws() -> tuple[str, ...]:
     """Every name of a controller that ships."""
     with only_shipped():
-        return (*PRESETS, *LAWS, *(f"{law}_tuned" for law in tuned_factors()), *AUTOPILOTS)
+        return (
+            *PRESETS,
+            *LAWS,
+            *(f"{law}_tuned" for law in tuned_factors()),
+            *AUTOPILOTS,
+        )
 
 
 def _study(name: str) -> Study:
@@ -162,20 +203,28 @@ def _with_part(path: str, value: Any) -> skyarm.Scenario:
 
 
 def digests(record: Any) -> list[str]:
-    """Identity of a record and digest of all its data; the first sixteen of their digits."""
+    """Identity of a record and digest of all its data; the first sixteen of their
+    digits.
+    """
     with only_shipped():
         return [identity(record)[:16], digest(_map(plain(record), _from_root))[:16]]
 
 
 def rounded_digest(record: Any) -> str:
-    """Digest of all data of a record with numbers of nine digits; the first sixteen of its digits."""
+    """Digest of all data of a record with numbers of nine digits; the first sixteen of
+    its digits.
+    """
     return digest(_map(plain(record), _short))[:16]
 
 
 def _map(data: Any, change: Callable[[Any], Any]) -> Any:
     if isinstance(data, dict):
         return {name: _map(each, change) for name, each in data.items()}
-    return [_map(each, change) for each in data] if isinstance(data, list) else change(data)
+    return (
+        [_map(each, change) for each in data]
+        if isinstance(data, list)
+        else change(data)
+    )
 
 
 def _from_root(value: Any) -> Any:
@@ -193,24 +242,49 @@ TINY = 1e-12
 
 
 def machinery() -> str:
-    """Digest of what linear algebra and functions give: BLAS and NumPy choose their code by the processor."""
+    """Digest of what linear algebra and functions give: BLAS and NumPy choose their
+    code by the processor.
+    """
     generator = np.random.default_rng(0)
     found = {"linear_algebra": flight_digests.linear_algebra()}
     for n in (2, 3, 4, 7):
         a, b = generator.normal(size=(4 * n, n)), generator.normal(size=4 * n)
-        pieces = (*np.linalg.svd(a), np.linalg.lstsq(a, b)[0], np.linalg.inv(a[:n]), a @ a.T, np.polyfit(a[:, 0], b, 2))
-        found[str(n)] = hashlib.sha256(b"".join(np.ascontiguousarray(each).tobytes() for each in pieces)).hexdigest()
+        pieces = (
+            *np.linalg.svd(a),
+            np.linalg.lstsq(a, b)[0],
+            np.linalg.inv(a[:n]),
+            a @ a.T,
+            np.polyfit(a[:, 0], b, 2),
+        )
+        found[str(n)] = hashlib.sha256(
+            b"".join(np.ascontiguousarray(each).tobytes() for each in pieces)
+        ).hexdigest()
     x = generator.uniform(0.1, 3.0, size=100)
-    several = [f(x) for f in (np.sin, np.cos, np.exp, np.log, np.sqrt, np.arctan, np.cbrt)]
-    single = [[f(float(each)) for each in x] for f in (math.sin, math.cos, math.exp, math.log, math.atan, math.tan)]
-    found["functions"] = hashlib.sha256(np.array(several).tobytes() + np.array(single).tobytes()).hexdigest()
+    several = [
+        f(x) for f in (np.sin, np.cos, np.exp, np.log, np.sqrt, np.arctan, np.cbrt)
+    ]
+    single = [
+        [f(float(each)) for each in x]
+        for f in (math.sin, math.cos, math.exp, math.log, math.atan, math.tan)
+    ]
+    found["functions"] = hashlib.sha256(
+        np.array(several).tobytes() + np.array(single).tobytes()
+    ).hexdigest()
     return digest(found)
 
 
 if __name__ == "__main__":
     if sys.argv[1:] != ["--write"]:
         sys.exit("usage: python tests/scenario/pinned_records.py --write")
-    told = {name: [*digests(made := make()), rounded_digest(made)] for name, make in records().items()}
-    lines = ",\n".join(f"  {json.dumps(name)}: {json.dumps(each)}" for name, each in told.items())
-    FILE.write_text(f'{{\n "machinery": "{machinery()}",\n "records": {{\n{lines}\n }}\n}}\n', "utf-8")
+    told = {
+        name: [*digests(made := make()), rounded_digest(made)]
+        for name, make in records().items()
+    }
+    lines = ",\n".join(
+        f"  {json.dumps(name)}: {json.dumps(each)}" for name, each in told.items()
+    )
+    FILE.write_text(
+        f'{{\n "machinery": "{machinery()}",\n "records": {{\n{lines}\n }}\n}}\n',
+        "utf-8",
+    )
     print(len(told), "records")

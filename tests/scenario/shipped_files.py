@@ -1,4 +1,6 @@
-"""Scenarios whose words are pinned: all that ship, those of the examples, the environments', and one of every table."""
+"""Scenarios whose words are pinned: all that ship, those of the examples, the
+environments', and one of every table.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +23,15 @@ RICH = "rich"
 
 
 def _files() -> dict[str, Path]:
-    examples = [path for path in sorted((ROOT / "examples").glob("*.toml")) if kind_of_file(str(path)) == "scenario"]
+    examples = [
+        path
+        for path in sorted((ROOT / "examples").glob("*.toml"))
+        if kind_of_file(str(path)) == "scenario"
+    ]
     tasks = sorted((ROOT / "src" / "skyarm" / "envs" / "tasks").glob("*.toml"))
-    return {RICH: PINS / "rich.toml"} | {f"{path.parent.name}/{path.stem}": path for path in (*examples, *tasks)}
+    return {RICH: PINS / "rich.toml"} | {
+        f"{path.parent.name}/{path.stem}": path for path in (*examples, *tasks)
+    }
 
 
 FILES = _files()
@@ -42,7 +50,9 @@ def scenario(name: str) -> skyarm.Scenario:
 
 @contextmanager
 def only_shipped() -> Iterator[None]:
-    """Registry without what other tests of this process added: messages name what is there, identities the plugins."""
+    """Registry without what other tests of this process added: messages name what is
+    there, identities the plugins.
+    """
     with registry_kept():
         for rows in _FOUND.values():
             for name in [name for name, row in rows.items() if row.source != SHIPPED]:

@@ -1,6 +1,8 @@
-"""Reading a scenario and replacing a number of it take no more function calls than they did.
+"""Reading a scenario and replacing a number of it take no more function calls than they
+did.
 
-The counts of ``2806b03d`` are those of the library before the words of a file were declared once.
+The counts of ``2806b03d`` are those of the library before the words of a file were
+declared once.
 """
 
 from __future__ import annotations
@@ -30,7 +32,10 @@ def faults(found: dict[str, dict[str, int]], version: str) -> list[str]:
             if count > pin * (1.0 if same else OTHERWISE):
                 lines.append(f"{name}: {count} {what}, must be at most {pin}")
             elif same and count < pin * LOWER:
-                lines.append(f"{name}: {count} {what}, well below {pin}: lower the pin (counted_calls.py --write)")
+                lines.append(
+                    f"{name}: {count} {what}, well below {pin}: lower the pin"
+                    " (counted_calls.py --write)"
+                )
     return lines
 
 
@@ -49,11 +54,17 @@ ASKED = {
     "reference.base.radius": 0.20,
     "initial.position.x": 0.13,
 }
-"""Largest share of the calls of ``2806b03d``; a mass of the vehicle makes the vehicle anew, as it did."""
+"""Largest share of the calls of ``2806b03d``; a mass of the vehicle makes the vehicle
+anew, as it did."""
 
 
-def test_pinned_counts_are_below_the_shares_of_the_earlier_ones_that_were_asked() -> None:
-    shares = {name: HELD["now"][name]["calls"] / HELD["2806b03d"][name]["calls"] for name in ASKED}
+def test_pinned_counts_are_below_the_shares_of_the_earlier_ones_that_were_asked() -> (
+    None
+):
+    shares = {
+        name: HELD["now"][name]["calls"] / HELD["2806b03d"][name]["calls"]
+        for name in ASKED
+    }
     assert {name: share for name, share in shares.items() if share > ASKED[name]} == {}
 
 
@@ -68,5 +79,8 @@ def test_counts_above_and_far_below_their_pins_are_named() -> None:
 
 
 def test_calls_of_the_package_are_counted_and_no_others() -> None:
-    assert counted_calls.count(lambda: [leaves.is_leaf(each) for each in (1.0, 2)]) == {"calls": 2, "files": 1}
+    assert counted_calls.count(lambda: [leaves.is_leaf(each) for each in (1.0, 2)]) == {
+        "calls": 2,
+        "files": 1,
+    }
     assert counted_calls.count(lambda: json.dumps([1.0])) == {"calls": 0, "files": 0}

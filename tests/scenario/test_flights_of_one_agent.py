@@ -1,4 +1,6 @@
-"""What takes the flight of one vehicle: of several it says so in one line, with their names and what to do."""
+"""What takes the flight of one vehicle: of several it says so in one line, with their
+names and what to do.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,10 @@ from skyarm.envs.env_task import make_task
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from support.teams import TEAMS, team
 
-LINE = "agents = left, right: must be one for {}; leave the others, and what they hold, out of the scenario"
+LINE = (
+    "agents = left, right: must be one for {}; leave the others, and what they hold,"
+    " out of the scenario"
+)
 
 
 @pytest.mark.parametrize(
@@ -24,7 +29,9 @@ LINE = "agents = left, right: must be one for {}; leave the others, and what the
         (make_task, "an environment"),
     ],
 )
-def test_functions_of_one_vehicle(take: Callable[[Scenario], object], purpose: str) -> None:
+def test_functions_of_one_vehicle(
+    take: Callable[[Scenario], object], purpose: str
+) -> None:
     for scenario in (team("bar"), team("bar").of("left")):
         with pytest.raises(ScenarioError) as error:
             take(scenario)
@@ -41,10 +48,16 @@ def test_functions_of_one_vehicle(take: Callable[[Scenario], object], purpose: s
     ],
 )
 def test_commands_of_one_vehicle(
-    words: list[str], purpose: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: list[str],
+    purpose: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", ["skyarm", words[0], str(TEAMS / "bar.toml"), *words[1:]])
+    monkeypatch.setattr(
+        "sys.argv", ["skyarm", words[0], str(TEAMS / "bar.toml"), *words[1:]]
+    )
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2

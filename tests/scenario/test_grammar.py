@@ -1,4 +1,6 @@
-"""The grammar that is printed is that of the declarations: what it says can be read, varied, and is on its page."""
+"""The grammar that is printed is that of the declarations: what it says can be read,
+varied, and is on its page.
+"""
 
 from __future__ import annotations
 
@@ -23,32 +25,59 @@ def row(path: str, of: str = "") -> GrammarRow:
     return found
 
 
-FILES = [*(ROOT / "src/skyarm/scenario/library").glob("*.toml"), *(ROOT / "examples").rglob("*.toml")]
-PATTERNS = [(re.compile(re.escape(each.path).replace(r"\*", r"[^.\[]+")), each) for each in ROWS]
+FILES = [
+    *(ROOT / "src/skyarm/scenario/library").glob("*.toml"),
+    *(ROOT / "examples").rglob("*.toml"),
+]
+PATTERNS = [
+    (re.compile(re.escape(each.path).replace(r"\*", r"[^.\[]+")), each) for each in ROWS
+]
 
 
 def untold(table: object, path: str = "") -> set[str]:
-    """Paths of a file's keys without a row, but within signals and the tables that are read by hand."""
+    """Paths of a file's keys without a row, but within signals and the tables that are
+    read by hand.
+    """
     if isinstance(table, list):
         return {found for each in table for found in untold(each, f"{path}[]")}
     missing: set[str] = set()
     for name, entry in table.items() if isinstance(table, dict) else ():
         at = f"{path}.{name}" if path else name
-        rows = [each for pattern, each in PATTERNS for end in ("", "[]") if pattern.fullmatch(f"{at}{end}")]
-        if not rows and not any(pattern.pattern.startswith(re.escape(f"{at}.")) for pattern, _ in PATTERNS):
+        rows = [
+            each
+            for pattern, each in PATTERNS
+            for end in ("", "[]")
+            if pattern.fullmatch(f"{at}{end}")
+        ]
+        if not rows and not any(
+            pattern.pattern.startswith(re.escape(f"{at}.")) for pattern, _ in PATTERNS
+        ):
             missing.add(at)
         elif at == "agents":
             # each has keys of the top, and those of faults without their table
             for own in entry.values():
-                faults = {"environment": {"faults": own["faults"]}} if "faults" in own else {}
-                missing |= untold({key: each for key, each in own.items() if key != "faults"} | faults)
-        elif not any("signal" in each.entry for each in rows) and at not in (*BY_HAND, "numbers"):
+                faults = (
+                    {"environment": {"faults": own["faults"]}}
+                    if "faults" in own
+                    else {}
+                )
+                missing |= untold(
+                    {key: each for key, each in own.items() if key != "faults"} | faults
+                )
+        elif not any("signal" in each.entry for each in rows) and at not in (
+            *BY_HAND,
+            "numbers",
+        ):
             missing |= untold(entry, at)
     return missing
 
 
 def test_every_key_of_the_shipped_scenarios_and_examples_has_a_row():
-    tables = [table for table in map(tomllib.loads, (file.read_text("utf-8") for file in FILES)) if "plant" in table]
+    tables = [
+        table
+        for table in map(tomllib.loads, (file.read_text("utf-8") for file in FILES))
+        if "plant" in table
+    ]
     assert len(tables) > 25
     assert {found for table in tables for found in untold(table)} == set()
 
@@ -80,7 +109,11 @@ def test_a_key_without_a_row_would_be_found():
         ("environment.wind.gust.force", "force_wind", "three numbers"),
         ("environment.wind.gust.shape", "moving_air", "'step' or 'one_minus_cosine'"),
         ("environment.wind.turbulence.wind_20ft", "moving_air", "number"),
-        ("environment.faults[].effectiveness", "loss", "number, list or table: a signal"),
+        (
+            "environment.faults[].effectiveness",
+            "loss",
+            "number, list or table: a signal",
+        ),
         ("payloads[].pick", "rigid", "number, or a table: a place"),
         ("payloads[].pick.within", "rigid", "number"),
         ("sensors.*.gyro.density", "imu", "number"),
@@ -109,9 +142,13 @@ def test_kinds_are_told_where_they_are_chosen():
     assert ("environment.faults[].signal", "loss") not in rows
 
 
-@pytest.mark.parametrize(("kind", "at"), [("signal", "SIGNAL"), ("motion", "reference.base")])
+@pytest.mark.parametrize(
+    ("kind", "at"), [("signal", "SIGNAL"), ("motion", "reference.base")]
+)
 def test_keys_that_are_read_by_hand_are_those_that_are_told(kind, at):
-    """A table with all of a shipped kind's keys is read; one with a key more is refused, and told those there are."""
+    """A table with all of a shipped kind's keys is read; one with a key more is
+    refused, and told those there are.
+    """
     tasks = ("waypoints", "phases", "samples")
     told = {named: {} for named in SHIPPED[kind] if named not in tasks}
     for each in ROWS:
@@ -119,7 +156,9 @@ def test_keys_that_are_read_by_hand_are_those_that_are_told(kind, at):
             told[each.of][each.path.removeprefix(f"{at}.")] = each
     assert all(told.values())
     for named, keys in told.items():
-        table = {"kind": named, "odd": 1.0} | {key: EXAMPLES.get(key, 1.0) for key in keys}
+        table = {"kind": named, "odd": 1.0} | {
+            key: EXAMPLES.get(key, 1.0) for key in keys
+        }
         reference = {"base": table} if kind == "motion" else {"base": AT, "yaw": table}
         with pytest.raises(ValueError, match="odd") as error:
             skyarm.scenario_from({**SCENARIO, "reference": reference})
@@ -149,9 +188,15 @@ EXAMPLES = {
 
 
 def test_every_key_that_is_not_a_task_s_has_a_meaning_and_a_default():
-    assert [each.path for each in ROWS if not each.meaning and "." in each.path and each.of != "schema"] == []
     assert [
-        each.path for each in ROWS if not each.default and not each.path.endswith(".kind") and states_a_value(each)
+        each.path
+        for each in ROWS
+        if not each.meaning and "." in each.path and each.of != "schema"
+    ] == []
+    assert [
+        each.path
+        for each in ROWS
+        if not each.default and not each.path.endswith(".kind") and states_a_value(each)
     ] == []
 
 
@@ -162,14 +207,18 @@ def test_rows_of_signals_have_the_units_of_the_trajectory():
 
 def states_a_value(each):
     """Keys of numbers, texts and flags, which have a default or are required."""
-    return not any(word in each.entry for word in ("table", "signal")) and not each.path.startswith("controller.")
+    return not any(
+        word in each.entry for word in ("table", "signal")
+    ) and not each.path.startswith("controller.")
 
 
 def test_links_of_the_page_are_words_in_a_terminal():
     linked = row("plant.integrator")
     assert linked.meaning == "[integrator](#integrators) of the plant"
     assert without_links(linked).meaning == "integrator of the plant"
-    assert all("](" not in f"{each.meaning}{each.default}" for each in map(without_links, ROWS))
+    assert all(
+        "](" not in f"{each.meaning}{each.default}" for each in map(without_links, ROWS)
+    )
 
 
 def spin(radius: float = 1.0) -> skyarm.Trajectory:
@@ -180,7 +229,10 @@ def spin(radius: float = 1.0) -> skyarm.Trajectory:
 def test_a_table_that_no_change_replaces_says_so():
     for path in ("plant", "world", "payloads[]", "sensors"):
         assert row(path).varies == "its numbers in flight, between episodes"
-    assert row("controller").varies == "as a whole in flight; its numbers in flight, between episodes"
+    assert (
+        row("controller").varies
+        == "as a whole in flight; its numbers in flight, between episodes"
+    )
     assert row("environment.ground").varies == "as a whole in flight"
 
 
@@ -188,8 +240,22 @@ def test_a_table_that_no_change_replaces_says_so():
     ("path", "of", "entry", "unit", "bounds", "varies"),
     [
         ("duration", "", "number", "s", "above 0", "never"),
-        ("rates.control", "", "whole number", "Hz", "at least 1, at most 1e+06", "never"),
-        ("plant.gravity", "", "number", "m/s^2", "at least 0", "in flight, between episodes"),
+        (
+            "rates.control",
+            "",
+            "whole number",
+            "Hz",
+            "at least 1, at most 1e+06",
+            "never",
+        ),
+        (
+            "plant.gravity",
+            "",
+            "number",
+            "m/s^2",
+            "at least 0",
+            "in flight, between episodes",
+        ),
         (
             "plant.joints.damping",
             "",
@@ -198,19 +264,63 @@ def test_a_table_that_no_change_replaces_says_so():
             "at least 0",
             "in flight, ",
         ),
-        ("delays.command", "", "number", "s", "at least 0", "where longest_command is stated"),
+        (
+            "delays.command",
+            "",
+            "number",
+            "s",
+            "at least 0",
+            "where longest_command is stated",
+        ),
         ("delays.measurement", "", "number", "s", "at least 0", "never"),
-        ("environment.wind.velocity", "moving_air", "three numbers", "m/s", "", "in flight, between episodes"),
-        ("environment.wind.force", "force_wind", "three numbers", "N", "", "in flight, between episodes"),
-        ("environment.faults[].effectiveness", "loss", SIGNAL, "", "at least 0, at most 1", "in flight, "),
+        (
+            "environment.wind.velocity",
+            "moving_air",
+            "three numbers",
+            "m/s",
+            "",
+            "in flight, between episodes",
+        ),
+        (
+            "environment.wind.force",
+            "force_wind",
+            "three numbers",
+            "N",
+            "",
+            "in flight, between episodes",
+        ),
+        (
+            "environment.faults[].effectiveness",
+            "loss",
+            SIGNAL,
+            "",
+            "at least 0, at most 1",
+            "in flight, ",
+        ),
         ("environment.faults[].rotor", "loss", "text", "", "", "never"),
-        ("payloads[].cord", "hanging", "number", "m", "above 0", "in flight, between episodes"),
+        (
+            "payloads[].cord",
+            "hanging",
+            "number",
+            "m",
+            "above 0",
+            "in flight, between episodes",
+        ),
         ("sensors.*.frequency", "imu", "number", "Hz", "at least 0", "never"),
-        ("sensors.position", "", "number", "m", "at least 0", "in flight, between episodes"),
+        (
+            "sensors.position",
+            "",
+            "number",
+            "m",
+            "at least 0",
+            "in flight, between episodes",
+        ),
         ("initial", "", "table", "", "", "between episodes"),
     ],
 )
-def test_a_word_is_told_with_its_unit_bounds_and_when_it_varies(path, of, entry, unit, bounds, varies):
+def test_a_word_is_told_with_its_unit_bounds_and_when_it_varies(
+    path, of, entry, unit, bounds, varies
+):
     found = row(path, of)
     assert (found.entry, found.unit, found.bounds) == (entry, unit, bounds)
     assert found.varies.startswith(varies)
@@ -218,12 +328,24 @@ def test_a_word_is_told_with_its_unit_bounds_and_when_it_varies(path, of, entry,
 
 def test_parts_that_a_change_may_replace_are_marked():
     whole = {each.path for each in ROWS if each.whole}
-    assert {"controller", "reference", "environment.wind", "environment.air[]", "estimator", "endings[]"} <= whole
+    assert {
+        "controller",
+        "reference",
+        "environment.wind",
+        "environment.air[]",
+        "estimator",
+        "endings[]",
+    } <= whole
     assert not whole & {"plant", "duration", "initial", "payloads[]"}
 
 
 def test_every_word_that_is_of_no_kind_is_on_the_page_of_scenario_files():
     paths = (each.path.replace("[]", "") for each in ROWS if not each.of)
-    words = {part for path in paths for part in path.split(".") if part not in ("*", "SIGNAL")}
+    words = {
+        part
+        for path in paths
+        for part in path.split(".")
+        if part not in ("*", "SIGNAL")
+    }
     written = set(re.findall(r"\w+", PAGE))
     assert words - written == set()

@@ -11,7 +11,12 @@ from skyarm.control.model import Model
 from skyarm.scenario.scenario_checks import check_scenario
 
 BIRD = skyarm.load_vehicle("hummingbird")
-PUSHER = dataclasses.replace(BIRD.rotors[0], name="pusher", position=Vec3(-0.2, 0.0, 0.0), axis=Vec3(1.0, 0.0, 0.0))
+PUSHER = dataclasses.replace(
+    BIRD.rotors[0],
+    name="pusher",
+    position=Vec3(-0.2, 0.0, 0.0),
+    axis=Vec3(1.0, 0.0, 0.0),
+)
 PUSHED = dataclasses.replace(BIRD, name="pushed", rotors=(*BIRD.rotors, PUSHER))
 
 
@@ -20,12 +25,16 @@ def test_rotors_that_allow_no_priorities_are_cut_alike():
     assert make_centroidal(Model(vehicle=BIRD)).par.mixer.policy == "thrust_before_yaw"
 
 
-@pytest.mark.parametrize(("field", "values"), [("stiffness", (1.0,)), ("damping", (1.0, 1.0, 1.0))])
+@pytest.mark.parametrize(
+    ("field", "values"), [("stiffness", (1.0,)), ("damping", (1.0, 1.0, 1.0))]
+)
 def test_gains_for_fewer_or_more_joints_than_there_are_are_refused(field, values):
     planned = skyarm.load_scenario("case1")
     par = planned.controller.par
     gains = dataclasses.replace(par.joint_gains, **{field: values})
-    law = dataclasses.replace(planned.controller, par=dataclasses.replace(par, joint_gains=gains))
+    law = dataclasses.replace(
+        planned.controller, par=dataclasses.replace(par, joint_gains=gains)
+    )
     words = rf"controller\.joint_gains\.{field}: {len(values)} values, must be 2"
     with pytest.raises(skyarm.ScenarioError, match=words):
         check_scenario(dataclasses.replace(planned, controller=law))

@@ -1,4 +1,6 @@
-"""Which words lead to the numbers of a base's motion: those of the kind it is, told by all of its axes."""
+"""Which words lead to the numbers of a base's motion: those of the kind it is, told by
+all of its axes.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ from skyarm.records.leaves import part
 from skyarm.records.path_names import path_names
 from skyarm.reference import Constant, Sine, Sum, Trajectory, circle, hover
 
-CIRCLE = circle(center=(0.1, 0.2, 1.5), radius=0.4, frequency_hz=0.3, start=1.0, stop=9.0)
+CIRCLE = circle(
+    center=(0.1, 0.2, 1.5), radius=0.4, frequency_hz=0.3, start=1.0, stop=9.0
+)
 HOVER = hover((0.1, 0.2, 1.5))
 SWING = Sine(amplitude=0.2, frequency_hz=0.5)
 ROUND = {"radius", "frequency_hz", "center", "start", "stop"}
@@ -43,7 +47,13 @@ def test_a_place_to_hover_at_is_told_by_three_axes_that_rest(axis):
 
 @pytest.mark.parametrize("axis", "xyz")
 def test_a_list_of_motions_is_told_by_three_lists(axis):
-    lists = Trajectory(x=listed(SWING), y=listed(Constant(0.3)), z=listed(Constant(1.0)), yaw=Constant(0.0), joints=())
+    lists = Trajectory(
+        x=listed(SWING),
+        y=listed(Constant(0.3)),
+        z=listed(Constant(1.0)),
+        yaw=Constant(0.0),
+        joints=(),
+    )
     assert words(lists) == {"0"}
     assert words(dataclasses.replace(lists, **{axis: Constant(2.0)})) == AXES
 

@@ -1,4 +1,6 @@
-"""What a governor plans, judged by other lines than its own: second differences of what is told, and those of check."""
+"""What a governor plans, judged by other lines than its own: second differences of what
+is told, and those of check.
+"""
 
 import dataclasses
 import functools
@@ -45,7 +47,9 @@ REST = Trajectory(z=Constant(2.0), joints=(Constant(0.0), Constant(0.0)))
 
 
 def flight(duration=5.0, **signals):
-    return dataclasses.replace(HOVER, reference=dataclasses.replace(REST, **signals), duration=duration)
+    return dataclasses.replace(
+        HOVER, reference=dataclasses.replace(REST, **signals), duration=duration
+    )
 
 
 CIRCLE = flight(x=eased(1.0, 1.0, math.pi / 2.0), y=eased(1.0, 1.0))
@@ -73,7 +77,14 @@ def accelerations(scenario):
     h = 1e-3
 
     def position(t):
-        return np.stack([c + 0.0 * t for c in governed_reference(scenario.reference, scenario.path_time, t).position])
+        return np.stack(
+            [
+                c + 0.0 * t
+                for c in governed_reference(
+                    scenario.reference, scenario.path_time, t
+                ).position
+            ]
+        )
 
     return (position(TIME + h) - 2.0 * position(TIME) + position(TIME - h)) / h**2
 
@@ -105,8 +116,12 @@ def test_what_is_told_keeps_thrust_and_tilt_that_the_command_does_not(name):
 def test_rotors_and_joints_saturate_as_commanded_and_not_as_governed(name):
     def shares(scenario):
         demand, vehicle = follow(flight_parts(scenario)).demand, scenario.plant.vehicle
-        top = np.array([float(rotor.max_speed) ** 2 for rotor in vehicle.rotors])[:, None]
-        limits = np.array([float(link.joint.effort_limit) for link in vehicle.links])[:, None]
+        top = np.array([float(rotor.max_speed) ** 2 for rotor in vehicle.rotors])[
+            :, None
+        ]
+        limits = np.array([float(link.joint.effort_limit) for link in vehicle.links])[
+            :, None
+        ]
         return demand.squared / top, np.abs(demand.efforts) / limits
 
     asked, _ = shares(dataclasses.replace(led(name), path_time=None))
@@ -120,34 +135,53 @@ def test_rotors_and_joints_saturate_as_commanded_and_not_as_governed(name):
 def test_a_climb_keeps_below_the_rotors_most():
     up = Ramp(start=0.4, duration=0.3, height=0.9, shape="quintic")
     climb = skyarm.govern(flight(2.0, z=Sum((Constant(1.0), up))), reserve=0.5)
-    demand, most = follow(flight_parts(climb)).demand, float(climb.plant.vehicle.rotors[0].max_speed) ** 2
+    demand, most = (
+        follow(flight_parts(climb)).demand,
+        float(climb.plant.vehicle.rotors[0].max_speed) ** 2,
+    )
     assert 0.4 * most < demand.squared.max() < 0.5 * most * 1.01
 
 
 def test_joints_keep_their_efforts_and_servos_theirs():
     swing = flight(3.0, joints=SWING.reference.joints)
-    weak = skyarm.with_numbers(swing, {"model.vehicle.links.link1.joint.effort_limit": 0.06})
+    weak = skyarm.with_numbers(
+        swing, {"model.vehicle.links.link1.joint.effort_limit": 0.06}
+    )
     efforts = np.abs(follow(flight_parts(skyarm.govern(weak))).demand.efforts[0])
     # the plan's attitude is smoother than this one's: that is what the reserve is for
     assert 0.035 < efforts.max() < 0.06
     vehicle = weak.controller.par.model.vehicle
     name = vehicle.links[0].joint.name
     drive = MountedDrive(
-        name=name, drive=PositionServo(stiffness=5.0, inertia=0.01, torque_limit=0.04, speed_limit=1.5)
+        name=name,
+        drive=PositionServo(
+            stiffness=5.0, inertia=0.01, torque_limit=0.04, speed_limit=1.5
+        ),
     )
-    model = dataclasses.replace(weak.controller.par.model, vehicle=dataclasses.replace(vehicle, drives=(drive,)))
+    model = dataclasses.replace(
+        weak.controller.par.model, vehicle=dataclasses.replace(vehicle, drives=(drive,))
+    )
     limits = PathLimits(unlimited(model), OPTIONS)
     fast, slow = (limits.shares(turning(vehicle, rate))[:, 0] for rate in (3.0, 0.02))
-    speed, effort = (limits.names().index(f"{word} of joint {name!r}") for word in ("speed", "effort"))
+    speed, effort = (
+        limits.names().index(f"{word} of joint {name!r}")
+        for word in ("speed", "effort")
+    )
     assert fast[speed] == pytest.approx(3.0 / 1.5)
-    assert slow[effort] == pytest.approx(abs(effort_of(vehicle, 0.02)) / (0.04 * (1.0 - OPTIONS.reserve)), rel=1e-3)
+    assert slow[effort] == pytest.approx(
+        abs(effort_of(vehicle, 0.02)) / (0.04 * (1.0 - OPTIONS.reserve)), rel=1e-3
+    )
 
 
 def unlimited(model):
     """A belief in which nothing but the servo limits the first joint."""
     first, *others = model.vehicle.links
-    first = dataclasses.replace(first, joint=dataclasses.replace(first.joint, effort_limit=math.inf))
-    return dataclasses.replace(model, vehicle=dataclasses.replace(model.vehicle, links=(first, *others)))
+    first = dataclasses.replace(
+        first, joint=dataclasses.replace(first.joint, effort_limit=math.inf)
+    )
+    return dataclasses.replace(
+        model, vehicle=dataclasses.replace(model.vehicle, links=(first, *others))
+    )
 
 
 def turning(vehicle, rate):
@@ -170,9 +204,17 @@ def test_a_servo_beyond_its_no_load_speed_is_out_of_its_share_and_no_number_is_l
     model = HOVER.controller.par.model
     name = model.vehicle.links[0].joint.name
     motor = PositionServo(
-        stiffness=5.0, inertia=1e-3, torque_constant=0.01, resistance=2.0, voltage=12.0, gear=100.0, current_limit=2.0
+        stiffness=5.0,
+        inertia=1e-3,
+        torque_constant=0.01,
+        resistance=2.0,
+        voltage=12.0,
+        gear=100.0,
+        current_limit=2.0,
     )
-    vehicle = dataclasses.replace(model.vehicle, drives=(MountedDrive(name=name, drive=motor),))
+    vehicle = dataclasses.replace(
+        model.vehicle, drives=(MountedDrive(name=name, drive=motor),)
+    )
     limits = PathLimits(unlimited(dataclasses.replace(model, vehicle=vehicle)), OPTIONS)
     row = limits.names().index(f"effort of joint {name!r}")
     shares = limits.shares(turning(vehicle, 1.5 * 12.0 / (100.0 * 0.01)))[row]
@@ -187,26 +229,49 @@ def test_a_tip_that_an_upright_arm_holds_asks_for_more_tilt_than_its_base():
     surge[0] = 2.0 * np.sin(w * time)
     up = zeros.copy()
     up[0] = math.pi
-    moved = MotionSamples(time=time, acceleration=surge, yaw=zeros[0], joints=up, rates=zeros, accelerations=zeros)
-    blunt = dataclasses.replace(model, vehicle=dataclasses.replace(model.vehicle, end_effector=""))
+    moved = MotionSamples(
+        time=time,
+        acceleration=surge,
+        yaw=zeros[0],
+        joints=up,
+        rates=zeros,
+        accelerations=zeros,
+    )
+    blunt = dataclasses.replace(
+        model, vehicle=dataclasses.replace(model.vehicle, end_effector="")
+    )
     middle = slice(100, 301)
-    with_tip, without = (PathLimits(each, OPTIONS).shares(moved)[-2, middle].max() for each in (model, blunt))
-    # a base under a tip 0.3 m above it that stays where a level base has it: 1 + 0.3 w^2 / g of the acceleration
+    with_tip, without = (
+        PathLimits(each, OPTIONS).shares(moved)[-2, middle].max()
+        for each in (model, blunt)
+    )
+    # a base under a tip 0.3 m above it that stays where a level base has it: 1 + 0.3
+    # w^2 / g of the acceleration
     assert with_tip / without == pytest.approx(1.0 + 0.3 * w**2 / 9.81, rel=0.15)
 
 
 def effort_of(vehicle, rate):
-    """Effort of the first joint there by the front of arrays, base level: what the arm's reaction tilts is left out."""
+    """Effort of the first joint there by the front of arrays, base level: what the
+    arm's reaction tilts is left out.
+    """
     speeds = np.zeros(6 + vehicle.n)
     speeds[6] = rate
     q, level = np.full(vehicle.n, 0.3), [1.0, 0.0, 0.0, 0.0]
-    force = skyarm.inverse_dynamics(vehicle, np.zeros(3), level, q, speeds, np.zeros(6 + vehicle.n))
+    force = skyarm.inverse_dynamics(
+        vehicle, np.zeros(3), level, q, speeds, np.zeros(6 + vehicle.n)
+    )
     joint = vehicle.links[0].joint
-    return force[6] + float(joint.damping) * rate + float(joint.coulomb) * np.tanh(rate / float(joint.coulomb_rate))
+    return (
+        force[6]
+        + float(joint.damping) * rate
+        + float(joint.coulomb) * np.tanh(rate / float(joint.coulomb_rate))
+    )
 
 
 class Parabola(Signal):
-    """At rest until 2 s, from then on at 6 m/s^2 for half a second, then as fast as it is."""
+    """At rest until 2 s, from then on at 6 m/s^2 for half a second, then as fast as it
+    is.
+    """
 
     def derivatives(self, t):
         u = np.clip(np.asarray(t) - 2.0, 0.0, 0.5)
@@ -235,9 +300,17 @@ def test_the_path_stands_still_at_a_corner_and_only_there():
 
 
 def test_a_feasible_reference_is_left_as_it_is():
-    slow = flight(x=Ramp(start=0.5, duration=3.0, height=0.3, shape="quintic"), joints=(eased(0.2, 0.5), Constant(0.1)))
+    slow = flight(
+        x=Ramp(start=0.5, duration=3.0, height=0.3, shape="quintic"),
+        joints=(eased(0.2, 0.5), Constant(0.1)),
+    )
     assert skyarm.govern(slow) == slow
-    assert scenario_from(DOCUMENT | {"reference": {**DOCUMENT["reference"], "governor": True}}) == HOVER
+    assert (
+        scenario_from(
+            DOCUMENT | {"reference": {**DOCUMENT["reference"], "governor": True}}
+        )
+        == HOVER
+    )
 
 
 def test_what_moves_at_once_sets_off_from_rest():
@@ -246,7 +319,9 @@ def test_what_moves_at_once_sets_off_from_rest():
 
 
 def test_less_tilt_is_kept_and_more_reserve_is_slower():
-    round_ = skyarm.govern(flight(x=eased(1.0, 0.5, 0.5 * math.pi), y=eased(1.0, 0.5)), tilt=0.15)
+    round_ = skyarm.govern(
+        flight(x=eased(1.0, 0.5, 0.5 * math.pi), y=eased(1.0, 0.5)), tilt=0.15
+    )
     force = accelerations(round_) + np.array([[0.0], [0.0], [9.81]])
     tilt = np.arctan2(np.hypot(force[0], force[1]), force[2]).max()
     assert 0.12 < tilt < 0.151
@@ -266,7 +341,10 @@ def test_joints_keep_their_speed():
         ({"reserve": 1.5}, "reference.governor.reserve = 1.5: must be at most 0.9"),
         ({"tilt": 0}, "reference.governor.tilt = 0: must be above 0"),
         ({"joint_speed": -1}, "reference.governor.joint_speed = -1: must be above 0"),
-        ({"turning": "fast"}, "reference.governor.turning = 'fast': must be a finite number"),
+        (
+            {"turning": "fast"},
+            "reference.governor.turning = 'fast': must be a finite number",
+        ),
         ({"speed": 1.0}, "allowed: reserve, tilt, turning, joint_speed"),
         ("yes", "reference.governor = 'yes': must be true, false or a table of limits"),
     ],
@@ -281,15 +359,29 @@ def test_wrong_limits_are_refused_in_one_line(governor, words):
 
 def test_what_cannot_be_planned_is_refused_in_one_line():
     for make, words in (
-        (lambda: skyarm.govern(HOVER, speed=1.0), "speed: is no option of a governor; there are reserve, tilt"),
+        (
+            lambda: skyarm.govern(HOVER, speed=1.0),
+            "speed: is no option of a governor; there are reserve, tilt",
+        ),
         (lambda: skyarm.govern("case3"), "scenario = 'case3': must be a Scenario"),
         (
             lambda: check_scenario(dataclasses.replace(led("drop"), duration=9.0)),
             "was planned for 5.4 s, the flight lasts 9 s",
         ),
-        (lambda: skyarm.with_numbers(led("drop"), {"reference.x.value": 1.0}), "must stay as it is where"),
-        (lambda: skyarm.with_numbers(led("drop"), {"model.gravity": 9.0}), "must stay as it is where"),
-        (lambda: skyarm.govern(flight(x=Ramp(start=0.0, duration=1.0, height=1e308))), "not finite"),
+        (
+            lambda: skyarm.with_numbers(led("drop"), {"reference.x.value": 1.0}),
+            "must stay as it is where",
+        ),
+        (
+            lambda: skyarm.with_numbers(led("drop"), {"model.gravity": 9.0}),
+            "must stay as it is where",
+        ),
+        (
+            lambda: skyarm.govern(
+                flight(x=Ramp(start=0.0, duration=1.0, height=1e308))
+            ),
+            "not finite",
+        ),
     ):
         with pytest.raises(skyarm.ScenarioError) as caught:
             make()
@@ -298,38 +390,67 @@ def test_what_cannot_be_planned_is_refused_in_one_line():
 
 
 def test_a_file_is_planned_with_its_numbers():
-    circle = {"kind": "circle", "radius": 1.0, "frequency_hz": 0.8, "center": [0.0, 0.0, 2.0]}
+    circle = {
+        "kind": "circle",
+        "radius": 1.0,
+        "frequency_hz": 0.8,
+        "center": [0.0, 0.0, 2.0],
+    }
     weak = {f"model.vehicle.rotors.{i}.max_speed": 600.0 for i in range(4)}
     governed = {"reference": {"base": circle, "governor": True}}
     planned = scenario_from(DOCUMENT | governed | {"numbers": weak})
-    twin = skyarm.govern(skyarm.with_numbers(scenario_from(DOCUMENT | {"reference": {"base": circle}}), weak))
+    twin = skyarm.govern(
+        skyarm.with_numbers(
+            scenario_from(DOCUMENT | {"reference": {"base": circle}}), weak
+        )
+    )
     strong = scenario_from(DOCUMENT | governed)
     assert planned.path_time == twin.path_time != strong.path_time
     assert planned.path_time is not None
-    wide = scenario_from(DOCUMENT | governed | {"numbers": {"reference.base.radius": 2.0}})
+    wide = scenario_from(
+        DOCUMENT | governed | {"numbers": {"reference.base.radius": 2.0}}
+    )
     assert wide.path_time != strong.path_time
 
 
 def test_tasks_whose_instants_would_come_too_early_are_refused():
     waits = {"kind": "hold", "duration": 1.0, "until": {"error": 0.1}}
     task = {"kind": "phases", "position": [0.0, 0.0, 2.0], "phases": [waits]}
-    with pytest.raises(skyarm.ScenarioError, match=r"reference\.governor: must be left out of .* wait \(until\)"):
+    with pytest.raises(
+        skyarm.ScenarioError,
+        match=r"reference\.governor: must be left out of .* wait \(until\)",
+    ):
         scenario_from(DOCUMENT | {"reference": {"base": task, "governor": True}})
     pick = {"kind": "pick", "payload": "box", "position": [0.1, 0.0, 2.0], "dwell": 1.0}
     task = {"kind": "phases", "position": [0.0, 0.0, 2.0], "phases": [pick]}
     box = {"name": "box", "mass": 0.05}
-    with pytest.raises(skyarm.ScenarioError, match=r"reference\.governor: must be left out of .* picks or places"):
-        scenario_from(DOCUMENT | {"reference": {"base": task, "governor": True}, "payloads": [box]})
+    with pytest.raises(
+        skyarm.ScenarioError,
+        match=r"reference\.governor: must be left out of .* picks or places",
+    ):
+        scenario_from(
+            DOCUMENT
+            | {
+                "reference": {"base": task, "governor": True},
+                "payloads": [box],
+            }
+        )
 
 
 def test_a_flight_that_takes_something_at_an_instant_is_not_governed():
     box = {"name": "box", "mass": 0.05, "pick": 1.0, "believed": True}
     told = scenario_from(DOCUMENT | {"payloads": [box]})
-    with pytest.raises(skyarm.ScenarioError, match=r"reference\.governor: must be left out where the law's model"):
+    with pytest.raises(
+        skyarm.ScenarioError,
+        match=r"reference\.governor: must be left out where the law's model",
+    ):
         skyarm.govern(told)
     blind = scenario_from(DOCUMENT | {"payloads": [box | {"believed": False}]})
     assert skyarm.govern(blind).payloads == blind.payloads
-    for closed, refused in ((Constant(1), False), (Windowed(Constant(1), 1.0, 2.0), True)):
+    for closed, refused in (
+        (Constant(1), False),
+        (Windowed(Constant(1), 1.0, 2.0), True),
+    ):
         hand = SimpleNamespace(name="hand", closed=Command(closed))
         steady = SimpleNamespace(guards=())
         flight = SimpleNamespace(
@@ -338,7 +459,9 @@ def test_a_flight_that_takes_something_at_an_instant_is_not_governed():
             changes=(),
             agent=SimpleNamespace(payloads=(), reference=steady),
         )
-        reasons = ["where gripper 'hand' closes or opens at an instant"] if refused else []
+        reasons = (
+            ["where gripper 'hand' closes or opens at an instant"] if refused else []
+        )
         assert list(_reasons_against(flight, ())) == reasons
 
 
@@ -347,13 +470,26 @@ def test_a_reference_that_takes_another_s_place_is_governed_by_its_own_table():
     moving = {"base": {"kind": "signals", "z": 2.0, "x": motion}}
     governed_one = with_part(HOVER, "reference", moving | {"governor": {"tilt": 0.3}})
     assert governed_one.path_time is not None
-    with pytest.raises(ValueError, match=r"reference\.base = .*must stay as it is where the reference has a governor"):
-        with_part(governed_one, "reference.base", {"kind": "hover", "position": [0.0, 0.0, 1.0]})
+    with pytest.raises(
+        ValueError,
+        match=(
+            r"reference\.base = .*must stay as it is where the reference has a governor"
+        ),
+    ):
+        with_part(
+            governed_one,
+            "reference.base",
+            {"kind": "hover", "position": [0.0, 0.0, 1.0]},
+        )
     assert with_part(governed_one, "reference", moving).path_time is None
 
 
 def test_the_page_lists_the_limits_with_their_defaults():
-    page = (Path(__file__).resolve().parents[2] / "docs/path_governor.md").read_text("utf-8")
+    page = (Path(__file__).resolve().parents[2] / "docs/path_governor.md").read_text(
+        "utf-8"
+    )
     rows = re.findall(r"^\| `(\w+)` \| .* \| ([\w.]+) \|$", page, re.MULTILINE)
     fields = dataclasses.fields(GovernorOptions)
-    assert {name: float(value) for name, value in rows} == {field.name: field.default for field in fields}
+    assert {name: float(value) for name, value in rows} == {
+        field.name: field.default for field in fields
+    }

@@ -1,4 +1,6 @@
-"""Dotted paths lead to the numbers they name, and a change reaches everything that is derived from them."""
+"""Dotted paths lead to the numbers they name, and a change reaches everything that is
+derived from them.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,12 @@ from skyarm.algebra import Vec3
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.scenario.paths import roots, variable_words
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
-from skyarm.scenario.scenario_record import Change, JointDrive, NamedSensor, ScenarioError
+from skyarm.scenario.scenario_record import (
+    Change,
+    JointDrive,
+    NamedSensor,
+    ScenarioError,
+)
 from skyarm.world import Fault, TimedPayload
 from skyarm.world.contact import Contact, Material, Surface
 from skyarm.world.team import Team
@@ -31,7 +38,13 @@ def scenario():
         faults=(Fault(rotor="front", effectiveness=0.9, start=2.0),),
         changes=(Change(at=0.02, path="environment.wind.gust.start", value=0.03),),
         payloads=(TimedPayload(mass=0.05, pick=0.01, name="parcel"),),
-        world=Contact(surfaces=(Surface(name="wall", position=Vec3(0.0, 0.0, -9.0), material=Material()),)),
+        world=Contact(
+            surfaces=(
+                Surface(
+                    name="wall", position=Vec3(0.0, 0.0, -9.0), material=Material()
+                ),
+            )
+        ),
         team=Team(object="bar", mass=1.6),
     )
 
@@ -83,7 +96,11 @@ def test_a_number_that_is_replaced_is_there_and_no_other_changed(scenario, path)
 def test_every_root_has_an_example(scenario):
     wanted = set(roots(scenario)) - {"reference"}
     assert (
-        {root for root in wanted if any(path.startswith(f"{root}.") for path in EXAMPLES)}
+        {
+            root
+            for root in wanted
+            if any(path.startswith(f"{root}.") for path in EXAMPLES)
+        }
         == wanted
         > set(variable_words()) - {"reference"}
     )
@@ -100,15 +117,22 @@ def test_the_mixer_follows_the_rotors_that_the_model_believes_in(scenario):
     path = "model.vehicle.rotors.0.thrust_coefficient"
     stronger = with_numbers(scenario, {path: 2.0 * number_at(scenario, path)})
     assert stronger.controller.par.mixer != scenario.controller.par.mixer
-    assert with_numbers(scenario, {"plant.gravity": 9.0}).controller.par.mixer == scenario.controller.par.mixer
+    assert (
+        with_numbers(scenario, {"plant.gravity": 9.0}).controller.par.mixer
+        == scenario.controller.par.mixer
+    )
 
 
 REFUSED = {
     "gravity": r"path = 'gravity': must start with one of plant, model, controller",
     "plants.gravity": r"must start with one of",
     "plant": r"must start with one of",
-    "plant.vehicle.base.weight": r"no 'weight' here; there are mass, com, inertia, planar",
-    "plant.vehicle.links.link3.body.mass": r"no 'link3' here; did you mean 'link2'\? there are 0, 1, link1, link2",
+    "plant.vehicle.base.weight": (
+        r"no 'weight' here; there are mass, com, inertia, planar"
+    ),
+    "plant.vehicle.links.link3.body.mass": (
+        r"no 'link3' here; did you mean 'link2'\? there are 0, 1, link1, link2"
+    ),
     "plant.vehicle.base": r"must lead to a number, not to Body",
     "plant.vehicle.name": r"must lead to a number, not to str",
     "plant.vehicle.base.planar": r"must lead to a number, not to bool",
@@ -134,12 +158,19 @@ def test_a_path_that_leads_nowhere_is_refused_with_what_there_is(scenario, path)
     ],
 )
 def test_two_names_of_one_number_do_not_vary_together(one, other):
-    with pytest.raises(ScenarioError, match=r"is the same number as|must not vary together"):
+    with pytest.raises(
+        ScenarioError, match=r"is the same number as|must not vary together"
+    ):
         require_apart(load_scenario("case3_wind"), (one, other))
 
 
 def test_the_mixer_follows_the_believed_rotors_by_any_name():
     scenario = load_scenario("case3_wind")
-    names = ("model.vehicle.rotors.0.thrust_coefficient", "controller.model.vehicle.rotors.0.thrust_coefficient")
-    first, second = (with_numbers(scenario, {name: 1e-5}).controller.par.mixer for name in names)
+    names = (
+        "model.vehicle.rotors.0.thrust_coefficient",
+        "controller.model.vehicle.rotors.0.thrust_coefficient",
+    )
+    first, second = (
+        with_numbers(scenario, {name: 1e-5}).controller.par.mixer for name in names
+    )
     assert first == second != scenario.controller.par.mixer

@@ -1,4 +1,6 @@
-"""A user's kinds of payload, fault, wind, world and signal are used in a file as those that ship, and written back."""
+"""A user's kinds of payload, fault, wind, world and signal are used in a file as those
+that ship, and written back.
+"""
 
 from __future__ import annotations
 
@@ -68,13 +70,24 @@ TABLES = {
     "plant": {"vehicle": "hummingbird_arm2_rotors"},
     "model": {"vehicle": "hummingbird_arm2"},
     "controller": {"preset": "paper_ct"},
-    "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, "yaw": {"kind": "tremble", "size": 0.01}},
+    "reference": {
+        "base": {"kind": "hover", "position": [0.0, 0.0, 1.0]},
+        "yaw": {"kind": "tremble", "size": 0.01},
+    },
     "environment": {
         "wind": {"mode": "thermal", "force": [0.5, 0.0, 0.0], "rise": 0.2},
-        "faults": [{"kind": "flicker", "rotor": "front", "effectiveness": 0.9, "period": 0.5}],
+        "faults": [
+            {"kind": "flicker", "rotor": "front", "effectiveness": 0.9, "period": 0.5}
+        ],
     },
-    "payloads": [{"kind": "leaking", "name": "bag", "mass": 0.1, "pick": 0.05, "leak": 0.2}],
-    "world": {"kind": "room", "side": 6.0, "surfaces": [{"name": "floor", "position": [0.0, 0.0, -3.0]}]},
+    "payloads": [
+        {"kind": "leaking", "name": "bag", "mass": 0.1, "pick": 0.05, "leak": 0.2}
+    ],
+    "world": {
+        "kind": "room",
+        "side": 6.0,
+        "surfaces": [{"name": "floor", "position": [0.0, 0.0, -3.0]}],
+    },
 }
 
 NUMBERS = {
@@ -99,7 +112,13 @@ def own_kinds() -> Iterator[None]:
 
 def test_tables_of_own_kinds_are_read_and_fly() -> None:
     scenario = skyarm.scenario_from(TABLES)
-    found = (scenario.payloads[0], scenario.faults[0], scenario.wind, scenario.world, scenario.reference.yaw)
+    found = (
+        scenario.payloads[0],
+        scenario.faults[0],
+        scenario.wind,
+        scenario.world,
+        scenario.reference.yaw,
+    )
     assert [type(each) for each in found] == [Leaking, Flicker, Thermal, Room, Tremble]
     assert skyarm.run(scenario).status == "completed"
 
@@ -116,17 +135,25 @@ def test_a_field_of_an_own_kind_is_readable_variable_and_bounded(path: str) -> N
             skyarm.with_numbers(scenario, {path: -1.0})
 
 
-def test_a_field_of_an_own_kind_is_listed_and_compared_and_written(tmp_path: Path) -> None:
+def test_a_field_of_an_own_kind_is_listed_and_compared_and_written(
+    tmp_path: Path,
+) -> None:
     scenario = skyarm.scenario_from(TABLES)
     rows = {(row.path, row.of) for row in grammar()}
     assert ("payloads[].leak", "leaking") in rows
     assert ("environment.wind.rise", "thermal") in rows
     changed = skyarm.with_numbers(scenario, NUMBERS | {"payloads.bag.leak": 0.5})
-    wind = with_part(changed, "environment.wind", {"mode": "thermal", "force": [0.2, 0.0, 0.0], "rise": 0.4})
+    wind = with_part(
+        changed,
+        "environment.wind",
+        {"mode": "thermal", "force": [0.2, 0.0, 0.0], "rise": 0.4},
+    )
     file = skyarm.save_scenario(tmp_path / "own.toml", wind, TABLES)
     assert identity(skyarm.load_scenario(file)) == identity(wind)
     assert 'mode = "thermal"' in file.read_text("utf-8")
-    assert scenario_differences(plain(scenario), plain(changed)) == {"payloads.0.leak": (0.2, 0.5)}
+    assert scenario_differences(plain(scenario), plain(changed)) == {
+        "payloads.0.leak": (0.2, 0.5)
+    }
 
 
 LOAD = {"mass": 0.1, "pick": 1.0}
@@ -140,7 +167,11 @@ LOAD = {"mass": 0.1, "pick": 1.0}
             [{"kind": "leaky", "mass": 0.1, "pick": 1.0}],
             r"^payloads\[0\]\.kind = 'leaky': did you mean 'leaking'",
         ),
-        ("world", {"kind": "rom"}, r"^world\.kind = 'rom': did you mean 'room'\? must be one of contact, room"),
+        (
+            "world",
+            {"kind": "rom"},
+            r"^world\.kind = 'rom': did you mean 'room'\? must be one of contact, room",
+        ),
         (
             "payloads",
             [{"kind": "leaking", "mass": 0.1, "pick": 1.0, "leak": 2}],
@@ -159,30 +190,63 @@ HUGE = [1e300, 0.0, 0.0]
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ({"environment": {"wind": {"mode": "moving_air", "velocity": HUGE}}}, "environment.wind.velocity = 1e+300: "),
-        ({"environment": {"wind": {"mode": "thermal", "force": HUGE}}}, "environment.wind.force = 1e+300: "),
+        (
+            {"environment": {"wind": {"mode": "moving_air", "velocity": HUGE}}},
+            "environment.wind.velocity = 1e+300: ",
+        ),
+        (
+            {"environment": {"wind": {"mode": "thermal", "force": HUGE}}},
+            "environment.wind.force = 1e+300: ",
+        ),
         (
             {"environment": {"air": [{"kind": "moving_air", "velocity": HUGE}]}},
             "environment.air[0].velocity.x = 1e+300: ",
         ),
         (
-            {"environment": {"wind": {"mode": "moving_air", "gust": {"velocity": HUGE, "start": 1, "duration": 1}}}},
+            {
+                "environment": {
+                    "wind": {
+                        "mode": "moving_air",
+                        "gust": {"velocity": HUGE, "start": 1, "duration": 1},
+                    }
+                }
+            },
             "environment.wind.gust.velocity = 1e+300: ",
         ),
-        ({"plant": TABLES["plant"] | {"joints": {"damping": 1e300}}}, "plant.joints.damping = 1e+300: "),
-        ({"plant": TABLES["plant"] | {"joints": {"damping": [0.1, 1e300]}}}, "plant.joints.damping[1] = 1e+300: "),
-        ({"environment": {"faults": [{"rotor": "front", "stuck": True}]}}, "environment.faults[0].stuck = true: "),
+        (
+            {"plant": TABLES["plant"] | {"joints": {"damping": 1e300}}},
+            "plant.joints.damping = 1e+300: ",
+        ),
+        (
+            {"plant": TABLES["plant"] | {"joints": {"damping": [0.1, 1e300]}}},
+            "plant.joints.damping[1] = 1e+300: ",
+        ),
+        (
+            {"environment": {"faults": [{"rotor": "front", "stuck": True}]}},
+            "environment.faults[0].stuck = true: ",
+        ),
         (
             {"environment": {"faults": [{"rotor": "front", "stuck": False}]}},
             "environment.faults[0].effectiveness: is missing; there are rotor, stuck",
         ),
         (
-            {"environment": {"faults": [{"joint": "joint1", "stuck": True, "effectiveness": [1.0]}]}},
-            "environment.faults[0].effectiveness = {'kind': 'sum', 'signals': [1.0]}: must be left out beside stuck",
+            {
+                "environment": {
+                    "faults": [
+                        {"joint": "joint1", "stuck": True, "effectiveness": [1.0]}
+                    ]
+                }
+            },
+            (
+                "environment.faults[0].effectiveness = {'kind': 'sum', 'signals':"
+                " [1.0]}: must be left out beside stuck"
+            ),
         ),
     ],
 )
-def test_a_message_says_the_words_of_the_file(more: dict[str, object], words: str) -> None:
+def test_a_message_says_the_words_of_the_file(
+    more: dict[str, object], words: str
+) -> None:
     with pytest.raises(ScenarioError) as caught:
         skyarm.scenario_from(TABLES | more)
     assert str(caught.value).startswith(words), str(caught.value)

@@ -1,4 +1,6 @@
-"""A consistency check reads the words that it says it reads, and runs where one of them may have changed."""
+"""A consistency check reads the words that it says it reads, and runs where one of them
+may have changed.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,13 @@ from skyarm.records.members import SOLE, Members
 from skyarm.records.words import slots
 from skyarm.scenario import scenario_checks
 from skyarm.scenario.numbers import number_at, with_numbers
-from skyarm.scenario.scenario_checks import RULES, SHARED_RULES, Rule, check_scenario, read_places
+from skyarm.scenario.scenario_checks import (
+    RULES,
+    SHARED_RULES,
+    Rule,
+    check_scenario,
+    read_places,
+)
 from skyarm.scenario.scenario_file import TwoLoadsWarning
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.without_effect import WithoutEffectWarning
@@ -37,20 +45,37 @@ FLOWN = (
     *(RICH, "case3_wind", "pick_and_carry", "examples/press_and_slide.toml"),
     *("examples/servo_swing.toml", "tests/data/servo_flight.toml"),
 )
-"""Scenarios with sensors, an estimator, drives, payloads, a world, phases that wait, and a load that is learned."""
+"""Scenarios with sensors, an estimator, drives, payloads, a world, phases that wait,
+and a load that is learned."""
 
 RECORDS = {
-    place: {slot.record for slot in slots(Scenario) if slot.place[: len(slot.place) - len(slot.word.inside)] == place}
-    for place in (slot.place[: len(slot.place) - len(slot.word.inside)] for slot in slots(Scenario))
+    place: {
+        slot.record
+        for slot in slots(Scenario)
+        if slot.place[: len(slot.place) - len(slot.word.inside)] == place
+    }
+    for place in (
+        slot.place[: len(slot.place) - len(slot.word.inside)]
+        for slot in slots(Scenario)
+    )
 }
 """Field that is a word of the file -> records that its words mean."""
 
 OPENED = {
     place[:k]
-    for place in (*RECORDS, *(place for each in RULES for word in each.reads for place in read_places(word)))
+    for place in (
+        *RECORDS,
+        *(
+            place
+            for each in RULES
+            for word in each.reads
+            for place in read_places(word)
+        ),
+    )
     for k in range(1, len(place))
 } - {place for place, records in RECORDS.items() if records != {place}}
-"""Groups, and records of which rules read a part; of all others a reader has the whole."""
+"""Groups, and records of which rules read a part; of all others a reader has the
+whole."""
 
 
 @cache
@@ -63,7 +88,9 @@ def scenario(name: str) -> Scenario:
 
 
 class Reader:
-    """Stand-in for a scenario, or a record inside it, that notes the fields that are read."""
+    """Stand-in for a scenario, or a record inside it, that notes the fields that are
+    read.
+    """
 
     def __init__(self, held: Any, place: Place, seen: set[Place]) -> None:
         self._held, self._place, self._seen = held, place, seen
@@ -85,7 +112,9 @@ class Reader:
         return getattr(self._held, name)
 
 
-def seen_by(check: Callable[[Scenario], None], names: Iterable[str] = FLOWN) -> set[Place]:
+def seen_by(
+    check: Callable[[Scenario], None], names: Iterable[str] = FLOWN
+) -> set[Place]:
     """Fields that a check reads of some scenarios."""
     seen: set[Place] = set()
     for name in names:
@@ -97,18 +126,28 @@ def seen_by(check: Callable[[Scenario], None], names: Iterable[str] = FLOWN) -> 
 def unsaid(seen: set[Place], words: Iterable[str]) -> set[Place]:
     """Fields outside some words of the file."""
     said = [read for word in words for read in read_places(word)]
-    return {place for place in seen if not any(place[: len(read)] == read for read in said)}
+    return {
+        place for place in seen if not any(place[: len(read)] == read for read in said)
+    }
 
 
 def name_of(each: Rule) -> str:
-    return f"fields of {each.reads[0]}" if isinstance(each.check, partial) else each.check.__name__
+    return (
+        f"fields of {each.reads[0]}"
+        if isinstance(each.check, partial)
+        else each.check.__name__
+    )
 
 
 @pytest.mark.parametrize("each", [*RULES, *SHARED_RULES], ids=name_of)
 def test_a_rule_reads_what_it_says_and_says_no_more(each: Rule) -> None:
     seen = seen_by(each.check)
     assert unsaid(seen, each.reads) == set()
-    needless = [word for word in each.reads if not unsaid(seen, [other for other in each.reads if other != word])]
+    needless = [
+        word
+        for word in each.reads
+        if not unsaid(seen, [other for other in each.reads if other != word])
+    ]
     assert needless == []
 
 
@@ -123,7 +162,10 @@ def test_a_rule_that_reads_more_than_it_says_is_found() -> None:
     words = ("duration", "rates", *plant, "environment", "payloads", "team", "world")
     seen = seen_by(check, [RICH])
     assert unsaid(seen, words) == set()
-    left_out = {word: unsaid(seen, [other for other in words if other != word]) for word in words}
+    left_out = {
+        word: unsaid(seen, [other for other in words if other != word])
+        for word in words
+    }
     assert left_out == {
         "duration": {("duration",)},
         "rates": {("rates",)},
@@ -131,7 +173,11 @@ def test_a_rule_that_reads_more_than_it_says_is_found() -> None:
         "plant.vehicle": {("agent", "plant", "vehicle")},
         "plant.drives": {("agent", "drives")},
         "plant.closure": {("solver", "closure")},
-        "environment": {("environment", "wind"), ("environment", "air"), ("environment", "forces")},
+        "environment": {
+            ("environment", "wind"),
+            ("environment", "air"),
+            ("environment", "forces"),
+        },
         "payloads": {("agent", "payloads")},
         "team": {("team",)},
         "world": {("environment", "world")},
@@ -157,35 +203,66 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 ONCE = {name_of(each): 1 for each in (*RULES, *SHARED_RULES)}
 TOUCHED = {
-    "plant.gravity": ("initial_state_is_possible", "surroundings_fit", "shared_surroundings_fit"),
-    "controller.gains.position.x": ("clocks_of_law_agree", "sensors_suffice", "law_can_be_called"),
+    "plant.gravity": (
+        "initial_state_is_possible",
+        "surroundings_fit",
+        "shared_surroundings_fit",
+    ),
+    "controller.gains.position.x": (
+        "clocks_of_law_agree",
+        "sensors_suffice",
+        "law_can_be_called",
+    ),
     "environment.wind.velocity.0": (
         "drives_fit",
         "surroundings_fit",
         "shared_surroundings_fit",
         "fields of environment.wind",
     ),
-    "plant.drives.joint1.time_constant": ("sensors_suffice", "drives_fit", "fields of plant.drives"),
+    "plant.drives.joint1.time_constant": (
+        "sensors_suffice",
+        "drives_fit",
+        "fields of plant.drives",
+    ),
     "payloads.0.mass": ("surroundings_fit", "fields of payloads"),
-    "world.surfaces.wall.material.friction": ("sensors_suffice", "shared_surroundings_fit", "fields of world"),
+    "world.surfaces.wall.material.friction": (
+        "sensors_suffice",
+        "shared_surroundings_fit",
+        "fields of world",
+    ),
     "initial.roll": ("initial_state_is_possible",),
     "plant.payload.mass": (
-        *("initial_state_is_possible", "reference_fits", "sensors_suffice", "drives_fit", "plant_can_fly"),
-        *("surroundings_fit", "shared_surroundings_fit", "times_are_whole", "fields of plant.drives"),
+        *(
+            "initial_state_is_possible",
+            "reference_fits",
+            "sensors_suffice",
+            "drives_fit",
+            "plant_can_fly",
+        ),
+        *(
+            "surroundings_fit",
+            "shared_surroundings_fit",
+            "times_are_whole",
+            "fields of plant.drives",
+        ),
     ),
 }
 """Path of a number -> rules that read it."""
 
 
 @pytest.mark.parametrize("path", TOUCHED)
-def test_a_replaced_number_runs_the_rules_that_read_it(path: str, runs: Counter[str]) -> None:
+def test_a_replaced_number_runs_the_rules_that_read_it(
+    path: str, runs: Counter[str]
+) -> None:
     given = scenario("case3_wind" if path.startswith("controller.") else RICH)
     runs.clear()
     with_numbers(given, {path: number_at(given, path)})
     assert runs == dict.fromkeys(TOUCHED[path], 1)
 
 
-def test_a_replaced_seed_runs_no_rule_and_a_check_runs_all_once(runs: Counter[str]) -> None:
+def test_a_replaced_seed_runs_no_rule_and_a_check_runs_all_once(
+    runs: Counter[str],
+) -> None:
     given = scenario(RICH)
     other = dataclasses.replace(given, seed=given.seed + 1)
     assert not runs
@@ -229,7 +306,10 @@ def test_what_flies_runs_all_rules_once_before(
 @pytest.mark.parametrize("flight", FLIGHTS)
 def test_what_flies_refuses_a_scenario_made_by_hand(flight: str) -> None:
     given = dataclasses.replace(scenario("case3_wind"), duration=1.0005)
-    with pytest.raises(skyarm.ScenarioError, match=r"^duration = 1\.0005: must be a whole number of control periods"):
+    with pytest.raises(
+        skyarm.ScenarioError,
+        match=r"^duration = 1\.0005: must be a whole number of control periods",
+    ):
         FLIGHTS[flight](given)
     if flight != "Session of the studio":
         with pytest.raises(skyarm.ScenarioError, match=r"^scenario = 3"):

@@ -15,17 +15,67 @@ from support.cases import sampled
 from support.flights import FULL, SHIPPED
 
 JUNK: tuple[Any, ...] = (
-    None, True, False, 0, 1, -1, 3, 10**400, -(10**30), 0.0, -0.0, -1.5, 0.3, 1e-320, 1e9, 1e308, -1e308,
-    math.nan, math.inf, -math.inf, "", "x", "rk4", "mujoco", "hummingbird", "tip", "line\nbreak", "a/b", "\0",
-    "\u00fc" * 300, [], [[]], [1], [1.0, 2.0], [0.0, 0.0, 1.0], [math.nan] * 3, ["a", "b", "c"], [1e308] * 4, [None],
-    [[1.0, 0.3]], [{}], {}, {"kind": "sine"}, {"kind": "hover"}, {"mode": "moving_air"}, {"": 1}, {"mass": 1e308}, b"x",
+    None,
+    True,
+    False,
+    0,
+    1,
+    -1,
+    3,
+    10**400,
+    -(10**30),
+    0.0,
+    -0.0,
+    -1.5,
+    0.3,
+    1e-320,
+    1e9,
+    1e308,
+    -1e308,
+    math.nan,
+    math.inf,
+    -math.inf,
+    "",
+    "x",
+    "rk4",
+    "mujoco",
+    "hummingbird",
+    "tip",
+    "line\nbreak",
+    "a/b",
+    "\0",
+    "\u00fc" * 300,
+    [],
+    [[]],
+    [1],
+    [1.0, 2.0],
+    [0.0, 0.0, 1.0],
+    [math.nan] * 3,
+    ["a", "b", "c"],
+    [1e308] * 4,
+    [None],
+    [[1.0, 0.3]],
+    [{}],
+    {},
+    {"kind": "sine"},
+    {"kind": "hover"},
+    {"mode": "moving_air"},
+    {"": 1},
+    {"mass": 1e308},
+    b"x",
 )
 
 
 def _places(node: Any) -> list[tuple[Any, Any]]:
     """Every (container, key) of a document."""
     found = []
-    items = list(node.items()) if isinstance(node, dict) else list(enumerate(node)) if isinstance(node, list) else []
+    items = (
+        list(node.items())
+        if isinstance(node, dict)
+        else list(enumerate(node))
+        if isinstance(node, list)
+        else []
+    )
     for key, child in items:
         found.append((node, key))
         found += _places(child)
@@ -71,7 +121,9 @@ def test_a_mutated_document_is_a_scenario_or_an_error_of_one_line(seed: int) -> 
 
 
 @pytest.mark.parametrize("seed", sampled(range(3), 3))
-def test_a_mutated_scenario_that_loads_also_flies_and_ends_as_a_result(seed: int) -> None:
+def test_a_mutated_scenario_that_loads_also_flies_and_ends_as_a_result(
+    seed: int,
+) -> None:
     rng = random.Random(100 + seed)
     flown = 0
     while flown < 4:
@@ -83,7 +135,13 @@ def test_a_mutated_scenario_that_loads_also_flies_and_ends_as_a_result(seed: int
             continue
         flown += 1
         log = run(scenario)
-        assert log.status in {"completed", "diverged", "joint_limit", "ground", "controller_undefined"}
+        assert log.status in {
+            "completed",
+            "diverged",
+            "joint_limit",
+            "ground",
+            "controller_undefined",
+        }
         assert bool(log.info["cause"]) == (log.status != "completed")
 
 

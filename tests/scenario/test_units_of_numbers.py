@@ -1,4 +1,6 @@
-"""Units of varied numbers are those of their fields, and their words are read by people."""
+"""Units of varied numbers are those of their fields, and their words are read by
+people.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +16,19 @@ from skyarm.studies.sweep import load_study
     [
         ("plant.vehicle.base.mass", "base mass (plant) [kg]"),
         ("model.vehicle.base.mass", "base mass (model) [kg]"),
-        ("plant.vehicle.links.0.joint.damping", "link 1 joint damping (plant) [N m s/rad]"),
-        ("plant.vehicle.links.0.joint.effort_limit", "link 1 joint effort limit (plant) [N m]"),
+        (
+            "plant.vehicle.links.0.joint.damping",
+            "link 1 joint damping (plant) [N m s/rad]",
+        ),
+        (
+            "plant.vehicle.links.0.joint.effort_limit",
+            "link 1 joint effort limit (plant) [N m]",
+        ),
         ("plant.vehicle.links.1.body.inertia.yy", "link 2 inertia yy (plant) [kg m^2]"),
-        ("plant.vehicle.rotors.0.thrust_coefficient", "rotor 1 thrust coefficient (plant) [N s^2/rad^2]"),
+        (
+            "plant.vehicle.rotors.0.thrust_coefficient",
+            "rotor 1 thrust coefficient (plant) [N s^2/rad^2]",
+        ),
         ("controller.joint_gains.stiffness.0", "joint gains stiffness 1 (law) [1/s^2]"),
         ("plant.joints.damping", "joints damping (plant) [N m s/rad]"),
         ("plant.gravity", "gravity (plant) [m/s^2]"),
@@ -34,8 +45,13 @@ def test_a_number_is_named_with_its_unit(path: str, label: str) -> None:
     scenario = load_scenario("case3_wind")
     number_at(scenario, path)
     found = axis_label(words_of(path), unit_at(scenario, path))
-    # a circle's sines may lie along any axis: their amplitude has the unit of what they move
-    assert found in (label, label.partition(" [")[0]) if path.startswith("reference") else found == label
+    # a circle's sines may lie along any axis: their amplitude has the unit of what they
+    # move
+    assert (
+        found in (label, label.partition(" [")[0])
+        if path.startswith("reference")
+        else found == label
+    )
 
 
 def test_a_joint_that_slides_has_the_other_unit() -> None:

@@ -1,4 +1,6 @@
-"""What must be a whole number of ticks, or equal to a clock's, is refused when off to either side."""
+"""What must be a whole number of ticks, or equal to a clock's, is refused when off to
+either side.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,11 @@ import skyarm
 from skyarm.dynamics.array_front import unit_quaternion
 from skyarm.plant.interface import whole_steps
 from skyarm.scenario.controller_table import _require_clock
-from skyarm.scenario.scenario_checks import check_quaternion, clocks_of_law_agree, require_whole
+from skyarm.scenario.scenario_checks import (
+    check_quaternion,
+    clocks_of_law_agree,
+    require_whole,
+)
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import Delays
@@ -47,17 +53,23 @@ def test_no_time_is_no_tick_and_less_than_half_a_tick_is_none():
 @pytest.mark.parametrize("steps", [0, 3, 12])
 def test_a_command_delay_of_whole_physics_steps_is_stepped(steps):
     scenario = load_scenario("case1", duration=0.05)
-    late = dataclasses.replace(scenario, kind="mujoco", delays=Delays(command=steps * 0.001))
+    late = dataclasses.replace(
+        scenario, kind="mujoco", delays=Delays(command=steps * 0.001)
+    )
     skyarm.Session(late)
 
 
 @SIDES
 @OFF
-def test_a_command_delay_off_the_physics_steps_is_refused_where_they_are_stepped(off, side):
+def test_a_command_delay_off_the_physics_steps_is_refused_where_they_are_stepped(
+    off, side
+):
     scenario = load_scenario("case1", duration=0.05)
     # machine code takes any delay up to a longest one
     late = Delays(command=(3 + side * off) * 0.001, longest_command=0.02)
-    with pytest.raises(ScenarioError, match=r"delays\.command = .*whole number of physics steps"):
+    with pytest.raises(
+        ScenarioError, match=r"delays\.command = .*whole number of physics steps"
+    ):
         skyarm.Session(dataclasses.replace(scenario, kind="mujoco", delays=late))
 
 
@@ -66,11 +78,17 @@ def test_a_command_delay_off_the_physics_steps_is_refused_where_they_are_stepped
 @pytest.mark.parametrize("name", ["control_period", "reference_period"])
 def test_a_law_that_believes_another_clock_is_refused(name, off, side):
     scenario = load_scenario("case1", duration=0.05)
-    rate = {"control_period": scenario.rates.control, "reference_period": scenario.rates.reference}[name]
+    rate = {
+        "control_period": scenario.rates.control,
+        "reference_period": scenario.rates.reference,
+    }[name]
 
     def believing(period):
         par = SimpleNamespace(**{name: period})
-        return SimpleNamespace(agent=SimpleNamespace(controller=SimpleNamespace(par=par)), rates=scenario.rates)
+        return SimpleNamespace(
+            agent=SimpleNamespace(controller=SimpleNamespace(par=par)),
+            rates=scenario.rates,
+        )
 
     clocks_of_law_agree(believing(1.0 / rate))
     with pytest.raises(ValueError, match=f"controller.{name} = "):
@@ -81,10 +99,14 @@ def test_a_law_that_believes_another_clock_is_refused(name, off, side):
 @OFF
 def test_a_table_that_names_another_control_period_is_refused(off, side):
     def fields(value):
-        return SimpleNamespace(table={"control_period": value}, at=lambda name: f"controller.{name}")
+        return SimpleNamespace(
+            table={"control_period": value}, at=lambda name: f"controller.{name}"
+        )
 
     _require_clock(fields(0.005), {"control_period": 0.005})
-    with pytest.raises(ValueError, match=r"controller\.control_period = .*as rates\.control has it"):
+    with pytest.raises(
+        ValueError, match=r"controller\.control_period = .*as rates\.control has it"
+    ):
         _require_clock(fields(0.005 * (1.0 + side * off)), {"control_period": 0.005})
 
 

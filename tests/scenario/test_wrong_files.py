@@ -1,6 +1,7 @@
 """Wrong scenario files are refused in the words that they were refused in, on one line.
 
-Where this is meant to change: ``wrong_files.py --write`` in this folder; a person reads what has changed.
+Where this is meant to change: ``wrong_files.py --write`` in this folder; a person reads
+what has changed.
 """
 
 from __future__ import annotations
@@ -61,7 +62,9 @@ def test_wrong_files_differ_and_their_messages_are_of_one_line() -> None:
 
 def test_a_file_that_is_read_has_its_name_before_the_message(tmp_path: Path) -> None:
     path = tmp_path / "wrong.toml"
-    for entry in [entry for entry in ENTRIES if "base" in entry and entry["message"]][::60]:
+    for entry in [entry for entry in ENTRIES if "base" in entry and entry["message"]][
+        ::60
+    ]:
         path.write_text(toml_text(wrong_files.document(entry)), "utf-8")
         with only_shipped(), pytest.raises(skyarm.ScenarioError) as error:
             skyarm.load_scenario(path)
@@ -70,10 +73,21 @@ def test_a_file_that_is_read_has_its_name_before_the_message(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("base", ["free", "contact", "pick"])
 def test_the_files_that_wrong_files_differ_from_are_right(base: str) -> None:
-    assert wrong_files.message({"base": base, "path": "title", "value": "Another title"}) is None
+    assert (
+        wrong_files.message({"base": base, "path": "title", "value": "Another title"})
+        is None
+    )
 
 
 def test_a_message_that_differs_is_shown() -> None:
-    entry = {"base": "free", "path": "plant.kind", "value": "gazebo", "message": "plant.kind: no"}
-    with pytest.raises(AssertionError, match=r"now    plant\.kind = 'gazebo': must be one of rigid_body"):
+    entry = {
+        "base": "free",
+        "path": "plant.kind",
+        "value": "gazebo",
+        "message": "plant.kind: no",
+    }
+    with pytest.raises(
+        AssertionError,
+        match=r"now    plant\.kind = 'gazebo': must be one of rigid_body",
+    ):
         require_messages([entry])

@@ -1,7 +1,7 @@
 """Scenarios that type checkers accept, and those that they refuse.
 
-``make types`` reads this file, nothing runs it. Each refusal has a comment that ignores it, so that mypy, told to warn
-of unused ones, fails where it accepts the line.
+``make types`` reads this file, nothing runs it. Each refusal has a comment that ignores
+it, so that mypy, told to warn of unused ones, fails where it accepts the line.
 """
 
 from __future__ import annotations
@@ -20,13 +20,25 @@ from skyarm.world import NO_WIND, Component, Fault, Force, MovingAir
 
 
 def accepted(scenario: Scenario) -> None:
-    """Fields and groups of the right types, and the shortcuts to what is in the groups."""
+    """Fields and groups of the right types, and the shortcuts to what is in the
+    groups.
+    """
     made = Scenario(name="made", duration=1.0, agents=scenario.agents)
-    agent = dataclasses.replace(scenario.agent, delays=Delays(command=0.01), initial=None)
+    agent = dataclasses.replace(
+        scenario.agent, delays=Delays(command=0.01), initial=None
+    )
     environment = dataclasses.replace(scenario.environment, wind=NO_WIND)
-    assert_type(dataclasses.replace(made, name="other", agents={"main": agent}, environment=environment), Scenario)
     assert_type(
-        made.with_controller(scenario.agent.controller).with_kind("mujoco").under(scenario.agent.controller), Scenario
+        dataclasses.replace(
+            made, name="other", agents={"main": agent}, environment=environment
+        ),
+        Scenario,
+    )
+    assert_type(
+        made.with_controller(scenario.agent.controller)
+        .with_kind("mujoco")
+        .under(scenario.agent.controller),
+        Scenario,
     )
     assert_type(scenario.agent.plant, Truth)
     assert_type(scenario.agent.controller, Controller)
@@ -45,7 +57,12 @@ class Creep(Force[tuple[Scalar, Scalar]]):
     """A force whose memory is two numbers."""
 
     def advance(
-        self, memory: tuple[Scalar, Scalar], t: Scalar, dt: float, state: State, draws: Sequence[Scalar]
+        self,
+        memory: tuple[Scalar, Scalar],
+        t: Scalar,
+        dt: float,
+        state: State,
+        draws: Sequence[Scalar],
     ) -> tuple[Scalar, Scalar]:
         """Memory in the next control period."""
         return memory[1], state.position.z
@@ -57,12 +74,16 @@ class Creep(Force[tuple[Scalar, Scalar]]):
 
 def parts_of_any_memory(scenario: Scenario) -> None:
     """Components stand side by side, whatever they remember."""
-    dataclasses.replace(scenario.environment, forces=(Creep(), *scenario.forces), air=(MovingAir(),))
+    dataclasses.replace(
+        scenario.environment, forces=(Creep(), *scenario.forces), air=(MovingAir(),)
+    )
     dataclasses.replace(scenario.environment, forces=(Creep,))  # type: ignore[arg-type]
 
 
 def refused(scenario: Scenario) -> None:
-    """Values of a wrong type, names of no field, and fields that are missing or read-only."""
+    """Values of a wrong type, names of no field, and fields that are missing or
+    read-only.
+    """
     Scenario(name=1, duration=1.0, agents=scenario.agents)  # type: ignore[arg-type]
     Scenario(name="x", duration=1.0)  # type: ignore[call-arg]
     Scenario(name="x", duration=1.0, agents=scenario.agents, plnt=scenario.agent.plant)  # type: ignore[call-arg]

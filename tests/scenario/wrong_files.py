@@ -1,9 +1,10 @@
 """Wrong scenario files, each with the line that says what is wrong with it.
 
-An entry of ``pins/wrong_files.json`` is a file of this folder (``base``) in which one entry (``path``) has another
-``value``, or, without ``value``, is left out; or it is a file's whole ``text``. ``message`` is the error without the
-file's name; null, with a ``note``, where a file is read that should not be. To add one, write it without ``message``;
-``python tests/scenario/wrong_files.py --write`` writes all messages anew.
+An entry of ``pins/wrong_files.json`` is a file of this folder (``base``) in which one
+entry (``path``) has another ``value``, or, without ``value``, is left out; or it is a
+file's whole ``text``. ``message`` is the error without the file's name; null, with a
+``note``, where a file is read that should not be. To add one, write it without
+``message``; ``python tests/scenario/wrong_files.py --write`` writes all messages anew.
 """
 
 from __future__ import annotations
@@ -35,7 +36,10 @@ def _base(name: str) -> dict[str, Any]:
 def document(entry: Mapping[str, Any]) -> dict[str, Any]:
     """The document of an entry that differs from a base."""
     made = copy.deepcopy(_base(entry["base"]))
-    *tables, last = (int(i) if i else word for i, word in re.findall(r"\[(\d+)\]|([^.\[\]]+)", entry["path"]))
+    *tables, last = (
+        int(i) if i else word
+        for i, word in re.findall(r"\[(\d+)\]|([^.\[\]]+)", entry["path"])
+    )
     at: Any = made
     for table in tables:
         at = at[table] if isinstance(at, list) else at.setdefault(table, {})
@@ -81,5 +85,12 @@ if __name__ == "__main__":
         sys.exit("usage: python tests/scenario/wrong_files.py --write")
     with only_shipped():
         told = [{**entry, "message": message(entry)} for entry in entries()]
-    FILE.write_text("[\n" + ",\n".join(json.dumps(entry) for entry in told) + "\n]\n", "utf-8")
-    print(len(told), "files,", sum(entry["message"] is None for entry in told), "of them read")
+    FILE.write_text(
+        "[\n" + ",\n".join(json.dumps(entry) for entry in told) + "\n]\n", "utf-8"
+    )
+    print(
+        len(told),
+        "files,",
+        sum(entry["message"] is None for entry in told),
+        "of them read",
+    )

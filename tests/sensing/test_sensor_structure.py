@@ -26,15 +26,30 @@ def rotation(q):
     return Rotation.from_quat([float(q.x), float(q.y), float(q.z), float(q.w)])
 
 
-@pytest.mark.parametrize("turn", [(1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0), (0, 1.0, -2.0), (1.0, 0, -2.0), (1.0, 2.0, 0)])
+@pytest.mark.parametrize(
+    "turn",
+    [
+        (1.0, 0, 0),
+        (0, 1.0, 0),
+        (0, 0, 1.0),
+        (0, 1.0, -2.0),
+        (1.0, 0, -2.0),
+        (1.0, 2.0, 0),
+    ],
+)
 def test_an_attitude_turns_by_the_draws_that_there_are(turn):
     """Some of them structural zeros: the rotation vector in base axes, by SciPy."""
     found = rotation(measured(turn, SensorNoise(attitude=0.01)))
-    expected = rotation(STATE.quaternion) * Rotation.from_rotvec(0.01 * np.array(turn, dtype=float))
+    expected = rotation(STATE.quaternion) * Rotation.from_rotvec(
+        0.01 * np.array(turn, dtype=float)
+    )
     assert (expected.inv() * found).magnitude() < 1e-12
 
 
-@pytest.mark.parametrize(("turn", "noise"), [((0, 0, 0), SensorNoise(attitude=0.01)), ((1.0, 2.0, 3.0), SensorNoise())])
+@pytest.mark.parametrize(
+    ("turn", "noise"),
+    [((0, 0, 0), SensorNoise(attitude=0.01)), ((1.0, 2.0, 3.0), SensorNoise())],
+)
 def test_an_attitude_that_nothing_turns_is_handed_on_untouched(turn, noise):
     assert measured(turn, noise) is STATE.quaternion
 

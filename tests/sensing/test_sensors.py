@@ -24,12 +24,16 @@ def truth(name):
 def test_a_measurement_takes_one_draw_a_channel():
     assert COUNT == 3 * 5 + 2 * 2 + 4
     for wrong in (COUNT - 1, COUNT + 1):
-        with pytest.raises(ValueError, match=rf"noise has {wrong} numbers: must be {COUNT}"):
+        with pytest.raises(
+            ValueError, match=rf"noise has {wrong} numbers: must be {COUNT}"
+        ):
             measure(SensorNoise(), 0.0, STATE, FORCE, (0.0,) * wrong)
 
 
 @pytest.mark.parametrize(
-    "noise", [(0,) * COUNT, tuple(np.linspace(-3.0, 3.0, COUNT).tolist())], ids=["no draws", "draws"]
+    "noise",
+    [(0,) * COUNT, tuple(np.linspace(-3.0, 3.0, COUNT).tolist())],
+    ids=["no draws", "draws"],
 )
 def test_a_perfect_measurement_is_the_state(noise):
     reading = measure(SensorNoise(), 1.25, STATE, FORCE, noise)
@@ -42,7 +46,9 @@ def test_a_perfect_measurement_is_the_state(noise):
 @pytest.mark.parametrize("name", [*VECTORS, *LISTS])
 def test_noise_is_sigma_times_the_draw_on_its_own_channel(name):
     draws = np.arange(1.0, COUNT + 1.0)
-    reading = measure(SensorNoise(**{name: 0.01}), 0.0, STATE, FORCE, tuple(draws.tolist()))
+    reading = measure(
+        SensorNoise(**{name: 0.01}), 0.0, STATE, FORCE, tuple(draws.tolist())
+    )
     for other in (*VECTORS, *LISTS):
         if other != name:
             assert getattr(reading, other) == truth(other)
@@ -56,10 +62,24 @@ def test_noise_is_sigma_times_the_draw_on_its_own_channel(name):
 def test_no_two_channels_share_a_draw():
     used = []
     for name in (*VECTORS, *LISTS):
-        reading = measure(SensorNoise(**{name: 1.0}), 0.0, STATE, FORCE, tuple(np.arange(COUNT, dtype=float).tolist()))
+        reading = measure(
+            SensorNoise(**{name: 1.0}),
+            0.0,
+            STATE,
+            FORCE,
+            tuple(np.arange(COUNT, dtype=float).tolist()),
+        )
         error = np.subtract(tuple(getattr(reading, name)), tuple(truth(name)))
         used += np.round(error).astype(int).tolist()
-    turn = _turn(measure(SensorNoise(attitude=1e-3), 0.0, STATE, FORCE, tuple(np.arange(COUNT, dtype=float).tolist())))
+    turn = _turn(
+        measure(
+            SensorNoise(attitude=1e-3),
+            0.0,
+            STATE,
+            FORCE,
+            tuple(np.arange(COUNT, dtype=float).tolist()),
+        )
+    )
     used += np.round(turn / 1e-3).astype(int).tolist()
     assert sorted(used) == list(range(COUNT))
 
@@ -68,7 +88,10 @@ def _turn(reading):
     """Rotation vector, base axes, from the true to the measured attitude."""
     from scipy.spatial.transform import Rotation
 
-    true, read = (rotation_matrix(np.array(tuple(q))) for q in (STATE.quaternion, reading.quaternion))
+    true, read = (
+        rotation_matrix(np.array(tuple(q)))
+        for q in (STATE.quaternion, reading.quaternion)
+    )
     return Rotation.from_matrix(true.T @ read).as_rotvec()
 
 
@@ -81,7 +104,9 @@ def test_attitude_noise_is_a_rotation_vector_in_base_axes():
 
 
 def test_many_draws_have_the_stated_deviation():
-    """40000 lanes at once: the deviation of a sample is known to 0.35 %, five of these are allowed."""
+    """40000 lanes at once: the deviation of a sample is known to 0.35 %, five of these
+    are allowed.
+    """
     lanes = 40_000
     noise = np.random.default_rng(12).standard_normal((COUNT, lanes))
     sigmas = {
@@ -93,21 +118,31 @@ def test_many_draws_have_the_stated_deviation():
         "joint_rates": 0.06,
         "rotor_speeds": 7.0,
     }
-    reading = measure(SensorNoise(attitude=0.02, **sigmas), 0.0, STATE, FORCE, tuple(noise))
+    reading = measure(
+        SensorNoise(attitude=0.02, **sigmas), 0.0, STATE, FORCE, tuple(noise)
+    )
     for name, sigma in sigmas.items():
         for value, true in zip(getattr(reading, name), truth(name), strict=True):
             assert np.std(value - true) == pytest.approx(sigma, rel=0.018)
-            assert np.mean(value - true) == pytest.approx(0.0, abs=5.0 * sigma / lanes**0.5)
+            assert np.mean(value - true) == pytest.approx(
+                0.0, abs=5.0 * sigma / lanes**0.5
+            )
     from scipy.spatial.transform import Rotation
 
     w, x, y, z = (np.broadcast_to(c, lanes) for c in reading.quaternion)
-    true = Rotation.from_quat([STATE.quaternion.x, STATE.quaternion.y, STATE.quaternion.z, STATE.quaternion.w])
-    turns = (true.inv() * Rotation.from_quat(np.stack([x, y, z, w], axis=1))).as_rotvec()
+    true = Rotation.from_quat(
+        [STATE.quaternion.x, STATE.quaternion.y, STATE.quaternion.z, STATE.quaternion.w]
+    )
+    turns = (
+        true.inv() * Rotation.from_quat(np.stack([x, y, z, w], axis=1))
+    ).as_rotvec()
     np.testing.assert_allclose(turns.std(axis=0), 0.02, rtol=0.018)
 
 
 def test_a_perfect_measurement_costs_nothing():
     """Structural zeros of noise and deviation leave the state's own scalars."""
     reading = measure(SensorNoise(), 0.0, STATE, FORCE, (0,) * COUNT)
-    for mine, yours in zip(leaves(reading.position), leaves(STATE.position), strict=True):
+    for mine, yours in zip(
+        leaves(reading.position), leaves(STATE.position), strict=True
+    ):
         assert mine is yours

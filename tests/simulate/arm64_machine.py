@@ -1,4 +1,6 @@
-"""A 64-bit ARM processor with NEON, emulated: an object file of this library runs on it, whatever the tests run on."""
+"""A 64-bit ARM processor with NEON, emulated: an object file of this library runs on
+it, whatever the tests run on.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +21,17 @@ def compiled(text: str) -> tuple[bytes, str]:
     """Object file and assembly listing of a module, for a Cortex-A72."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    machine = llvm.Target.from_triple("aarch64-unknown-linux-gnu").create_target_machine(
+    machine = llvm.Target.from_triple(
+        "aarch64-unknown-linux-gnu"
+    ).create_target_machine(
         cpu="cortex-a72", features="+neon", opt=2, reloc="static", codemodel="small"
     )
     module = llvm.parse_assembly(text)
     module.triple = "aarch64-unknown-linux-gnu"
     module.verify()
-    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=2))
+    builder = llvm.create_pass_builder(
+        machine, llvm.create_pipeline_tuning_options(speed_level=2)
+    )
     builder.getModulePassManager().run(module, builder)
     return machine.emit_object(module), machine.emit_assembly(module)
 
@@ -36,7 +42,10 @@ class Sections:
     def __init__(self, content: bytes) -> None:
         (offset,) = struct.unpack_from("<Q", content, 0x28)
         _, count, names = struct.unpack_from("<HHH", content, 0x3A)
-        raw = [struct.unpack_from("<IIQQQQIIQQ", content, offset + 64 * i) for i in range(count)]
+        raw = [
+            struct.unpack_from("<IIQQQQIIQQ", content, offset + 64 * i)
+            for i in range(count)
+        ]
         self.names = [self._text(content, raw[names][4] + header[0]) for header in raw]
         self.headers = raw
         self.bytes = [content[h[4] : h[4] + h[5]] for h in raw]
@@ -67,21 +76,34 @@ class Sections:
 
 
 def linked(content: bytes) -> tuple[dict[int, bytes], dict[str, int]]:
-    """Loaded sections by address, and the addresses of the symbols; relocations of the small code model applied."""
+    """Loaded sections by address, and the addresses of the symbols; relocations of the
+    small code model applied.
+    """
     sections = Sections(content)
     where, loaded = sections.placed()
-    symbols = [(name, where.get(section, 0) + value) for name, section, value in sections.symbols()]
+    symbols = [
+        (name, where.get(section, 0) + value)
+        for name, section, value in sections.symbols()
+    ]
     for i, header in enumerate(sections.headers):
         if header[1] != 4 or header[7] not in where:  # SHT_RELA of a loaded section
             continue
         for at in range(0, len(sections.bytes[i]), 24):
             offset, info, addend = struct.unpack_from("<QQq", sections.bytes[i], at)
             target = symbols[info >> 32][1] + addend
-            _relocate(loaded[header[7]], offset, info & 0xFFFFFFFF, target, where[header[7]] + offset)
+            _relocate(
+                loaded[header[7]],
+                offset,
+                info & 0xFFFFFFFF,
+                target,
+                where[header[7]] + offset,
+            )
     return {where[i]: bytes(loaded[i]) for i in where}, dict(symbols)
 
 
-def _relocate(section: bytearray, offset: int, kind: int, target: int, place: int) -> None:
+def _relocate(
+    section: bytearray, offset: int, kind: int, target: int, place: int
+) -> None:
     """Source: ELF for the Arm 64-bit Architecture, tables of static relocations."""
     shifts = {277: 0, 278: 0, 284: 1, 285: 2, 286: 3, 299: 4}
     (word,) = struct.unpack_from("<I", section, offset)
@@ -109,7 +131,11 @@ class Arm64:
         self.machine = unicorn.Uc(unicorn.UC_ARCH_ARM64, unicorn.UC_MODE_ARM)
         loaded, self.symbols = linked(content)
         end = max(at + len(part) for at, part in loaded.items())
-        for start, stop in ((CODE, end), (STACK, STACK + 64 * PAGE), (RETURN, RETURN + PAGE)):
+        for start, stop in (
+            (CODE, end),
+            (STACK, STACK + 64 * PAGE),
+            (RETURN, RETURN + PAGE),
+        ):
             self.machine.mem_map(start, -(-(stop - start) // PAGE) * PAGE)
         for at, part in loaded.items():
             self.machine.mem_write(at, part)
@@ -117,9 +143,14 @@ class Arm64:
         self.machine.reg_write(registers.UC_ARM64_REG_CPACR_EL1, 3 << 20)
 
     def call(self, name: str, arrays: list[np.ndarray], numbers: list[int]) -> None:
-        """Call a function of pointers and whole numbers; the arrays are changed in place. Eight go in registers."""
+        """Call a function of pointers and whole numbers; the arrays are changed in
+        place. Eight go in registers.
+        """
         machine, registers = self.machine, self.registers
-        sizes = [0, *np.cumsum([-(-(a.nbytes + 64) // 64) * 64 for a in arrays]).tolist()]
+        sizes = [
+            0,
+            *np.cumsum([-(-(a.nbytes + 64) // 64) * 64 for a in arrays]).tolist(),
+        ]
         machine.mem_map(DATA, -(-(sizes[-1] + 64) // PAGE) * PAGE)
         places = [DATA + at for at, _ in pairwise(sizes)]
         for at, array in zip(places, arrays, strict=True):
@@ -134,5 +165,7 @@ class Arm64:
         machine.reg_write(registers.UC_ARM64_REG_LR, RETURN)
         machine.emu_start(self.symbols[name], RETURN)
         for at, array in zip(places, arrays, strict=True):
-            array[...] = np.frombuffer(machine.mem_read(at, array.nbytes), array.dtype).reshape(array.shape)
+            array[...] = np.frombuffer(
+                machine.mem_read(at, array.nbytes), array.dtype
+            ).reshape(array.shape)
         machine.mem_unmap(DATA, -(-(sizes[-1] + 64) // PAGE) * PAGE)

@@ -1,4 +1,6 @@
-"""Air, forces, sensors, an estimator, drives and endings of a user's own, all at once, on every engine."""
+"""Air, forces, sensors, an estimator, drives and endings of a user's own, all at once,
+on every engine.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +20,22 @@ from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
 from skyarm.world import MovingAir, dryden
 from skyarm.world.wind import wind_from
-from support.components import Blend, Ceiling, Fix, Lag, RandomPush, Shear, Tether, Turbulence, equal_logs, same_logs
+from support.components import (
+    Blend,
+    Ceiling,
+    Fix,
+    Lag,
+    RandomPush,
+    Shear,
+    Tether,
+    Turbulence,
+    equal_logs,
+    same_logs,
+)
 
-TURBULENT = wind_from({"mode": "moving_air", "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}, "wind")
+TURBULENT = wind_from(
+    {"mode": "moving_air", "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}, "wind"
+)
 
 EVERYTHING = dataclasses.replace(
     load_scenario("case2", duration=0.5),
@@ -28,7 +43,12 @@ EVERYTHING = dataclasses.replace(
     air=(Turbulence(sigma=0.5), Shear(rate=0.4)),
     forces=(
         RandomPush(sigma=0.2),
-        Tether(anchor=Vec3(0.3, 0.2, 1.5), point=Vec3(0.0, 0.0, -0.1), body=1, stiffness=0.3),
+        Tether(
+            anchor=Vec3(0.3, 0.2, 1.5),
+            point=Vec3(0.0, 0.0, -0.1),
+            body=1,
+            stiffness=0.3,
+        ),
     ),
     sensors=(NamedSensor(name="fix", sensor=Fix(rate=20.0, delay=0.01, sigma=0.01)),),
     estimator=Blend(gain=0.02),
@@ -71,7 +91,8 @@ def test_both_plants_fly_it(flown):
     pytest.importorskip("mujoco")
     theirs = run(dataclasses.replace(EVERYTHING, kind="mujoco"))
     assert theirs.status == "completed"
-    # the same draws and memories; MuJoCo's plant holds forces for a millisecond, and the noise is fed back
+    # the same draws and memories; MuJoCo's plant holds forces for a millisecond, and
+    # the noise is fed back
     assert np.abs(theirs.position - flown.position).max() < 1e-3
     assert np.abs(flown.position - flown.position[0]).max() > 0.01
 
@@ -136,48 +157,84 @@ def test_a_hundred_lanes_with_their_own_numbers_are_the_single_flights():
     """Every path varies at once; three lanes are flown alone, to the bit."""
     short = dataclasses.replace(EVERYTHING, duration=0.1)
     lanes, rng = 100, np.random.default_rng(1)
-    values = {path: number * rng.uniform(0.8, 1.2, lanes) for path, number in PATHS.items()}
+    values = {
+        path: number * rng.uniform(0.8, 1.2, lanes) for path, number in PATHS.items()
+    }
     batch = Batch(short, tuple(PATHS), bit_exact=True, effort=0)
     outcome = batch.fly(values, seed=7)
     assert set(outcome.status) == {"completed"}
     for lane in (0, 31, 99):
         numbers = {path: float(column[lane]) for path, column in values.items()}
-        alone = dataclasses.replace(with_numbers(short, numbers), seed=7, episode=lane, duration=0.105)
+        alone = dataclasses.replace(
+            with_numbers(short, numbers), seed=7, episode=lane, duration=0.105
+        )
         last = run(alone)
-        found = [float(c[lane]) for c in (*outcome.state.position, *outcome.state.joints)]
+        found = [
+            float(c[lane]) for c in (*outcome.state.position, *outcome.state.joints)
+        ]
         assert found == [*last.position[20].tolist(), *last.joints[20].tolist()]
     assert len(set(outcome.state.position.z.tolist())) == lanes
 
 
 CALM = dataclasses.replace(
-    EVERYTHING, forces=(), drives=(), endings=(), wind=TURBULENT, air=(Turbulence(),), duration=0.25
+    EVERYTHING,
+    forces=(),
+    drives=(),
+    endings=(),
+    wind=TURBULENT,
+    air=(Turbulence(),),
+    duration=0.25,
 )
 
 
 def test_another_component_changes_no_others_draws():
-    """A force that draws and pushes nothing, and one that draws nothing: the flight stays the same, value by value."""
+    """A force that draws and pushes nothing, and one that draws nothing: the flight
+    stays the same, value by value.
+    """
     alone = run(CALM)
-    assert equal_logs(alone, run(dataclasses.replace(CALM, forces=(RandomPush(sigma=0.0), RandomPush(sigma=0.0)))))
+    assert equal_logs(
+        alone,
+        run(
+            dataclasses.replace(
+                CALM, forces=(RandomPush(sigma=0.0), RandomPush(sigma=0.0))
+            )
+        ),
+    )
     still = Shear(rate=0.0)
     assert equal_logs(alone, run(dataclasses.replace(CALM, air=(still, *CALM.air))))
     # the other's draws are there
-    assert not equal_logs(alone, run(dataclasses.replace(CALM, forces=(RandomPush(sigma=0.1),))))
+    assert not equal_logs(
+        alone, run(dataclasses.replace(CALM, forces=(RandomPush(sigma=0.1),)))
+    )
 
 
 def test_the_wind_of_the_library_keeps_its_draws_whatever_is_added():
-    """Dryden turbulence, drawn here from its channel, is what is left when the added air's part is taken away."""
+    """Dryden turbulence, drawn here from its channel, is what is left when the added
+    air's part is taken away.
+    """
     log, calm = run(CALM), dataclasses.replace(CALM, wind=MovingAir())
-    first, second = (Vec3(*normal(11, 3, 1, 2**32 - back, 3).tolist()) for back in (1, 2))
+    first, second = (
+        Vec3(*normal(11, 3, 1, 2**32 - back, 3).tolist()) for back in (1, 2)
+    )
     memory, blowing = dryden.start(first, second, 0.005, par=TURBULENT.turbulence), []
     for k in range(len(log.time)):
-        memory, velocity = dryden.step(memory, Vec3(*normal(11, 3, 1, k, 3).tolist()), 0.005, par=TURBULENT.turbulence)
+        memory, velocity = dryden.step(
+            memory,
+            Vec3(*normal(11, 3, 1, k, 3).tolist()),
+            0.005,
+            par=TURBULENT.turbulence,
+        )
         blowing.append([float(c) for c in velocity])
-    np.testing.assert_allclose(log.air_velocity - run(calm).air_velocity, blowing, rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(
+        log.air_velocity - run(calm).air_velocity, blowing, rtol=0.0, atol=1e-14
+    )
 
 
 @pytest.mark.thorough
 def test_two_components_of_one_kind_draw_independent_numbers():
-    one = dataclasses.replace(CALM, wind=MovingAir(), air=(Turbulence(time=1e-3),), duration=2.0)
+    one = dataclasses.replace(
+        CALM, wind=MovingAir(), air=(Turbulence(time=1e-3),), duration=2.0
+    )
     both = dataclasses.replace(one, air=(Turbulence(time=1e-3), Turbulence(time=1e-3)))
     first = run(one).air_velocity
     second = run(both).air_velocity - first
@@ -188,7 +245,10 @@ def test_two_components_of_one_kind_draw_independent_numbers():
 
 
 def test_an_episode_and_a_seed_of_their_own_draw_their_own_turbulence():
-    flights = [run(dataclasses.replace(CALM, **keys)) for keys in ({}, {"seed": 12}, {"episode": 4})]
+    flights = [
+        run(dataclasses.replace(CALM, **keys))
+        for keys in ({}, {"seed": 12}, {"episode": 4})
+    ]
     assert len({log.air_velocity.tobytes() for log in flights}) == 3
 
 
@@ -199,7 +259,9 @@ def test_a_turbulence_of_a_users_own_is_stationary_from_the_first_period_on():
     scenario = dataclasses.replace(CALM, wind=MovingAir())
     drawn = start_draws(scenario, 5, np.arange(4000))
     assert [row.shape for row in drawn] == [(4000, 0), (4000, 8)]
-    memory = np.array([Turbulence().start(0.005, tuple(row)) for row in drawn[1].tolist()])
+    memory = np.array(
+        [Turbulence().start(0.005, tuple(row)) for row in drawn[1].tolist()]
+    )
     assert memory.std() == pytest.approx(1.0, rel=0.03)
     assert abs(memory.mean()) < 0.04
     # every episode alone draws what it draws among others

@@ -1,4 +1,6 @@
-"""The closed loop on an emulated ARM processor: NEON code gives the bits of Python floats."""
+"""The closed loop on an emulated ARM processor: NEON code gives the bits of Python
+floats.
+"""
 
 from __future__ import annotations
 
@@ -35,11 +37,24 @@ def on_arm(scenario, lanes):
     traced = EpisodeCode(scenario, commands=False, effort=0)
     content, listing = compiled(assembly(traced.loop, lanes, logging=True))
     width, dtype = lanes.width, np.float32 if lanes.single else np.float64
-    rows = np.column_stack([inputs.times, np.array(inputs.held_leaves, dtype=float).reshape(scenario.steps, -1)])
-    carry = np.repeat(np.array(leaves(traced.carry), dtype=dtype)[:, None], width, axis=1)
+    rows = np.column_stack(
+        [
+            inputs.times,
+            np.array(inputs.held_leaves, dtype=float).reshape(scenario.steps, -1),
+        ]
+    )
+    carry = np.repeat(
+        np.array(leaves(traced.carry), dtype=dtype)[:, None], width, axis=1
+    )
     log = np.zeros((scenario.steps, traced.loop.logged, width), dtype)
     keys = np.array([scenario.seed, *range(width)], dtype=np.uint64)
-    arrays = [carry, np.zeros((1, width), dtype), np.ascontiguousarray(rows, dtype), log, keys]
+    arrays = [
+        carry,
+        np.zeros((1, width), dtype),
+        np.ascontiguousarray(rows, dtype),
+        log,
+        keys,
+    ]
     Arm64(content).call(NAME, arrays, [0, 1, 0, scenario.steps, 0, width, 1])
     return log, listing, traced, rows
 

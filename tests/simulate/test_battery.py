@@ -1,4 +1,6 @@
-"""Batteries: voltage under a load in closed form, charge against SciPy, sag and an empty one in flight, time aloft."""
+"""Batteries: voltage under a load in closed form, charge against SciPy, sag and an
+empty one in flight, time aloft.
+"""
 
 from __future__ import annotations
 
@@ -43,14 +45,18 @@ BATTERY = Battery(
 )
 
 
-def hovering(battery: Battery = BATTERY, duration: float = 0.5, **fields: Any) -> Scenario:
+def hovering(
+    battery: Battery = BATTERY, duration: float = 0.5, **fields: Any
+) -> Scenario:
     """The servo arm in hover on a battery."""
     document = tomllib.loads((DATA / "servo_flight.toml").read_text())
     document["reference"] = {"base": {"kind": "hover", "position": [0.0, 0.0, 2.0]}}
     document["controller"] = {"preset": "paper_pd"}
     found = scenario_from(document, DATA, {"duration": duration})
     vehicle = dataclasses.replace(found.plant.vehicle, battery=battery)
-    return dataclasses.replace(found, plant=dataclasses.replace(found.plant, vehicle=vehicle), **fields)
+    return dataclasses.replace(
+        found, plant=dataclasses.replace(found.plant, vehicle=vehicle), **fields
+    )
 
 
 def test_voltage_under_a_load_is_ohms_law():
@@ -58,7 +64,9 @@ def test_voltage_under_a_load_is_ohms_law():
     assert BATTERY.open_circuit_voltage(0.7) == pytest.approx(idle, rel=1e-12)
     voltage = BATTERY.voltage(0.7, 300.0)
     assert voltage == pytest.approx(idle - 0.05 * 300.0 / voltage, rel=1e-12)
-    assert voltage > 0.5 * idle, "of the two solutions the one that is near the voltage without a load"
+    assert voltage > 0.5 * idle, (
+        "of the two solutions the one that is near the voltage without a load"
+    )
     assert BATTERY.voltage(0.7, 1e6) == 0.5 * idle, "more than it can give"
     assert BATTERY.voltage(0.0, 10.0) == 0.0
 
@@ -68,7 +76,9 @@ def test_charge_falls_as_scipy_says():
 
     def falls(_t: float, q: Any) -> Any:
         idle = 4 * curve(q)
-        return -300.0 / (0.5 * (idle + np.sqrt(idle**2 - 4 * 0.05 * 300.0))) / 3600.0 / 2.0
+        return (
+            -300.0 / (0.5 * (idle + np.sqrt(idle**2 - 4 * 0.05 * 300.0))) / 3600.0 / 2.0
+        )
 
     exact = solve_ivp(falls, (0.0, 200.0), [1.0], rtol=1e-10, atol=1e-12).y[0, -1]
     charge = 1.0
@@ -83,7 +93,9 @@ def test_charge_falls_as_scipy_says():
 def test_power_is_the_tables_current_or_the_drag_torques():
     rotor = load_vehicle(DATA / "servo_arm.toml").rotors[0]
     mechanical = 8e-6 * 0.016 * 600.0**3
-    assert BATTERY.power((rotor, rotor), (600.0, 0.0)) == pytest.approx(5.0 + mechanical / 0.7)
+    assert BATTERY.power((rotor, rotor), (600.0, 0.0)) == pytest.approx(
+        5.0 + mechanical / 0.7
+    )
     speeds = (300.0, 600.0, 900.0)
     table = ThrustTable(speed=speeds, thrust=(0.7, 2.9, 6.5), current=(1.0, 4.5, 12.0))
     measured = dataclasses.replace(rotor, table=table)
@@ -91,20 +103,35 @@ def test_power_is_the_tables_current_or_the_drag_torques():
 
 
 def implicit(pack, charge, rotors, speeds, commands, seconds=0.005):
-    """Voltage by SciPy at which the pack feeds the speeds that rotors reach with it, and their power there."""
+    """Voltage by SciPy at which the pack feeds the speeds that rotors reach with it,
+    and their power there.
+    """
     idle = float(4 * PchipInterpolator(CHARGE, CELL)(charge))
 
     def power(voltage):
         supply, total = voltage / pack.reference_voltage, 5.0
         for rotor, w, command in zip(rotors, speeds, commands, strict=True):
-            asked = min(command, rotor.max_speed) * supply if pack.esc == "open" else min(command, 1100.0 * supply)
+            asked = (
+                min(command, rotor.max_speed) * supply
+                if pack.esc == "open"
+                else min(command, 1100.0 * supply)
+            )
             target = min(asked, rotor.max_speed)
             lag = rotor.time_constant_up if target > w else rotor.time_constant_down
-            total += 8e-6 * 0.016 * (target + (w - target) * math.exp(-seconds / lag)) ** 3 / 0.7
+            total += (
+                8e-6
+                * 0.016
+                * (target + (w - target) * math.exp(-seconds / lag)) ** 3
+                / 0.7
+            )
         return total
 
     surplus = lambda v: v * (idle - v) - pack.resistance * power(v)  # noqa: E731
-    found = brentq(surplus, 0.5 * idle, idle, xtol=1e-13) if surplus(0.5 * idle) > 0.0 else 0.5 * idle
+    found = (
+        brentq(surplus, 0.5 * idle, idle, xtol=1e-13)
+        if surplus(0.5 * idle) > 0.0
+        else 0.5 * idle
+    )
     return found, power(found)
 
 
@@ -133,14 +160,18 @@ def test_the_loops_charge_is_that_of_its_log(plant):
     [
         ("governed", 0.9, (0.5, 0.9, 0.9)),
         ("open", 0.9, (0.45, 0.81, 0.9)),
-        # above the reference voltage: faster at the same throttle, never faster than the rotor's data goes
+        # above the reference voltage: faster at the same throttle, never faster than
+        # the rotor's data goes
         ("governed", 1.2, (0.5, 0.9, 1.0)),
         ("open", 1.2, (0.6, 1.0, 1.0)),
     ],
 )
 def test_the_supply_moves_speeds_up_to_the_highest_of_the_data(esc, supply, reached):
     bare = load_vehicle("hummingbird")
-    vehicle, top = dataclasses.replace(bare, battery=dataclasses.replace(BATTERY, esc=esc)), bare.rotors[0].max_speed
+    vehicle, top = (
+        dataclasses.replace(bare, battery=dataclasses.replace(BATTERY, esc=esc)),
+        bare.rotors[0].max_speed,
+    )
     for share, wanted in zip((0.5, 0.9, 1.3), reached, strict=True):
         drain = BatteryDrain(battery=vehicle.battery, rotors=vehicle.rotors)
         memory = 1.0, supply * vehicle.battery.reference_voltage
@@ -151,13 +182,19 @@ def test_the_supply_moves_speeds_up_to_the_highest_of_the_data(esc, supply, reac
 
 def test_the_supply_bounds_a_rotor_that_turns_backwards():
     drain = BatteryDrain(battery=BATTERY, rotors=())
-    rotors = [dataclasses.replace(load_vehicle("hummingbird").rotors[0], reversible=True, max_speed=1000.0)] * 3
+    rotors = [
+        dataclasses.replace(
+            load_vehicle("hummingbird").rotors[0], reversible=True, max_speed=1000.0
+        )
+    ] * 3
     speeds = drain.rotor_commands((1.0, 0.6 * 14.8), rotors, (-1000.0, -500.0, 700.0))
     assert speeds == pytest.approx([-600.0, -500.0, 600.0], rel=1e-12)
 
 
 def test_sag_bounds_a_governed_rotor_and_slows_an_open_one():
-    """Hover takes most of the highest speed: at 11 V of 14.8 V a rotor cannot turn that fast."""
+    """Hover takes most of the highest speed: at 11 V of 14.8 V a rotor cannot turn that
+    fast.
+    """
     thirsty = dataclasses.replace(BATTERY, reference_voltage=40.0)
     scenario = hovering(thirsty)
     top = 1100.0 * BATTERY.voltage(1.0, 250.0) / 40.0
@@ -165,33 +202,68 @@ def test_sag_bounds_a_governed_rotor_and_slows_an_open_one():
     assert log.rotor_commands[-1].max() > log.rotor_speeds[-1].max()
     assert log.rotor_speeds[-1].max() < 1.05 * top
     assert log.position[-1, 2] < 1.9, "it sinks"
-    open_loop = run(hovering(dataclasses.replace(BATTERY, esc="open", reference_voltage=18.0), duration=0.1))
+    open_loop = run(
+        hovering(
+            dataclasses.replace(BATTERY, esc="open", reference_voltage=18.0),
+            duration=0.1,
+        )
+    )
     ratio = BATTERY.voltage(1.0, 180.0) / 18.0
-    assert open_loop.rotor_speeds[-1].mean() < 0.97 * open_loop.rotor_commands[:-1].mean()
-    assert open_loop.rotor_speeds[-1].mean() > 0.97 * ratio * open_loop.rotor_commands[:-1].mean()
-    assert run(hovering(duration=0.1)).position[-1, 2] == pytest.approx(2.0, abs=0.01), "and a good one carries it"
+    assert (
+        open_loop.rotor_speeds[-1].mean() < 0.97 * open_loop.rotor_commands[:-1].mean()
+    )
+    assert (
+        open_loop.rotor_speeds[-1].mean()
+        > 0.97 * ratio * open_loop.rotor_commands[:-1].mean()
+    )
+    assert run(hovering(duration=0.1)).position[-1, 2] == pytest.approx(
+        2.0, abs=0.01
+    ), "and a good one carries it"
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_an_overloaded_pack_settles_where_its_current_times_its_voltage_is_the_load(seed):
-    """Largest root of V (V_0 - V) / R = P(V) by SciPy, with rotors that turn as fast as V allows, or as commanded."""
+def test_an_overloaded_pack_settles_where_its_current_times_its_voltage_is_the_load(
+    seed,
+):
+    """Largest root of V (V_0 - V) / R = P(V) by SciPy, with rotors that turn as fast as
+    V allows, or as commanded.
+    """
     rng = np.random.default_rng(seed)
     esc = ("governed", "open")[seed % 2]
-    numbers = {"resistance": rng.uniform(0.3, 1.5), "reference_voltage": rng.uniform(11.0, 16.0), "esc": esc}
+    numbers = {
+        "resistance": rng.uniform(0.3, 1.5),
+        "reference_voltage": rng.uniform(11.0, 16.0),
+        "esc": esc,
+    }
     pack = dataclasses.replace(BATTERY, **numbers)
     rotors = load_vehicle(DATA / "servo_arm.toml").rotors
     commands = tuple((rng.uniform(0.3, 1.2, len(rotors)) * 1100.0).tolist())
-    drain, memory, speeds = BatteryDrain(battery=pack, rotors=rotors), (0.8, 14.0), (0.0,) * len(rotors)
+    drain, memory, speeds = (
+        BatteryDrain(battery=pack, rotors=rotors),
+        (0.8, 14.0),
+        (0.0,) * len(rotors),
+    )
     still = example_state(0, len(rotors))
     for _ in range(120):
         before = memory[0]
-        memory = drain.supply(memory, 0.005, dataclasses.replace(still, rotor_speeds=speeds), commands)
-        speeds = speeds_after(rotors, speeds, drain.rotor_commands(memory, rotors, commands), 0.005)
+        memory = drain.supply(
+            memory, 0.005, dataclasses.replace(still, rotor_speeds=speeds), commands
+        )
+        speeds = speeds_after(
+            rotors, speeds, drain.rotor_commands(memory, rotors, commands), 0.005
+        )
     idle = float(pack.open_circuit_voltage(before))
 
     def surplus(voltage):
         supply = voltage / pack.reference_voltage
-        turning = [min(each, 1100.0) * supply if seed % 2 else np.minimum(each, 1100.0 * supply) for each in commands]
+        turning = [
+            (
+                min(each, 1100.0) * supply
+                if seed % 2
+                else np.minimum(each, 1100.0 * supply)
+            )
+            for each in commands
+        ]
         load = 5.0 + sum(8e-6 * 0.016 * w**3 / 0.7 for w in turning)
         return voltage * (idle - voltage) / pack.resistance - load
 
@@ -207,7 +279,9 @@ def test_an_overloaded_pack_settles_where_its_current_times_its_voltage_is_the_l
 
 @pytest.mark.parametrize("seed", range(8))
 def test_a_pack_near_its_peak_comes_to_rest_as_its_rotors_would(seed):
-    """Against SciPy's dw/dt = (V w_max / V_ref - w) / tau at V (V_0 - V) = R P(w), which rests at a drawn V / V_0."""
+    """Against SciPy's dw/dt = (V w_max / V_ref - w) / tau at V (V_0 - V) = R P(w),
+    which rests at a drawn V / V_0.
+    """
     rng = np.random.default_rng(seed)
     share, resistance = rng.uniform(0.515, 0.6), rng.uniform(0.05, 0.5)
     rotors = load_vehicle(DATA / "servo_arm.toml").rotors
@@ -217,23 +291,44 @@ def test_a_pack_near_its_peak_comes_to_rest_as_its_rotors_would(seed):
     rest = ((idle**2 * share * (1.0 - share) / resistance - 5.0) / drag) ** (1.0 / 3.0)
     reference = 1100.0 * share * idle / rest
     pack = dataclasses.replace(
-        BATTERY, resistance=resistance, esc=("governed", "open")[seed % 2], reference_voltage=reference
+        BATTERY,
+        resistance=resistance,
+        esc=("governed", "open")[seed % 2],
+        reference_voltage=reference,
     )
-    drain, still, commands = BatteryDrain(battery=pack, rotors=rotors), example_state(0, count), (1100.0,) * count
+    drain, still, commands = (
+        BatteryDrain(battery=pack, rotors=rotors),
+        example_state(0, count),
+        (1100.0,) * count,
+    )
 
     def voltage(w):
-        return 0.5 * (idle + math.sqrt(max(idle**2 - 4.0 * resistance * (5.0 + drag * w**3), 0.0)))
+        return 0.5 * (
+            idle + math.sqrt(max(idle**2 - 4.0 * resistance * (5.0 + drag * w**3), 0.0))
+        )
 
     def faster(_t, w):
         target = min(1100.0 * voltage(w[0]) / reference, 1100.0)
-        return [(target - w[0]) / (rotor.time_constant_up if target > w[0] else rotor.time_constant_down)]
+        return [
+            (target - w[0])
+            / (rotor.time_constant_up if target > w[0] else rotor.time_constant_down)
+        ]
 
     start, times = 0.6 * rest, 0.005 * np.arange(1, 81)
-    exact = solve_ivp(faster, (0.0, 0.4), [start], rtol=1e-9, atol=1e-9, t_eval=times, max_step=1e-3).y[0]
+    exact = solve_ivp(
+        faster, (0.0, 0.4), [start], rtol=1e-9, atol=1e-9, t_eval=times, max_step=1e-3
+    ).y[0]
     speeds, volts, found, before = (start,) * count, 14.0, [], []
     for _ in times:
-        _, volts = drain.supply((0.8, volts), 0.005, dataclasses.replace(still, rotor_speeds=speeds), commands)
-        speeds = speeds_after(rotors, speeds, drain.rotor_commands((0.8, volts), rotors, commands), 0.005)
+        _, volts = drain.supply(
+            (0.8, volts),
+            0.005,
+            dataclasses.replace(still, rotor_speeds=speeds),
+            commands,
+        )
+        speeds = speeds_after(
+            rotors, speeds, drain.rotor_commands((0.8, volts), rotors, commands), 0.005
+        )
         found.append(speeds[0])
         before.append(volts)
     assert found == pytest.approx(exact, rel=0.04)
@@ -242,10 +337,15 @@ def test_a_pack_near_its_peak_comes_to_rest_as_its_rotors_would(seed):
 
 
 @pytest.mark.parametrize(
-    ("resistance", "speed"), [(0.5, 0.0), (0.6, 0.0), (0.7, 0.0), (0.6, 450.0), (1.5, 200.0), (0.8, 300.0)]
+    ("resistance", "speed"),
+    [(0.5, 0.0), (0.6, 0.0), (0.7, 0.0), (0.6, 450.0), (1.5, 200.0), (0.8, 300.0)],
 )
-def test_a_step_of_the_throttle_is_no_overload_before_the_rotors_follow(resistance, speed):
-    """One period of full throttle against SciPy's root of V (V_0 - V) = R P(V), at the speeds at the period's end."""
+def test_a_step_of_the_throttle_is_no_overload_before_the_rotors_follow(
+    resistance, speed
+):
+    """One period of full throttle against SciPy's root of V (V_0 - V) = R P(V), at the
+    speeds at the period's end.
+    """
     bare, dt = load_vehicle(QUAD), 0.004
     pack = dataclasses.replace(bare.battery, resistance=resistance)
     rotor, count = bare.rotors[0], len(bare.rotors)
@@ -259,7 +359,10 @@ def test_a_step_of_the_throttle_is_no_overload_before_the_rotors_follow(resistan
         return voltage * (idle - voltage) - resistance * power
 
     right = brentq(surplus, 0.5 * idle, idle, xtol=1e-13)
-    drain, still = BatteryDrain(battery=pack, rotors=bare.rotors), example_state(0, count)
+    drain, still = (
+        BatteryDrain(battery=pack, rotors=bare.rotors),
+        example_state(0, count),
+    )
     state = dataclasses.replace(still, rotor_speeds=(speed,) * count)
     charge, voltage = drain.supply((1.0, idle), dt, state, (rotor.max_speed,) * count)
     assert voltage == pytest.approx(right, rel=1e-9)
@@ -268,15 +371,25 @@ def test_a_step_of_the_throttle_is_no_overload_before_the_rotors_follow(resistan
 
 
 def test_an_overload_stays_until_the_throttle_ends_it():
-    """Full throttle for 0.2 s: the voltage falls once, below half; at rest again it is back in one period."""
+    """Full throttle for 0.2 s: the voltage falls once, below half; at rest again it is
+    back in one period.
+    """
     bare, dt = load_vehicle(QUAD), 0.001
-    pack, top = dataclasses.replace(bare.battery, resistance=1.2), float(bare.rotors[0].max_speed)
+    pack, top = (
+        dataclasses.replace(bare.battery, resistance=1.2),
+        float(bare.rotors[0].max_speed),
+    )
     drain, still = BatteryDrain(battery=pack, rotors=bare.rotors), example_state(0, 4)
     memory, speeds, volts = (1.0, 16.8), (0.0,) * 4, []
     for command in [top] * 200 + [0.0]:
-        state, commands = dataclasses.replace(still, rotor_speeds=speeds), (command,) * 4
+        state, commands = (
+            dataclasses.replace(still, rotor_speeds=speeds),
+            (command,) * 4,
+        )
         memory = drain.supply(memory, dt, state, commands)
-        speeds = speeds_after(bare.rotors, speeds, drain.rotor_commands(memory, bare.rotors, commands), dt)
+        speeds = speeds_after(
+            bare.rotors, speeds, drain.rotor_commands(memory, bare.rotors, commands), dt
+        )
         volts.append(memory[1])
     assert volts[10] > 8.4 > volts[50]
     assert np.all(np.diff(volts[:200]) < 1e-9), "it does not alternate"
@@ -322,13 +435,18 @@ def test_time_aloft_is_the_integral_and_ends_where_the_voltage_does():
     assert found.charge == pytest.approx(0.0, abs=1e-9)
     share = math.sqrt(vehicle.mass * 9.81 / 6.0 / 8e-6) / 1100.0
     early = hover_time(
-        dataclasses.replace(vehicle, battery=dataclasses.replace(BATTERY, reference_voltage=14.6 / share))
+        dataclasses.replace(
+            vehicle,
+            battery=dataclasses.replace(BATTERY, reference_voltage=14.6 / share),
+        )
     )
     assert early.charge > 0.1
     assert early.voltage == pytest.approx(14.6, abs=0.05)
     assert early.seconds < hover_time(vehicle).seconds
     heavy = dataclasses.replace(BATTERY, reference_voltage=60.0)
-    with pytest.raises(VehicleError, match=r"battery\.charge = 1: must be enough for a level hover"):
+    with pytest.raises(
+        VehicleError, match=r"battery\.charge = 1: must be enough for a level hover"
+    ):
         hover_time(dataclasses.replace(vehicle, battery=heavy))
     with pytest.raises(VehicleError, match=r"battery = \(missing\)"):
         hover_time(load_vehicle(DATA / "servo_arm.toml"))
@@ -342,13 +460,21 @@ def test_time_aloft_is_the_integral_and_ends_where_the_voltage_does():
         ("charge = 1.5", r"battery\.charge = 1\.5: must be at most 1"),
         ("efficiency = 2.0", r"battery\.efficiency = 2\.0: must be at most 1"),
         ('esc = "fast"', r"battery\.esc = 'fast': must be one of governed, open"),
-        ("open_circuit = { charge = [0, 1.0], voltage = [4.0, 3.0] }", r"voltage\[1\] = 3\.0: must be above the one"),
-        ("volts = 3.0", r"battery\.volts = 3\.0: unknown field; allowed: cells, capacity"),
+        (
+            "open_circuit = { charge = [0, 1.0], voltage = [4.0, 3.0] }",
+            r"voltage\[1\] = 3\.0: must be above the one",
+        ),
+        (
+            "volts = 3.0",
+            r"battery\.volts = 3\.0: unknown field; allowed: cells, capacity",
+        ),
     ],
 )
 def test_a_battery_that_is_none_is_refused_in_one_line(tmp_path, change, words):
     rows = {
-        "cells": "cells = 4", "capacity": "capacity = 2.0", "resistance": "resistance = 0.05",
+        "cells": "cells = 4",
+        "capacity": "capacity = 2.0",
+        "resistance": "resistance = 0.05",
         "reference_voltage": "reference_voltage = 14.8",
         "open_circuit": "open_circuit = { charge = [0.0, 1.0], voltage = [3.3, 4.2] }",
     }
@@ -356,7 +482,10 @@ def test_a_battery_that_is_none_is_refused_in_one_line(tmp_path, change, words):
     text = (
         (DATA / "servo_arm.toml")
         .read_text()
-        .replace("[rotor_defaults]", "\n".join(["[battery]", *rows.values(), "", "[rotor_defaults]"]))
+        .replace(
+            "[rotor_defaults]",
+            "\n".join(["[battery]", *rows.values(), "", "[rotor_defaults]"]),
+        )
     )
     (tmp_path / "v.toml").write_text(text)
     with pytest.raises(VehicleError, match=words) as found:

@@ -1,4 +1,6 @@
-"""Changes by hand and by a file beside those that follow from payloads and from gains inside a safety layer."""
+"""Changes by hand and by a file beside those that follow from payloads and from gains
+inside a safety layer.
+"""
 
 from __future__ import annotations
 
@@ -40,12 +42,16 @@ def test_the_plan_of_a_flight_keeps_a_change_by_hand_at_the_instant_of_a_pick():
         session.step()
     again = skyarm.run(session.plan)
     np.testing.assert_array_equal(again.position, session.log.position)
-    assert np.abs(again.position - skyarm.run(hover(payloads=[BOX])).position).max() > 1e-3
+    assert (
+        np.abs(again.position - skyarm.run(hover(payloads=[BOX])).position).max() > 1e-3
+    )
 
 
 def test_a_batch_of_payload_masses_flies_changes_of_gains_inside_a_safety_layer():
     scenario = hover(payloads=[BOX], controller=GUARDED, changes=[GAIN])
-    done = Batch(scenario, ["payloads.0.mass"], effort=0).fly({"payloads.0.mass": np.array([0.03, 0.05])})
+    done = Batch(scenario, ["payloads.0.mass"], effort=0).fly(
+        {"payloads.0.mass": np.array([0.03, 0.05])}
+    )
     assert (done.status == "completed").all()
 
 

@@ -1,4 +1,6 @@
-"""A flight that a number ends which is not finite: its cause names the user's file, line and method that gave it."""
+"""A flight that a number ends which is not finite: its cause names the user's file,
+line and method that gave it.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ LINES = Path(__file__).read_text("utf-8").splitlines()
 
 def line_with(mark: str) -> int:
     """Number of the only line with a comment."""
-    (found,) = [number for number, line in enumerate(LINES, 1) if line.endswith(f"  # {mark}")]
+    (found,) = [
+        number for number, line in enumerate(LINES, 1) if line.endswith(f"  # {mark}")
+    ]
     return found
 
 
@@ -44,7 +48,12 @@ class Masked(SteadyWrench):
 
     def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> Any:
         size = where(t < 99.0, 0.0, reciprocal(t - t))
-        return (dataclasses.replace(super().wrenches(memory, t, motion, rotor_speeds)[0], force_W=Vec3(0, 0, size)),)
+        return (
+            dataclasses.replace(
+                super().wrenches(memory, t, motion, rotor_speeds)[0],
+                force_W=Vec3(0, 0, size),
+            ),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +63,12 @@ class Undefined(SteadyWrench):
     def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> Any:
         masked = where(t > 99.0, 1.0 / (t - t), 0.0)  # infinite, and meant so
         size = masked + sqrt(0.0125 - t)  # in a force
-        return (dataclasses.replace(super().wrenches(memory, t, motion, rotor_speeds)[0], force_W=Vec3(0, 0, size)),)
+        return (
+            dataclasses.replace(
+                super().wrenches(memory, t, motion, rotor_speeds)[0],
+                force_W=Vec3(0, 0, size),
+            ),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +88,15 @@ class Late(Turbulence):
 
 @dataclass(frozen=True, kw_only=True)
 class Blind(Fix):
-    def measure(self, memory: Any, t: Any, state: Any, specific_force: Vec3, draws: Any, dt: float) -> Any:
+    def measure(
+        self,
+        memory: Any,
+        t: Any,
+        state: Any,
+        specific_force: Vec3,
+        draws: Any,
+        dt: float,
+    ) -> Any:
         count, reading = super().measure(memory, t, state, specific_force, draws, dt)
         return count, (*reading[:2], log(-1.0 - t), *reading[3:])  # in a sensor
 
@@ -91,15 +113,22 @@ def pole(value: Any) -> Any:
 
 
 def law(memory: Any, seen: Any, wanted: Any, dt: Any, *, par: Any) -> Any:
-    return memory, Command(rotor_speeds=(pole(0.0125 - seen.time),) * 4, efforts=(0.0, 0.0))
+    return memory, Command(
+        rotor_speeds=(pole(0.0125 - seen.time),) * 4, efforts=(0.0, 0.0)
+    )
 
 
 def sensed(sensor: Any) -> Any:
-    return dataclasses.replace(BASE, sensors=(NamedSensor(name="fix", sensor=sensor),), estimator=Blend())
+    return dataclasses.replace(
+        BASE, sensors=(NamedSensor(name="fix", sensor=sensor),), estimator=Blend()
+    )
 
 
 FLIGHTS = {
-    "a force": (dataclasses.replace(BASE, forces=(Masked(), Undefined())), "Undefined.wrenches): size is nan"),
+    "a force": (
+        dataclasses.replace(BASE, forces=(Masked(), Undefined())),
+        "Undefined.wrenches): size is nan",
+    ),
     "air": (dataclasses.replace(BASE, air=(Late(),)), "Late.advance)"),
     "a sensor": (sensed(Blind()), "Blind.measure)"),
     "a drive": (
@@ -119,8 +148,12 @@ def require_line(part: str, fly: Any) -> None:
     assert sys.gettrace() is debugger
 
 
-@pytest.mark.parametrize(("part", "fly"), [("a law", run), ("a force", run_in_python)], ids=["law", "force"])
-def test_the_cause_names_file_line_and_method_of_the_part_that_gave_it(part: str, fly: Any) -> None:
+@pytest.mark.parametrize(
+    ("part", "fly"), [("a law", run), ("a force", run_in_python)], ids=["law", "force"]
+)
+def test_the_cause_names_file_line_and_method_of_the_part_that_gave_it(
+    part: str, fly: Any
+) -> None:
     require_line(part, fly)
 
 
@@ -144,10 +177,17 @@ def test_a_law_that_is_called_is_not_flown_again() -> None:
 
     def law(memory: Any, seen: Any, wanted: Any, dt: Any, *, par: Any) -> Any:
         calls.append(seen.time)  # as hardware would be commanded
-        return memory, Command(rotor_speeds=(485.0 if len(calls) < 4 else math.nan,) * 4, efforts=(0.0, 0.0))
+        return memory, Command(
+            rotor_speeds=(485.0 if len(calls) < 4 else math.nan,) * 4,
+            efforts=(0.0, 0.0),
+        )
 
     called = with_law(BASE, law, memory=())
-    flown = run(dataclasses.replace(called, controller=dataclasses.replace(called.controller, compiled=False)))
+    flown = run(
+        dataclasses.replace(
+            called, controller=dataclasses.replace(called.controller, compiled=False)
+        )
+    )
     assert flown.info["cause"] == "commanded speed of rotor 'front' is not finite"
     assert calls == sorted(set(calls))
 
@@ -157,5 +197,12 @@ def twice(value: Any) -> Any:
 
 
 def test_a_function_that_passes_on_what_it_was_given_is_not_named() -> None:
-    assert first_not_finite(partial(twice, math.nan)) == first_not_finite(partial(twice, 1.0)) == ""
-    assert first_not_finite(partial(twice, 1e308)) == f"{Path(__file__).name}:{line_with('in a function')} (twice)"
+    assert (
+        first_not_finite(partial(twice, math.nan))
+        == first_not_finite(partial(twice, 1.0))
+        == ""
+    )
+    assert (
+        first_not_finite(partial(twice, 1e308))
+        == f"{Path(__file__).name}:{line_with('in a function')} (twice)"
+    )

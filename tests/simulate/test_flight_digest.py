@@ -1,4 +1,6 @@
-"""What a log says was flown: everything, as plain data, and a digest that two different scenarios never share."""
+"""What a log says was flown: everything, as plain data, and a digest that two different
+scenarios never share.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,11 @@ CHANGES: list[dict[str, Any]] = [
     {"plant__joints__effort_limit": 0.41},
     {"model__gravity": 9.8},
     {"model__payload__mass": 0.011},
-    {"controller__law": "hybrid_computed_torque", "controller__without": ["coriolis"], "model__payload": None},
+    {
+        "controller__law": "hybrid_computed_torque",
+        "controller__without": ["coriolis"],
+        "model__payload": None,
+    },
     {"controller__gains__position": [4.0, 4.0, 4.1]},
     {"controller__gains__rate": [0.1, 0.11, 0.025]},
     {"controller__joint_gains__stiffness": [350.0, 151.0]},
@@ -87,7 +93,9 @@ CHANGES: list[dict[str, Any]] = [
 
 
 def test_any_difference_between_scenarios_is_a_difference_of_their_digests() -> None:
-    scenarios = [scenario_from(document("everything", **changes)) for changes in [{}, *CHANGES]]
+    scenarios = [
+        scenario_from(document("everything", **changes)) for changes in [{}, *CHANGES]
+    ]
     scenarios += [load_scenario(name) for name in PAPER_CASES]
     scenarios.append(dataclasses.replace(scenarios[0], name="other"))
     found = [digest(plain(scenario)) for scenario in scenarios]
@@ -97,7 +105,9 @@ def test_any_difference_between_scenarios_is_a_difference_of_their_digests() -> 
 def test_equal_scenarios_have_one_digest_whoever_reads_them() -> None:
     one, other = (scenario_from(document("everything")) for _ in range(2))
     assert digest(plain(one)) == digest(plain(other))
-    shuffled = json.loads(json.dumps(plain(one)), object_pairs_hook=lambda pairs: dict(reversed(pairs)))
+    shuffled = json.loads(
+        json.dumps(plain(one)), object_pairs_hook=lambda pairs: dict(reversed(pairs))
+    )
     assert digest(shuffled) == digest(plain(one))
 
 
@@ -109,11 +119,21 @@ def test_every_number_of_a_scenario_stands_in_its_record(name: str) -> None:
     assert sorted(numbers(plain(scenario))) == held
 
 
-def test_a_log_holds_its_scenario_through_its_file_and_its_csv_does_not(log: Log, tmp_path: Path) -> None:
+def test_a_log_holds_its_scenario_through_its_file_and_its_csv_does_not(
+    log: Log, tmp_path: Path
+) -> None:
     scenario = scenario_from(document("everything"))
     read = Log.load_npz(log.save_npz(tmp_path / "flight.npz"))
-    assert read.info["scenario_record"] == plain(scenario) == json.loads(json.dumps(plain(scenario), allow_nan=False))
-    assert read.info["digest"] == digest(read.info["scenario_record"]) == digest(plain(scenario))
+    assert (
+        read.info["scenario_record"]
+        == plain(scenario)
+        == json.loads(json.dumps(plain(scenario), allow_nan=False))
+    )
+    assert (
+        read.info["digest"]
+        == digest(read.info["scenario_record"])
+        == digest(plain(scenario))
+    )
     with log.save_csv(tmp_path / "flight.csv").open(newline="") as stream:
         header, *rows = list(csv.reader(stream))
     assert not any("scenario" in column or "digest" in column for column in header)
@@ -123,9 +143,17 @@ def test_a_log_holds_its_scenario_through_its_file_and_its_csv_does_not(log: Log
 def test_the_record_says_what_was_flown_in_words_of_the_scenario(log: Log) -> None:
     record = log.info["scenario_record"]
     kind = "skyarm.scenario.scenario_record:Delays"
-    delays = {"measurement": 0.005, "command": 0.003, "rotors": 0, "joints": 0, "longest_command": None}
+    delays = {
+        "measurement": 0.005,
+        "command": 0.003,
+        "rotors": 0,
+        "joints": 0,
+        "longest_command": None,
+    }
     assert record["agent"]["delays"] == {"type": kind, **delays}
-    assert record["agent"]["controller"]["law"]["name"].endswith(":hybrid_computed_torque")
+    assert record["agent"]["controller"]["law"]["name"].endswith(
+        ":hybrid_computed_torque"
+    )
     assert record["agent"]["controller"]["par"]["terms"]["coupling"] is False
     assert record["agent"]["plant"]["vehicle"]["links"][0]["joint"]["damping"] == 0.002
     assert record["agent"]["plant"]["vehicle"]["links"][0]["joint"]["lower"] == "-inf"
@@ -178,8 +206,12 @@ def test_values_of_any_kind_become_strict_json() -> None:
     }
 
 
-@pytest.mark.parametrize("make", [closed_over, lambda height: Wobble(height).shape, Wobble])
-def test_what_a_users_own_object_or_function_holds_is_part_of_the_digest(make: Any) -> None:
+@pytest.mark.parametrize(
+    "make", [closed_over, lambda height: Wobble(height).shape, Wobble]
+)
+def test_what_a_users_own_object_or_function_holds_is_part_of_the_digest(
+    make: Any,
+) -> None:
     assert digest(plain(make(0.5))) == digest(plain(make(0.5)))
     assert digest(plain(make(0.5))) != digest(plain(make(0.25)))
 
@@ -188,7 +220,9 @@ def test_records_of_other_classes_differ_even_with_equal_fields() -> None:
     base = load_scenario("case1")
 
     def with_x(signal: Any) -> Scenario:
-        return dataclasses.replace(base, reference=dataclasses.replace(base.reference, x=signal))
+        return dataclasses.replace(
+            base, reference=dataclasses.replace(base.reference, x=signal)
+        )
 
     sines = [with_x(Sine(amplitude=0.0, frequency_hz=1.0)), with_x(Constant(0.0))]
     assert len({digest(plain(scenario)) for scenario in sines}) == 2

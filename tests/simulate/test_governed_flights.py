@@ -1,4 +1,6 @@
-"""Flights whose reference a governor slows: the same bits on every engine, errors against the command, lag beside."""
+"""Flights whose reference a governor slows: the same bits on every engine, errors
+against the command, lag beside.
+"""
 
 import dataclasses
 from pathlib import Path
@@ -23,7 +25,11 @@ DOCUMENT = {
     "plant": {"vehicle": "hummingbird_arm2_rotors"},
     "controller": {"preset": "paper_ct"},
     "reference": {
-        "base": {"kind": "signals", "x": CIRCLE, "z": {"kind": "sum", "signals": [2.0, CIRCLE | {"phase": 1.5}]}},
+        "base": {
+            "kind": "signals",
+            "x": CIRCLE,
+            "z": {"kind": "sum", "signals": [2.0, CIRCLE | {"phase": 1.5}]},
+        },
         "joints": [CIRCLE, 0.2],
         "governor": {"reserve": 0.2},
     },
@@ -53,7 +59,11 @@ def test_machine_code_python_and_sessions_fly_the_same_bits(log):
 
 
 def test_a_batch_flies_it_too_with_its_lag_among_the_metrics(log):
-    names = ("reference_lag_mean", "reference_lag_max", "position_error_mean_continuous")
+    names = (
+        "reference_lag_mean",
+        "reference_lag_max",
+        "position_error_mean_continuous",
+    )
     batch = Batch(SLOWED, ["plant.gravity"], metrics=names, bit_exact=True)
     found = batch.fly({"plant.gravity": np.array([9.81, 9.9])}).metrics
     alone = score(log, names)
@@ -75,26 +85,41 @@ def test_the_law_gets_the_governed_sample_and_errors_are_taken_against_the_comma
     skyarm.run(dataclasses.replace(SLOWED, controller=heard, duration=1.0))
     for k in (0, 60, 130):
         # samples are published at 50 Hz and held for four periods of 200 Hz
-        wanted = governed_reference(SLOWED.reference, SLOWED.path_time, (k // 4 * 4) / 200.0)
+        wanted = governed_reference(
+            SLOWED.reference, SLOWED.path_time, (k // 4 * 4) / 200.0
+        )
         for name in ("position", "velocity", "acceleration", "joints", "joint_rates"):
             given = np.array(list(getattr(told[-200 + k], name)), dtype=float)
-            assert np.allclose(given, np.array(list(getattr(wanted, name)), dtype=float), rtol=1e-12, atol=1e-12)
+            assert np.allclose(
+                given,
+                np.array(list(getattr(wanted, name)), dtype=float),
+                rtol=1e-12,
+                atol=1e-12,
+            )
     commanded = SLOWED.reference.at(log.time)
     assert np.allclose(log.position_reference[:, 0], commanded.position.x, atol=1e-12)
 
 
 def test_the_log_keeps_the_path_s_time_in_every_file(log, tmp_path):
     assert np.array_equal(log.path_time, SLOWED.path_time.derivatives(log.time)[0])
-    assert np.array_equal(skyarm.Log.load_npz(log.save_npz(tmp_path / "a.npz")).path_time, log.path_time)
-    assert ",path_time [s]" in log.save_csv(tmp_path / "a.csv").read_text().splitlines()[0]
+    assert np.array_equal(
+        skyarm.Log.load_npz(log.save_npz(tmp_path / "a.npz")).path_time, log.path_time
+    )
+    assert (
+        ",path_time [s]" in log.save_csv(tmp_path / "a.csv").read_text().splitlines()[0]
+    )
     free = skyarm.run(dataclasses.replace(SLOWED, path_time=None, duration=0.02))
     assert "path_time" not in free.arrays()
     assert score(free, ("reference_lag_max",))["reference_lag_max"] == 0.0
 
 
 def test_the_distance_to_a_path_is_that_to_its_nearest_line():
-    path = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
-    points = np.array([[0.5, -0.2, 0.0], [1.3, 0.5, 0.4], [-3.0, 4.0, 0.0], [1.0, 0.25, 0.0]])
+    path = np.array(
+        [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]
+    )
+    points = np.array(
+        [[0.5, -0.2, 0.0], [1.3, 0.5, 0.4], [-3.0, 4.0, 0.0], [1.0, 0.25, 0.0]]
+    )
     assert np.allclose(path_distance(points, path), [0.2, 0.5, 5.0, 0.0])
     assert np.allclose(path_distance(points, path[:1]), np.linalg.norm(points, axis=1))
 
@@ -104,7 +129,10 @@ def test_a_run_s_summary_has_the_lag_beside_the_errors(log):
     beside = found["governor"]
     assert set(beside) == {"lag", "base_to_path", "tip_to_path"}
     assert beside["lag"]["max_whole_flight"] == (log.time - log.path_time).max()
-    assert beside["base_to_path"]["max_whole_flight"] < found["errors_continuous"]["position"]["max_whole_flight"]
+    assert (
+        beside["base_to_path"]["max_whole_flight"]
+        < found["errors_continuous"]["position"]["max_whole_flight"]
+    )
     free = skyarm.run(dataclasses.replace(SLOWED, path_time=None, duration=0.02))
     assert "governor" not in facts(free)
 

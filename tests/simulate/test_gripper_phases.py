@@ -1,4 +1,6 @@
-"""A gripper closes where a task picks something up and opens where it puts it down; other joints are refused."""
+"""A gripper closes where a task picks something up and opens where it puts it down;
+other joints are refused.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,12 @@ effort_limit = 20.0
 ROTORS = "".join(
     f'[[rotors]]\nname = "r{i}"\nposition = [{x}, {y}, 0.02]\ndirection = "{turn}"\n'
     for i, (x, y, turn) in enumerate(
-        ((0.18, 0.18, "ccw"), (-0.18, 0.18, "cw"), (-0.18, -0.18, "ccw"), (0.18, -0.18, "cw"))
+        (
+            (0.18, 0.18, "ccw"),
+            (-0.18, 0.18, "cw"),
+            (-0.18, -0.18, "ccw"),
+            (0.18, -0.18, "cw"),
+        )
     )
 )
 TASK = """
@@ -106,15 +113,23 @@ def test_fingers_move_within_their_phases_and_are_at_rest_between(folder):
     (box,) = scenario.payloads
     # start = 0.9 holds the pick back; it closes in the first half of its dwell of 0.6 s
     assert box.pick == pytest.approx(1.2)
-    assert [finger_at(scenario, t) for t in (0.0, 0.4, 0.9)] == pytest.approx([0.03, 0.05, 0.05])
+    assert [finger_at(scenario, t) for t in (0.0, 0.4, 0.9)] == pytest.approx(
+        [0.03, 0.05, 0.05]
+    )
     assert finger_at(scenario, 0.2) == pytest.approx(0.04)  # half-way, by symmetry
     assert finger_at(scenario, 1.05) == pytest.approx(0.03)
-    assert [finger_at(scenario, t) for t in (box.pick, 1.5, box.drop - 0.3)] == pytest.approx([0.01] * 3)
+    assert [
+        finger_at(scenario, t) for t in (box.pick, 1.5, box.drop - 0.3)
+    ] == pytest.approx([0.01] * 3)
     assert finger_at(scenario, box.drop) == pytest.approx(0.04)
     for t in (0.4, 0.9, box.pick, box.drop):
-        assert float(scenario.reference.at(t).joint_rates[1]) == pytest.approx(0.0, abs=1e-12)
+        assert float(scenario.reference.at(t).joint_rates[1]) == pytest.approx(
+            0.0, abs=1e-12
+        )
     still = tomllib.loads(TASK)["reference"]["tip"]["posture"][0]
-    assert [float(scenario.reference.at(t).joints[0]) for t in (0.0, 1.0, 3.0)] == [still] * 3
+    assert [float(scenario.reference.at(t).joints[0]) for t in (0.0, 1.0, 3.0)] == [
+        still
+    ] * 3
 
 
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
@@ -142,12 +157,27 @@ def test_a_guard_holds_the_fingers_of_the_next_phase_back(folder):
             "joints.shoulder: must be left out, joint 'shoulder' carries the tip",
         ),
         ({"joints": {"fingr": 0.1}}, "phases[0].joints.fingr: did you mean 'finger'?"),
-        ({"joints": {"finger": 0.2}}, "phases[0].joints.finger = 0.2: must be within 0 and 0.05 of 'finger'"),
+        (
+            {"joints": {"finger": 0.2}},
+            "phases[0].joints.finger = 0.2: must be within 0 and 0.05 of 'finger'",
+        ),
         ({"joints": {"finger": "open"}}, "phases[0].joints.finger = 'open': must be"),
         ({"joints": {}}, "phases[0].joints = {}: must be a table of joints"),
         ({"joints": 0.02}, "phases[0].joints = 0.02: must be a table of joints"),
-        ({"duration": 0.01}, "moves by 0.02 m in 0.01 s; must have 0.0219 s or more (joint_speed = 2 m/s)"),
-        ({"duration": 1.0}, "phases[1].start = 0.9: must be at or after 1 s, the end of the phase before"),
+        (
+            {"duration": 0.01},
+            (
+                "moves by 0.02 m in 0.01 s; must have 0.0219 s or more (joint_speed = 2"
+                " m/s)"
+            ),
+        ),
+        (
+            {"duration": 1.0},
+            (
+                "phases[1].start = 0.9: must be at or after 1 s, the end of the phase"
+                " before"
+            ),
+        ),
         ({"start": -1.0}, "phases[0].start = -1: must be from 0"),
     ],
 )
@@ -167,5 +197,7 @@ def test_phases_of_the_base_move_joints_that_have_no_motion_of_their_own(folder)
     assert finger_at(scenario, 0.9) == pytest.approx(0.05)
     signal = {"kind": "sine", "amplitude": 0.01, "frequency_hz": 1.0}
     document["reference"]["joints"] = [{"kind": "constant", "value": 0.0}, signal]
-    with pytest.raises(ScenarioError, match=r"reference.joints\[1\] moves joint 'finger' already"):
+    with pytest.raises(
+        ScenarioError, match=r"reference.joints\[1\] moves joint 'finger' already"
+    ):
         skyarm.scenario_from(document)

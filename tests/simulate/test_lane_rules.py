@@ -1,4 +1,6 @@
-"""Numbers of a batch's lanes: what a scenario would refuse is refused before it flies, with its path and lane."""
+"""Numbers of a batch's lanes: what a scenario would refuse is refused before it flies,
+with its path and lane.
+"""
 
 from __future__ import annotations
 
@@ -34,17 +36,25 @@ def loaded():
 
 def test_a_number_that_its_field_refuses_does_not_fly(loaded):
     wrong = {LOAD: column(0.01, -5.0, 0.02)}
-    words = r"values\['plant.payload.mass'\] = -5 \(lane 1\): plant.payload.mass = -5\.0: must be at least 0"
+    words = (
+        r"values\['plant.payload.mass'\] = -5 \(lane 1\): plant.payload.mass = -5\.0:"
+        r" must be at least 0"
+    )
     with pytest.raises(ScenarioError, match=words):
         loaded.fly(wrong)
     assert (loaded.fly({LOAD: column(0.01, 0.02)}).status == "completed").all()
 
 
-@pytest.mark.parametrize(("value", "lane"), [(np.nan, 0), (np.nan, 1), (np.inf, 1), (-np.inf, 0)])
+@pytest.mark.parametrize(
+    ("value", "lane"), [(np.nan, 0), (np.nan, 1), (np.inf, 1), (-np.inf, 0)]
+)
 def test_a_number_that_is_none_does_not_fly(loaded, value, lane):
     numbers = column(0.01, 0.02)
     numbers[lane] = value
-    words = rf"values\['plant.payload.mass'\] = {value} \(lane {lane}\): .*must be a (finite )?number"
+    words = (
+        rf"values\['plant.payload.mass'\] = {value} \(lane {lane}\): .*must be a"
+        r" (finite )?number"
+    )
     with pytest.raises(ScenarioError, match=words):
         loaded.fly({LOAD: numbers})
 
@@ -53,7 +63,9 @@ def test_a_number_without_a_unit_is_one_too():
     path = "environment.forces.0.stiffness"
     rules = LaneRules(dataclasses.replace(BASE, forces=(Tether(),)), [path])
     rules.require({path: column(1.0, 2.0)})
-    with pytest.raises(ScenarioError, match=r"stiffness'\] = nan \(lane 1\): must be a number"):
+    with pytest.raises(
+        ScenarioError, match=r"stiffness'\] = nan \(lane 1\): must be a number"
+    ):
         rules.require({path: column(1.0, np.nan)})
 
 
@@ -77,11 +89,19 @@ def test_what_the_scenario_says_is_said(path, value):
 
 def test_a_lane_is_looked_at_with_all_of_its_numbers(monkeypatch):
     made = []
-    monkeypatch.setattr(lane_numbers, "with_numbers", lambda scenario, numbers: made.append(numbers) or scenario)
+    monkeypatch.setattr(
+        lane_numbers,
+        "with_numbers",
+        lambda scenario, numbers: made.append(numbers) or scenario,
+    )
     values = {MASS: column(1.0, 3.0, 2.0, 1.5), GRAVITY: column(9.0, 9.1, 9.2, 9.05)}
     LaneRules(BASE, [MASS, GRAVITY]).require(values)
     # the lane of the least mass is that of the least gravity
-    assert made == [{MASS: 1.0, GRAVITY: 9.0}, {MASS: 3.0, GRAVITY: 9.1}, {MASS: 2.0, GRAVITY: 9.2}]
+    assert made == [
+        {MASS: 1.0, GRAVITY: 9.0},
+        {MASS: 3.0, GRAVITY: 9.1},
+        {MASS: 2.0, GRAVITY: 9.2},
+    ]
 
 
 def test_of_numbers_that_are_wrong_only_together_the_lane_is_named(monkeypatch):
@@ -92,12 +112,18 @@ def test_of_numbers_that_are_wrong_only_together_the_lane_is_named(monkeypatch):
 
     monkeypatch.setattr(lane_numbers, "with_numbers", refuse)
     with pytest.raises(ScenarioError, match="values of lane 1: too light"):
-        LaneRules(BASE, [MASS, GRAVITY]).require({MASS: column(2.0, 1.0), GRAVITY: column(9.9, 9.5)})
+        LaneRules(BASE, [MASS, GRAVITY]).require(
+            {MASS: column(2.0, 1.0), GRAVITY: column(9.9, 9.5)}
+        )
 
 
 def test_what_passed_once_is_not_looked_at_again(monkeypatch):
     made = []
-    monkeypatch.setattr(lane_numbers, "with_numbers", lambda scenario, numbers: made.append(numbers[MASS]) or scenario)
+    monkeypatch.setattr(
+        lane_numbers,
+        "with_numbers",
+        lambda scenario, numbers: made.append(numbers[MASS]) or scenario,
+    )
     rules = LaneRules(BASE, [MASS])
     for numbers, looked_at in (
         ((1.0, 2.0), [1.0, 2.0]),
@@ -120,5 +146,7 @@ def test_one_number_for_all_lanes_and_none_at_all():
 
 
 def test_a_batch_is_of_the_rigid_body_plant_and_says_so() -> None:
-    with pytest.raises(ScenarioError, match=r"^plant\.kind = 'mujoco': must be rigid_body for a batch$"):
+    with pytest.raises(
+        ScenarioError, match=r"^plant\.kind = 'mujoco': must be rigid_body for a batch$"
+    ):
         Batch(load_scenario("case3", plant="mujoco", duration=0.1))

@@ -1,4 +1,6 @@
-"""Air, forces and drives that state their largest step: every engine divides its step by it, where one does only."""
+"""Air, forces and drives that state their largest step: every engine divides its step
+by it, where one does only.
+"""
 
 from __future__ import annotations
 
@@ -64,23 +66,32 @@ class Stepped(SteadyWrench):
     largest_step: float | None = None
 
 
-def holding(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> tuple[Any, Command]:
+def holding(
+    memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any
+) -> tuple[Any, Command]:
     """Hover speed, and the joints at two angles."""
     return memory, Command(rotor_speeds=(485.0,) * 4, efforts=(0.3, -0.2))
 
 
 def served(drive: Any, **changes: Any) -> Any:
     drives = tuple(JointDrive(joint=name, drive=drive) for name in ("joint1", "joint2"))
-    return dataclasses.replace(with_law(BASE, holding), drives=drives, ground=False, **changes)
+    return dataclasses.replace(
+        with_law(BASE, holding), drives=drives, ground=False, **changes
+    )
 
 
 def pushed(step: float | None, **changes: Any) -> Any:
-    return dataclasses.replace(BASE, forces=(Stepped(force=Vec3(0.1, 0.0, 0.0), largest_step=step),), **changes)
+    return dataclasses.replace(
+        BASE, forces=(Stepped(force=Vec3(0.1, 0.0, 0.0), largest_step=step),), **changes
+    )
 
 
 def plant_of(scenario: Any, kind: Any = RigidBodyPlant) -> Any:
     around = first_surroundings(scenario, first_loop_state(scenario))
-    return kind(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics), around
+    return (
+        kind(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics),
+        around,
+    )
 
 
 # 20 N m/rad at 8e-5 kg m^2 are 500 rad/s; 0.06 N m s/rad are 750 /s: 1.33 ms
@@ -90,12 +101,27 @@ DAMPED = StiffServo(damping=0.2)  # 2500 /s: 0.4 ms, shorter than Euler's 1 ms t
 
 @pytest.mark.parametrize(
     ("step", "rk4", "euler"),
-    [(None, 1, 5), (0.1, 1, 5), (0.005, 1, 5), (0.00499, 2, 5), (0.0025, 2, 5), (0.001, 5, 5), (0.0004, 13, 15)],
+    [
+        (None, 1, 5),
+        (0.1, 1, 5),
+        (0.005, 1, 5),
+        (0.00499, 2, 5),
+        (0.0025, 2, 5),
+        (0.001, 5, 5),
+        (0.0004, 13, 15),
+    ],
 )
-def test_the_step_is_divided_by_the_smallest_whole_number_that_will_do(step, rk4, euler):
-    calm = dataclasses.replace(pushed(step), plant=dataclasses.replace(BASE.plant, vehicle=_smooth()))
+def test_the_step_is_divided_by_the_smallest_whole_number_that_will_do(
+    step, rk4, euler
+):
+    calm = dataclasses.replace(
+        pushed(step), plant=dataclasses.replace(BASE.plant, vehicle=_smooth())
+    )
     assert plant_of(calm)[0].substeps(0.005).near == rk4
-    assert plant_of(dataclasses.replace(calm, integrator="euler"))[0].substeps(0.005).near == euler
+    assert (
+        plant_of(dataclasses.replace(calm, integrator="euler"))[0].substeps(0.005).near
+        == euler
+    )
     theirs = plant_of(dataclasses.replace(calm, integrator="euler"), MujocoPlant)[0]
     assert theirs.model.opt.timestep == pytest.approx(0.005 / euler, rel=1e-12)
 
@@ -106,40 +132,54 @@ def _smooth() -> Any:
 
 
 def test_where_none_states_one_nothing_changes():
-    plain = run(dataclasses.replace(BASE, forces=(SteadyWrench(force=Vec3(0.1, 0.0, 0.0)),)))
+    plain = run(
+        dataclasses.replace(BASE, forces=(SteadyWrench(force=Vec3(0.1, 0.0, 0.0)),))
+    )
     assert same_logs(plain, run(pushed(None)))
     assert same_logs(plain, run(pushed(0.005)))
     assert not same_logs(plain, run(pushed(0.002)))
 
 
 def test_a_stiff_servo_flies_where_it_says_so_and_blows_up_where_it_does_not():
-    strong = dataclasses.replace(BASE.plant, vehicle=BASE.plant.vehicle.with_joints(effort_limit=math.inf))
+    strong = dataclasses.replace(
+        BASE.plant, vehicle=BASE.plant.vehicle.with_joints(effort_limit=math.inf)
+    )
     silent = Servo(stiffness=20.0, damping=0.2)
     assert run(served(silent, plant=strong)).status == "diverged"
     for world in (BASE.plant, strong):
         log = run(served(DAMPED, plant=world))
         assert log.status == "completed"
-        # 9 Hz at a damping ratio of two to five: settled after a quarter of a second, but for the falling base
+        # 9 Hz at a damping ratio of two to five: settled after a quarter of a second,
+        # but for the falling base
         np.testing.assert_allclose(log.joints[-1], [0.3, -0.2], atol=0.002)
         assert np.abs(log.joint_rates[-1]).max() < 0.2
-    # within the joint's effort limit it does not diverge: it chatters, and nothing says so
+    # within the joint's effort limit it does not diverge: it chatters, and nothing says
+    # so
     limited = run(served(silent))
     assert np.abs(limited.joints[-1] - log.joints[-1]).max() > 0.02
 
 
 @pytest.mark.parametrize("integrator", ["rk4", "euler"])
-def test_machine_code_sessions_and_batches_fly_it_as_floats_do_to_the_last_bit(integrator):
-    scenario = served(STIFF if integrator == "rk4" else DAMPED, integrator=integrator, duration=0.1)
+def test_machine_code_sessions_and_batches_fly_it_as_floats_do_to_the_last_bit(
+    integrator,
+):
+    scenario = served(
+        STIFF if integrator == "rk4" else DAMPED, integrator=integrator, duration=0.1
+    )
     log = run(scenario)
     assert same_logs(log, run_in_python(scenario))
     assert same_logs(log, Session(scenario).run())
     path = "plant.drives.joint1.stiffness"
-    lanes = Batch(scenario, [path], bit_exact=True, log_every=1).fly({path: np.array([20.0, 15.0])})
+    lanes = Batch(scenario, [path], bit_exact=True, log_every=1).fly(
+        {path: np.array([20.0, 15.0])}
+    )
     assert lanes.log is not None
     assert np.array_equal(np.asarray(lanes.log.state.joints[0])[0], log.joints[:, 0])
     softer = with_numbers(scenario, {path: 15.0})
     # a softer servo would take the same number of steps: its damping is what is fast
-    assert np.array_equal(np.asarray(lanes.log.state.joints[0])[1], run(softer).joints[:, 0])
+    assert np.array_equal(
+        np.asarray(lanes.log.state.joints[0])[1], run(softer).joints[:, 0]
+    )
 
 
 def test_loops_that_are_written_out_for_jax_take_the_same_steps():
@@ -163,18 +203,25 @@ def test_loops_that_are_written_out_for_jax_take_the_same_steps():
 
 def test_both_plants_fly_it_alike():
     """Euler's step is the same on both."""
-    ours, theirs = (run(served(DAMPED, integrator="euler", kind=plant)) for plant in ("rigid_body", "mujoco"))
+    ours, theirs = (
+        run(served(DAMPED, integrator="euler", kind=plant))
+        for plant in ("rigid_body", "mujoco")
+    )
     np.testing.assert_allclose(ours.joints, theirs.joints, rtol=0.0, atol=1e-9)
     assert ours.status == theirs.status == "completed"
 
 
 @pytest.mark.parametrize("integrator", ["rk4", "euler"])
 def test_a_divided_step_is_the_steps_taken_by_hand(integrator):
-    """The plant that divides a period by n, beside one that is asked n times for an n-th of it."""
+    """The plant that divides a period by n, beside one that is asked n times for an
+    n-th of it.
+    """
     scenario = served(DAMPED, integrator=integrator)
     plant, around = plant_of(scenario)
     count = plant.substeps(0.005).near
-    silent = dataclasses.replace(around.of(0), drives=(Servo(stiffness=20.0, damping=0.2),) * 2)
+    silent = dataclasses.replace(
+        around.of(0), drives=(Servo(stiffness=20.0, damping=0.2),) * 2
+    )
     alone = RigidBodyPlant(scenario.plant, silent, integrator, 0.005 / count)
     start = trimmed_state(scenario.plant, Vec3(0.0, 0.0, 5.0), 0.0, (0.25, -0.15))
     command, told = (485.0,) * 4 + (0.3, -0.2), tuple(leaves(around))
@@ -182,11 +229,18 @@ def test_a_divided_step_is_the_steps_taken_by_hand(integrator):
     for _ in range(count):
         by_hand = alone.advance(by_hand, command, tuple(leaves(silent)), 0.005 / count)
     assert count > 1
-    np.testing.assert_allclose(plant.advance(flat(start), command, told, 0.005), by_hand, rtol=1e-13, atol=1e-15)
+    np.testing.assert_allclose(
+        plant.advance(flat(start), command, told, 0.005),
+        by_hand,
+        rtol=1e-13,
+        atol=1e-15,
+    )
 
 
 def test_halved_steps_converge_with_the_order_of_the_method():
-    """RK4: each halving of the largest step leaves a sixteenth of the error, towards sixteen times shorter steps."""
+    """RK4: each halving of the largest step leaves a sixteenth of the error, towards
+    sixteen times shorter steps.
+    """
     start = flat(trimmed_state(BASE.plant, Vec3(0.0, 0.0, 5.0), 0.0, (0.28, -0.18)))
     command = (485.0,) * 4 + (0.3, -0.2)
     vehicle = dataclasses.replace(BASE.plant, vehicle=_smooth())
@@ -194,10 +248,16 @@ def test_halved_steps_converge_with_the_order_of_the_method():
     def after(step: float) -> Any:
         push = Stepped(force=Vec3(0.1, 0.0, 0.0), largest_step=step)
         around = Surroundings(
-            components=(WindSample(), push), memories=((), ()), drives=(Servo(stiffness=20.0, damping=0.02),) * 2,
+            components=(WindSample(), push),
+            memories=((), ()),
+            drives=(Servo(stiffness=20.0, damping=0.02),) * 2,
             drive_memories=((), ()),
         )
-        return np.array(RigidBodyPlant(vehicle, around).advance(start, command, tuple(leaves(around)), 0.005))
+        return np.array(
+            RigidBodyPlant(vehicle, around).advance(
+                start, command, tuple(leaves(around)), 0.005
+            )
+        )
 
     exact = after(0.005 / 256)
     errors = [np.abs(after(0.005 / n) - exact)[13:17].max() for n in (8, 16, 32)]
@@ -207,13 +267,17 @@ def test_halved_steps_converge_with_the_order_of_the_method():
 
 @pytest.mark.parametrize("step", [0.0, -0.001, 4.9e-6, float("nan"), float("inf")])
 def test_a_step_that_is_none_is_refused(step):
-    words = r"environment\.forces\[0\]\.largest_step = .*: must be None or at least 5e-06 s"
+    words = (
+        r"environment\.forces\[0\]\.largest_step = .*: must be None or at least 5e-06 s"
+    )
     with pytest.raises(ScenarioError, match=words):
         check_scenario(pushed(step))
 
 
 def test_of_a_word_the_field_is_named():
-    with pytest.raises(ScenarioError, match=r"forces\[0\]\.largest_step = 'short': must be a number"):
+    with pytest.raises(
+        ScenarioError, match=r"forces\[0\]\.largest_step = 'short': must be a number"
+    ):
         check_scenario(pushed("short"))
     with pytest.raises(ScenarioError, match=r"plant\.drives\.joint1\.largest_step"):
         check_scenario(served(dataclasses.replace(STIFF, damping=100.0)))
@@ -223,11 +287,17 @@ def test_lanes_that_bear_only_shorter_steps_are_refused_or_compiled_for():
     scenario, path = served(STIFF, duration=0.1), "plant.drives.joint1.stiffness"
     values = {path: np.array([20.0, 100.0])}
     with pytest.raises(
-        ScenarioError, match=r"values\['plant.drives.joint1.stiffness'\] = 100: requires steps of 0.000894"
+        ScenarioError,
+        match=(
+            r"values\['plant.drives.joint1.stiffness'\] = 100: requires steps of"
+            r" 0.000894"
+        ),
     ):
         Batch(scenario, [path]).fly(values)
     stiffest = with_numbers(scenario, {path: 100.0})
-    lanes = Batch(scenario, [path], stiffest=stiffest, bit_exact=True, log_every=1).fly(values)
+    lanes = Batch(scenario, [path], stiffest=stiffest, bit_exact=True, log_every=1).fly(
+        values
+    )
     assert lanes.log is not None
     log = run(stiffest)
     assert np.array_equal(np.asarray(lanes.log.state.joints[0])[1], log.joints[:, 0])
@@ -235,7 +305,9 @@ def test_lanes_that_bear_only_shorter_steps_are_refused_or_compiled_for():
 
 @dataclass(frozen=True, kw_only=True)
 class Sprung(SteadyWrench):
-    """Bears steps that two of its numbers make together, and no smoother one where it is soft."""
+    """Bears steps that two of its numbers make together, and no smoother one where it
+    is soft.
+    """
 
     k: float = 1.0
     m: float = 1.0
@@ -247,16 +319,24 @@ class Sprung(SteadyWrench):
 
 def sprung(**numbers: float) -> Any:
     push = Sprung(force=Vec3(0.1, 0.0, 0.0), **numbers)
-    return dataclasses.replace(BASE, forces=(SteadyWrench(force=Vec3(0.0, 0.0, 0.1)), push), duration=0.05)
+    return dataclasses.replace(
+        BASE, forces=(SteadyWrench(force=Vec3(0.0, 0.0, 0.1)), push), duration=0.05
+    )
 
 
 def test_an_array_is_no_step(monkeypatch):
     monkeypatch.setattr(Sprung, "largest_step", property(lambda _: np.ones(2)))
-    with pytest.raises(ScenarioError, match=r"forces\[1\]\.largest_step = array.*: must be one number"):
+    with pytest.raises(
+        ScenarioError, match=r"forces\[1\]\.largest_step = array.*: must be one number"
+    ):
         check_scenario(sprung())
 
 
-K, M, RATE = "environment.forces.1.k", "environment.forces.1.m", "plant.drives.joint1.stiffness"
+K, M, RATE = (
+    "environment.forces.1.k",
+    "environment.forces.1.m",
+    "plant.drives.joint1.stiffness",
+)
 
 
 def test_the_numbers_of_a_lane_are_looked_at_together():
@@ -264,7 +344,8 @@ def test_the_numbers_of_a_lane_are_looked_at_together():
     # each alone within 1 ms, and together 0.4 ms; neither is the greatest or the least
     mixed = {K: np.array([4.0, 3.0, 0.6, 1.0]), M: np.array([1.0, 0.3, 0.25, 0.9])}
     words = (
-        r"values\['environment.forces.1.k'\] = 3, values\['environment.forces.1.m'\] = 0.3: requires steps of 0.0004 s"
+        r"values\['environment.forces.1.k'\] = 3, values\['environment.forces.1.m'\] ="
+        r" 0.3: requires steps of 0.0004 s"
     )
     with pytest.raises(ScenarioError, match=words):
         require_short_steps(scenario, mixed, largest)
@@ -279,12 +360,16 @@ def test_the_numbers_of_a_lane_are_looked_at_together():
 
 @pytest.mark.parametrize("numbers", [(1.0, 8.0), (8.0, 1.0), (2.0, 8.0, 1.0)])
 def test_the_stiffest_lane_is_found_wherever_it_stands(numbers):
-    with pytest.raises(ScenarioError, match=r"forces\.1\.k'\] = 8: requires steps of 0\.0005 s"):
+    with pytest.raises(
+        ScenarioError, match=r"forces\.1\.k'\] = 8: requires steps of 0\.0005 s"
+    ):
         require_short_steps(sprung(), {K: np.array(numbers)}, 0.001)
 
 
 def test_the_lightest_lane_is_found_too():
-    with pytest.raises(ScenarioError, match=r"forces\.1\.m'\] = 0\.1: requires steps of 0\.0004 s"):
+    with pytest.raises(
+        ScenarioError, match=r"forces\.1\.m'\] = 0\.1: requires steps of 0\.0004 s"
+    ):
         require_short_steps(sprung(), {M: np.array([0.25, 0.1, 0.9])}, 0.001)
 
 
@@ -292,7 +377,10 @@ def test_a_batch_compiled_for_steps_of_any_length_flies_what_states_none():
     soft = sprung(k=0.1)
     require_short_steps(soft, {K: np.array([0.1, 0.4])}, None)
     with pytest.raises(
-        ScenarioError, match=r"= 1: requires steps of 0\.004 s, and the batch was .* steps of any length"
+        ScenarioError,
+        match=(
+            r"= 1: requires steps of 0\.004 s, and the batch was .* steps of any length"
+        ),
     ):
         require_short_steps(soft, {K: np.array([0.1, 1.0])}, None)
     # and where it was compiled for some, a lane that states none bears them
@@ -306,7 +394,9 @@ def test_the_step_that_was_compiled_is_borne_up_to_rounding():
 
 
 def test_a_step_that_a_lane_cannot_state_is_one_line():
-    with pytest.raises(ScenarioError, match=r"values\['plant.drives.joint1.stiffness'\] = -1: "):
+    with pytest.raises(
+        ScenarioError, match=r"values\['plant.drives.joint1.stiffness'\] = -1: "
+    ):
         require_short_steps(served(STIFF), {RATE: np.array([20.0, -1.0])}, 0.001)
 
 
@@ -317,29 +407,51 @@ def test_a_step_that_is_none_is_not_lost_among_others(mass):
 
 
 def test_of_what_never_states_a_step_no_lane_is_looked_at(monkeypatch):
-    monkeypatch.setattr(lane_numbers, "_stable_step", lambda *_: pytest.fail("was looked at"))
+    monkeypatch.setattr(
+        lane_numbers, "_stable_step", lambda *_: pytest.fail("was looked at")
+    )
     path = "environment.forces.0.force.z"
     require_short_steps(sprung(), {path: np.array([0.1, 0.2])}, 0.001)
 
 
 @pytest.mark.parametrize("count", [3, 5, 7, 10, 30])
 def test_a_share_of_the_step_is_that_many_divisions_whatever_the_rounding(count):
-    """0.005 / 0.005 / n is n up to rounding, and a step that is shorter by more than that is one more."""
+    """0.005 / 0.005 / n is n up to rounding, and a step that is shorter by more than
+    that is one more.
+    """
     for seconds in np.linspace(0.001, 0.02, 101).tolist():
         share = seconds / count
-        assert divisions(seconds, share) == divisions(seconds, math.nextafter(share, 0.0)) == count
+        assert (
+            divisions(seconds, share)
+            == divisions(seconds, math.nextafter(share, 0.0))
+            == count
+        )
         assert divisions(seconds, share * (1.0 - 1e-7)) == count + 1
 
 
 def test_a_sweep_takes_the_shortest_step_of_all_that_it_draws():
-    paths = {"plant.drives.joint1.stiffness": 100.0, "plant.drives.joint1.damping": 0.08,
-             "plant.drives.joint2.damping": 0.3}
-    document = {"schema": 1, "name": "stiff", "scenario": "case1", "episodes": 4, "metrics": ["position_error_max"]}
+    paths = {
+        "plant.drives.joint1.stiffness": 100.0,
+        "plant.drives.joint1.damping": 0.08,
+        "plant.drives.joint2.damping": 0.3,
+    }
+    document = {
+        "schema": 1,
+        "name": "stiff",
+        "scenario": "case1",
+        "episodes": 4,
+        "metrics": ["position_error_max"],
+    }
     document["vary"] = {"plant.payload.mass": {"uniform": [0.0, 0.01]}}
     study = study_from(document)
     like = study.vary["plant.payload.mass"]
-    ranges = {path: dataclasses.replace(like, low=0.01, high=high) for path, high in paths.items()}
-    study = dataclasses.replace(study, vary=ranges, scenarios={"own": served(STIFF, duration=0.1)})
+    ranges = {
+        path: dataclasses.replace(like, low=0.01, high=high)
+        for path, high in paths.items()
+    }
+    study = dataclasses.replace(
+        study, vary=ranges, scenarios={"own": served(STIFF, duration=0.1)}
+    )
     drawn = {path: high for path, (_, high, *_) in extremes(study).items()}
     drives = {each.joint: each.drive for each in prepare(study).stiffest.agent.drives}
     # each number at the end that shortens the step; where it does not, as it was

@@ -1,4 +1,6 @@
-"""The lag that the centroidal law finds while flying stands in the log; of other laws there is nothing of it."""
+"""The lag that the centroidal law finds while flying stands in the log; of other laws
+there is nothing of it.
+"""
 
 from __future__ import annotations
 
@@ -31,8 +33,9 @@ def log(scenario):
 
 def test_what_is_found_is_how_late_the_commands_are(log):
     assert log.lag_found.shape == (len(log.time), 2)
-    # nothing is known at first; after half a second the rotors' lag is within half a step of the bank, the joints',
-    # whose motion is a smaller part of their noise, within one and a half
+    # nothing is known at first; after half a second the rotors' lag is within half a
+    # step of the bank, the joints', whose motion is a smaller part of their noise,
+    # within one and a half
     assert log.lag_found[0] == pytest.approx([0.0, 0.0], abs=1e-9)
     assert log.lag_found[-1][0] == pytest.approx(LATE, abs=0.0025)
     assert log.lag_found[-1][1] == pytest.approx(LATE, abs=0.0075)
@@ -47,7 +50,9 @@ def test_it_is_found_under_guard_as_well(scenario):
 @pytest.mark.thorough
 def test_it_is_what_the_law_holds_until_another_takes_over(scenario, log):
     change = skyarm.Change(at=0.1, path="controller.law", value="indi")
-    session = skyarm.Session(dataclasses.replace(scenario, duration=0.15, changes=(change,)))
+    session = skyarm.Session(
+        dataclasses.replace(scenario, duration=0.15, changes=(change,))
+    )
     for _ in range(19):
         session.step()
     # the lag that the last period answered
@@ -76,7 +81,9 @@ def test_a_law_that_has_not_flown_yet_has_found_no_lag():
 def test_it_is_the_same_in_every_engine_and_under_guard(scenario, log):
     short = dataclasses.replace(scenario, duration=0.2)
     assert np.array_equal(run_in_python(short).lag_found, log.lag_found[:40])
-    guarded = dataclasses.replace(short, controller=with_safety_layer(scenario.controller))
+    guarded = dataclasses.replace(
+        short, controller=with_safety_layer(scenario.controller)
+    )
     assert guarded.controller.memory.inner.parts.lag.found == (0.0, 0.0)
     assert skyarm.run(guarded).lag_found.shape == (40, 2)
 
@@ -94,8 +101,20 @@ def test_files_keep_it_under_names_and_a_law_without_it_leaves_it_out(log, tmp_p
 
 @pytest.mark.parametrize(
     ("found", "words"),
-    [((0.0, 0.0), None), ((4e-5, 2e-3), "joints 2.0 ms"), ((6e-5, 0.0), "rotors 0.1 ms")],
+    [
+        ((0.0, 0.0), None),
+        ((4e-5, 2e-3), "joints 2.0 ms"),
+        ((6e-5, 0.0), "rotors 0.1 ms"),
+    ],
 )
 def test_a_lag_that_would_read_zero_is_not_told(found, words):
-    lines = [line for line in sentences({"lag_found_s": np.array(found)}) if line.startswith("lag found")]
-    assert lines == ([] if words is None else [f"lag found at the end, beyond the law's nominal: {words}"])
+    lines = [
+        line
+        for line in sentences({"lag_found_s": np.array(found)})
+        if line.startswith("lag found")
+    ]
+    assert lines == (
+        []
+        if words is None
+        else [f"lag found at the end, beyond the law's nominal: {words}"]
+    )

@@ -1,4 +1,6 @@
-"""Noise that a scenario has not cannot vary in a batch: it would fly without and say nothing."""
+"""Noise that a scenario has not cannot vary in a batch: it would fly without and say
+nothing.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +17,19 @@ CASE = dataclasses.replace(skyarm.load_scenario("case2"), duration=0.2)
 
 
 def test_noise_of_perfect_sensors_cannot_vary():
-    with pytest.raises(ScenarioError, match=r"paths: sensors\.position: is 0 in this scenario") as told:
+    with pytest.raises(
+        ScenarioError, match=r"paths: sensors\.position: is 0 in this scenario"
+    ) as told:
         skyarm.Batch(CASE, ["sensors.position"])
     assert "\n" not in str(told.value)
 
 
 def test_noise_that_is_there_varies():
     noisy = dataclasses.replace(CASE, noise=SensorNoise(position=1e-6))
-    batch = skyarm.Batch(noisy, ["sensors.position"], metrics=["rotor_jitter"], effort=0)
-    found = batch.fly({"sensors.position": np.array([1e-6, 0.01])}).metrics["rotor_jitter"]
+    batch = skyarm.Batch(
+        noisy, ["sensors.position"], metrics=["rotor_jitter"], effort=0
+    )
+    found = batch.fly({"sensors.position": np.array([1e-6, 0.01])}).metrics[
+        "rotor_jitter"
+    ]
     assert found[1] > 10.0 * found[0]

@@ -1,4 +1,6 @@
-"""Endings of a user's own beside the library's: in flight, with their cause, and in each lane of a batch."""
+"""Endings of a user's own beside the library's: in flight, with their cause, and in
+each lane of a batch.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +24,13 @@ from skyarm.simulate.loop import run_in_python
 from support.components import Ceiling, same_logs
 from support.flights import document
 
-UP = {"kind": "signals", "z": [1.0, {"kind": "ramp", "start": 0.1, "duration": 1.0, "height": 1.0}]}
+UP = {
+    "kind": "signals",
+    "z": [1.0, {"kind": "ramp", "start": 0.1, "duration": 1.0, "height": 1.0}],
+}
 RISING = dataclasses.replace(
-    scenario_from(document("case1", duration=1.5, reference__base=UP)), endings=(Ceiling(height=1.2),)
+    scenario_from(document("case1", duration=1.5, reference__base=UP)),
+    endings=(Ceiling(height=1.2),),
 )
 
 
@@ -51,17 +57,27 @@ def free():
     ids=["code", "py", "mujoco"],
 )
 def test_an_ending_comes_at_the_first_instant_that_is_not_fine(fly, plant, free):
-    free = free if plant == "rigid_body" else run(dataclasses.replace(RISING, endings=(), kind=plant))
+    free = (
+        free
+        if plant == "rigid_body"
+        else run(dataclasses.replace(RISING, endings=(), kind=plant))
+    )
     first = int(np.argmax(free.position[:, 2] > 1.2))
     assert first > 20
     log = fly(dataclasses.replace(RISING, kind=plant))
-    assert (log.status, log.time.size, log.info["end_time"]) == ("ceiling", first, first / 200)
+    assert (log.status, log.time.size, log.info["end_time"]) == (
+        "ceiling",
+        first,
+        first / 200,
+    )
     assert log.info["cause"] == f"z = {free.position[first, 2]:.3f} m passed 1.2"
     assert log.position.tobytes() == free.position[:first].tobytes()
 
 
 def test_an_ending_that_never_comes_changes_nothing(free):
-    log = run(dataclasses.replace(RISING, endings=(Ceiling(height=50.0), Away(distance=30.0))))
+    log = run(
+        dataclasses.replace(RISING, endings=(Ceiling(height=50.0), Away(distance=30.0)))
+    )
     assert log.status == "completed"
     assert same_logs(log, free)
 
@@ -73,9 +89,18 @@ def test_an_ending_without_a_cause_says_its_status():
 
 
 def test_the_librarys_endings_come_first_and_then_the_users_in_their_order():
-    scenario = dataclasses.replace(RISING, endings=(Ceiling(height=1.2), Away(distance=0.5)))
+    scenario = dataclasses.replace(
+        RISING, endings=(Ceiling(height=1.2), Away(distance=0.5))
+    )
     names = [ending.status for ending in endings_of(scenario)]
-    own = ["diverged", "joint_limit", "controller_undefined", "ground", "rotor_contact", "body_contact"]
+    own = [
+        "diverged",
+        "joint_limit",
+        "controller_undefined",
+        "ground",
+        "rotor_contact",
+        "body_contact",
+    ]
     assert names == [*own, "ceiling", "away"]
     base = np.array(leaves(first_state(scenario)))
 
@@ -95,7 +120,9 @@ def test_the_librarys_endings_come_first_and_then_the_users_in_their_order():
 
 def test_a_state_that_is_not_a_number_is_never_fine():
     scenario = dataclasses.replace(RISING, ground=False)
-    state = dataclasses.replace(first_state(scenario), position=Vec3(0.0, 0.0, float("nan")))
+    state = dataclasses.replace(
+        first_state(scenario), position=Vec3(0.0, 0.0, float("nan"))
+    )
     assert not Ceiling().fine(scenario, state, Vec3(0.0, 0.0, 1.0), 0)
 
 
@@ -105,29 +132,49 @@ def test_lanes_of_a_batch_end_as_single_flights_do_each_with_its_own_limit():
     outcome = batch.fly({"endings.0.height": heights}, episodes=np.zeros(4, dtype=int))
     for lane, height in enumerate(heights.tolist()):
         log = run(with_numbers(RISING, {"endings.0.height": height}))
-        assert (outcome.status[lane], outcome.end_time[lane]) == (log.status, log.info["end_time"])
+        assert (outcome.status[lane], outcome.end_time[lane]) == (
+            log.status,
+            log.info["end_time"],
+        )
     assert outcome.status.tolist() == ["ceiling", "ceiling", "completed", "ceiling"]
     assert outcome.end_time[3] == 0.0
 
 
 def test_statuses_of_lanes_are_those_of_single_states_in_their_order():
-    scenario = dataclasses.replace(RISING, endings=(Ceiling(height=1.2), Away(distance=0.5)))
+    scenario = dataclasses.replace(
+        RISING, endings=(Ceiling(height=1.2), Away(distance=0.5))
+    )
     rng = np.random.default_rng(0)
     states = np.repeat(np.array(leaves(first_state(scenario)))[None, :], 300, axis=0)
     states[:, 2] = rng.choice([1.0, 1.3, 0.05, np.nan, 1.9], 300)
     states[:, 0] = rng.choice([0.0, 0.7, -2e3], 300, p=[0.6, 0.3, 0.1])
     goals = np.tile([0.0, 0.0, 1.0], (300, 1))
-    wanted = [find_ending(scenario, 0.0, x, goal) for x, goal in zip(states.tolist(), goals.tolist(), strict=True)]
+    wanted = [
+        find_ending(scenario, 0.0, x, goal)
+        for x, goal in zip(states.tolist(), goals.tolist(), strict=True)
+    ]
     named = [each.status if each else "completed" for each in wanted]
     assert set(named) == {"completed", "diverged", "ground", "ceiling", "away"}
     state = rebuild(first_state(scenario), iter(list(states.T)))
-    assert statuses(scenario, {}, [LaneEnd(state, goals, None)], np.zeros(300, dtype=bool)).tolist() == named
+    assert (
+        statuses(
+            scenario, {}, [LaneEnd(state, goals, None)], np.zeros(300, dtype=bool)
+        ).tolist()
+        == named
+    )
 
 
 def test_a_lane_inside_an_own_limit_that_machine_code_found_outside_keeps_its_cause():
     scenario = load_scenario("case1")
     scenario = dataclasses.replace(scenario, endings=(Ceiling(height=1.0 + 1e-8),))
-    state = rebuild(first_state(scenario), iter([np.full(1, leaf) for leaf in leaves(first_state(scenario))]))
+    state = rebuild(
+        first_state(scenario),
+        iter([np.full(1, leaf) for leaf in leaves(first_state(scenario))]),
+    )
     goals = np.array([[0.0, 0.0, 1.0]])
-    assert statuses(scenario, {}, [LaneEnd(state, goals, None)], np.array([True])).tolist() == ["ceiling"]
-    assert statuses(scenario, {}, [LaneEnd(state, goals, None)], np.array([False])).tolist() == ["completed"]
+    assert statuses(
+        scenario, {}, [LaneEnd(state, goals, None)], np.array([True])
+    ).tolist() == ["ceiling"]
+    assert statuses(
+        scenario, {}, [LaneEnd(state, goals, None)], np.array([False])
+    ).tolist() == ["completed"]

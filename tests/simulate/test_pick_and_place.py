@@ -1,4 +1,6 @@
-"""A payload picked up and put down along phases of the tip, from one file, on both plants."""
+"""A payload picked up and put down along phases of the tip, from one file, on both
+plants.
+"""
 
 import copy
 import dataclasses
@@ -51,34 +53,74 @@ def changed(**phase):
 def test_a_guard_moves_the_instants_of_payloads_and_what_the_law_is_told():
     vehicle = {"vehicle": "hummingbird_arm2_rotors"}
     phases = [
-        {"kind": "go_to", "position": [0.2, 0.0, 0.7], "duration": 0.6, "until": {"error": 1e-12, "timeout": 0.5}},
-        {"kind": "pick", "payload": "box", "position": [0.2, 0.0, 0.65], "approach": [0, 0, 0.05], "dwell": 0.4},
+        {
+            "kind": "go_to",
+            "position": [0.2, 0.0, 0.7],
+            "duration": 0.6,
+            "until": {"error": 1e-12, "timeout": 0.5},
+        },
+        {
+            "kind": "pick",
+            "payload": "box",
+            "position": [0.2, 0.0, 0.65],
+            "approach": [0, 0, 0.05],
+            "dwell": 0.4,
+        },
     ]
-    tip = {"posture": [0.4, -0.8], "path": {"kind": "phases", "position": [0.0, 0.0, 0.7], "phases": phases}}
-    document = {"name": "w", "duration": 3.0, "plant": vehicle, "controller": {"preset": "paper_ct"}}
-    document |= {"reference": {"tip": tip}, "payloads": [{"name": "box", "mass": 0.02, "believed": True}]}
+    tip = {
+        "posture": [0.4, -0.8],
+        "path": {"kind": "phases", "position": [0.0, 0.0, 0.7], "phases": phases},
+    }
+    document = {
+        "name": "w",
+        "duration": 3.0,
+        "plant": vehicle,
+        "controller": {"preset": "paper_ct"},
+    }
+    document |= {
+        "reference": {"tip": tip},
+        "payloads": [{"name": "box", "mass": 0.02, "believed": True}],
+    }
     planned = skyarm.scenario_from(document)
     log = skyarm.run(planned)
     (box,) = planned.payloads
     taken = log.time[np.flatnonzero(log.payload_mass[:, 0])[0]]
     assert taken == pytest.approx(box.pick + 0.5, abs=5e-3)
-    # the law's belief follows: a law that was told at the planned instant, or never, sends other commands
+    # the law's belief follows: a law that was told at the planned instant, or never,
+    # sends other commands
     assert not scheduled_changes(planned)
     assert box.believed
-    for time, held in ((box.pick - 1e-3, 0.0), (box.pick, 0.02), (1.9, 0.02), (2.0, 0.0)):
-        told = Waits(dataclasses.replace(planned, payloads=(dataclasses.replace(box, drop=2.0),)))
+    for time, held in (
+        (box.pick - 1e-3, 0.0),
+        (box.pick, 0.02),
+        (1.9, 0.02),
+        (2.0, 0.0),
+    ):
+        told = Waits(
+            dataclasses.replace(planned, payloads=(dataclasses.replace(box, drop=2.0),))
+        )
         par = told.with_task_loads(planned.controller.par, time)
-        assert par.model.vehicle.mass - planned.controller.par.model.vehicle.mass == pytest.approx(held, abs=1e-12)
-    for other in (dataclasses.replace(box, believed=False), dataclasses.replace(box, mass=0.03)):
+        assert (
+            par.model.vehicle.mass - planned.controller.par.model.vehicle.mass
+            == pytest.approx(held, abs=1e-12)
+        )
+    for other in (
+        dataclasses.replace(box, believed=False),
+        dataclasses.replace(box, mass=0.03),
+    ):
         unlike = skyarm.run(dataclasses.replace(planned, payloads=(other,)))
         apart = np.abs(unlike.rotor_commands - log.rotor_commands).max(axis=1) > 1e-6
         assert log.time[np.flatnonzero(apart)[0]] == pytest.approx(taken, abs=6e-3)
-    np.testing.assert_allclose(log.tip_reference[round(taken * 200)], [0.2, 0.0, 0.65], atol=1e-9)
+    np.testing.assert_allclose(
+        log.tip_reference[round(taken * 200)], [0.2, 0.0, 0.65], atol=1e-9
+    )
 
 
 def test_only_a_payload_of_the_task_is_told_by_the_task():
     box, bag = (TimedPayload(name=name, mass=0.1, pick=1.0) for name in ("box", "bag"))
-    waiting = Trajectory(joints=(Constant(0.0),) * 2, guards=(Guard(at=1.0, error=0.1, loads=("box",)),))
+    waiting = Trajectory(
+        joints=(Constant(0.0),) * 2, guards=(Guard(at=1.0, error=0.1, loads=("box",)),)
+    )
     believed = tuple(dataclasses.replace(each, believed=True) for each in (box, bag))
     planned = skyarm.load_scenario("case1")
     flown = with_words(planned, reference=waiting, payloads=believed)
@@ -91,11 +133,23 @@ def test_only_a_payload_of_the_task_is_told_by_the_task():
 @pytest.mark.parametrize(
     ("document", "message"),
     [
-        (changed(payload="bux"), "reference.tip.path.phases[2].payload = 'bux': did you mean 'box'? must be the name"),
-        (STIFF | {"payloads": []}, "reference.tip.path.phases[2].payload = 'box': must be the name of one of"),
+        (
+            changed(payload="bux"),
+            (
+                "reference.tip.path.phases[2].payload = 'bux': did you mean 'box'? must"
+                " be the name"
+            ),
+        ),
+        (
+            STIFF | {"payloads": []},
+            "reference.tip.path.phases[2].payload = 'box': must be the name of one of",
+        ),
         (
             STIFF | {"payloads": [{"name": "box", "mass": 0.3, "pick": 1.0}]},
-            "payloads[0].pick = 1.0: must be left out, reference.tip.path.phases[2] says when",
+            (
+                "payloads[0].pick = 1.0: must be left out, reference.tip.path.phases[2]"
+                " says when"
+            ),
         ),
         (STIFF | {"payloads": 3}, "payloads = 3: must be a list of tables"),
     ],

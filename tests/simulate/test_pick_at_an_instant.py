@@ -1,4 +1,6 @@
-"""300 g are picked up at 8 s and set down at 14 s from one file: the page's own, on both plants."""
+"""300 g are picked up at 8 s and set down at 14 s from one file: the page's own, on
+both plants.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +14,20 @@ import pytest
 import skyarm
 from skyarm.scenario.scenario_file import scenario_from
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "disturbances_and_payloads.md").read_text(encoding="utf-8")
+PAGE = (
+    Path(__file__).resolve().parents[2] / "docs" / "disturbances_and_payloads.md"
+).read_text(encoding="utf-8")
 FILES = dict(re.findall(r'```toml title="(\w+)\.toml"\n(.*?)```', PAGE, re.DOTALL))
 
 
-@pytest.mark.parametrize("plant", ["rigid_body", pytest.param("mujoco", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize(
+    "plant", ["rigid_body", pytest.param("mujoco", marks=pytest.mark.thorough)]
+)
 @pytest.mark.parametrize("told", [True, False])
 def test_the_tip_is_there_when_it_picks_and_when_it_places(plant, told):
-    """Within 5 mm if the law is told of the load, within 20 mm if it has to learn it."""
+    """Within 5 mm if the law is told of the load, within 20 mm if it has to learn
+    it.
+    """
     document = tomllib.loads(FILES["pick_and_place"])
     document["payloads"][0]["believed"] = told
     document["plant"]["kind"] = plant

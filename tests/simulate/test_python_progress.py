@@ -1,4 +1,6 @@
-"""A flight in plain Python tells its progress about a hundred times, however short it is."""
+"""A flight in plain Python tells its progress about a hundred times, however short it
+is.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Replays of logged commands against the simulations that they were logged in, and against laws by hand."""
+"""Replays of logged commands against the simulations that they were logged in, and
+against laws by hand.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +20,25 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.simulate.replay import CommandReplay
 from support.flights import GRAVITY, ONE, QUAD, STEP, flown, on_servo, rotations
 
-FIELDS = ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "rotor_speeds")
+FIELDS = (
+    "position",
+    "quaternion",
+    "velocity",
+    "rate",
+    "joints",
+    "joint_rates",
+    "rotor_speeds",
+)
 ROTORS, JOINTS = 0.0033, 0.0047
 """s, dead times that are no whole number of steps."""
 
 STIFF = dataclasses.replace(
     ONE,
     links=tuple(
-        dataclasses.replace(each, joint=dataclasses.replace(each.joint, coulomb_rate=0.002)) for each in ONE.links
+        dataclasses.replace(
+            each, joint=dataclasses.replace(each.joint, coulomb_rate=0.002)
+        )
+        for each in ONE.links
     ),
 )
 """Friction for which the plant takes several steps."""
@@ -46,16 +59,34 @@ def set_commands(flights, k, rotors, joints):
 
 
 def standing(log):
-    """Setpoint (1, 1) of the servo that held the pendulum below the base before the first command."""
+    """Setpoint (1, 1) of the servo that held the pendulum below the base before the
+    first command.
+    """
     body, q = ONE.links[0].body, log.joints[:1]
-    return q + body.mass * GRAVITY * -body.com.z * np.sin(q) / on_servo().drives[0].drive.stiffness
+    return (
+        q
+        + body.mass
+        * GRAVITY
+        * -body.com.z
+        * np.sin(q)
+        / on_servo().drives[0].drive.stiffness
+    )
 
 
 def held_of(log, name, delay):
-    """Commands of a log over each of its periods; before the first one what held the vehicle at rest."""
-    values, rest = getattr(log, name), log.rotor_speeds[:1] if name == "rotor_commands" else standing(log)
+    """Commands of a log over each of its periods; before the first one what held the
+    vehicle at rest.
+    """
+    values, rest = (
+        getattr(log, name),
+        (log.rotor_speeds[:1] if name == "rotor_commands" else standing(log)),
+    )
     time = np.concatenate([[log.time[0] - 1.0], log.time])
-    return held_over(Channel(time=time, values=np.concatenate([rest, values]), source=name), log.time, delay)
+    return held_over(
+        Channel(time=time, values=np.concatenate([rest, values]), source=name),
+        log.time,
+        delay,
+    )
 
 
 @pytest.mark.parametrize(
@@ -74,18 +105,24 @@ def held_of(log, name, delay):
     ],
 )
 def test_a_replayed_flight_returns_its_own_states(vehicle, first, late, off):
-    """To what other steps around the instants of switching leave; a reversal of stiff friction in one costs more.
+    """To what other steps around the instants of switching leave; a reversal of stiff
+    friction in one costs more.
 
-    A long step of the simulation costs as much where friction reverses within it: that flight has short ones.
+    A long step of the simulation costs as much where friction reverses within it: that
+    flight has short ones.
     """
     log = flown(vehicle, 0.8, *late, longest=2e-5 if off > 1e-6 else None)
-    flights = CommandReplay(lambda _: vehicle, {}, STEP, GRAVITY, drives_of=drives_of).flights(1)
+    flights = CommandReplay(
+        lambda _: vehicle, {}, STEP, GRAVITY, drives_of=drives_of
+    ).flights(1)
     for name in FIELDS:
         flights.state[name][:, 0] = log[name][first]
     if vehicle.drives:
         flights.memories[0] = standing(log)
         moved = np.abs(np.diff(log.efforts[:, 0])) / STEP
-        assert np.mean(moved > vehicle.drives[0].drive.speed_limit) > 0.05, "the limit acts"
+        assert np.mean(moved > vehicle.drives[0].drive.speed_limit) > 0.05, (
+            "the limit acts"
+        )
     rotors = held_of(log, "rotor_commands", late[0])
     joints = held_of(log, "efforts", late[1]) if vehicle.n else None
     within = late == (ROTORS, JOINTS)
@@ -95,31 +132,46 @@ def test_a_replayed_flight_returns_its_own_states(vehicle, first, late, off):
         set_commands(flights, k, rotors, joints)
         flights.step()
         for name in FIELDS:
-            assert flights.state[name][:, 0] == pytest.approx(log[name][k + 1], abs=off), (name, k)
+            assert flights.state[name][:, 0] == pytest.approx(
+                log[name][k + 1], abs=off
+            ), (name, k)
     assert np.ptp(log.rate, axis=0).min() > 1.0
     assert not vehicle.n or np.abs(log.joint_rates).max() > 1.0
 
 
-NUMBERS = {"thrust": float(QUAD.rotors[0].thrust_coefficient), "inertia": float(QUAD.base.inertia.yy)}
+NUMBERS = {
+    "thrust": float(QUAD.rotors[0].thrust_coefficient),
+    "inertia": float(QUAD.base.inertia.yy),
+}
 
 
 def quad_with(numbers):
-    """Quadrotor with another thrust and inertia, centre of mass in its origin, without drag of the rotors."""
-    inertia = dataclasses.replace(QUAD.base.inertia, yy=numbers["inertia"], xy=0.0, xz=0.0, yz=0.0)
+    """Quadrotor with another thrust and inertia, centre of mass in its origin, without
+    drag of the rotors.
+    """
+    inertia = dataclasses.replace(
+        QUAD.base.inertia, yy=numbers["inertia"], xy=0.0, xz=0.0, yz=0.0
+    )
     base = with_fields(QUAD.base, inertia=inertia, com=Vec3(0.0, 0.0, 0.0))
     changes = {
         "thrust_coefficient": numbers["thrust"],
         "drag_coefficient": 0.0,
         "rolling_moment_coefficient": 0.0,
     }
-    return QUAD.with_checked(rotors=tuple(with_fields(each, **changes) for each in QUAD.rotors), base=base)
+    return QUAD.with_checked(
+        rotors=tuple(with_fields(each, **changes) for each in QUAD.rotors), base=base
+    )
 
 
 def with_fields(record, **changes):
-    """Copy of a record with scalars of machine code in some fields, which no check takes."""
+    """Copy of a record with scalars of machine code in some fields, which no check
+    takes.
+    """
     made = object.__new__(type(record))
     for each in dataclasses.fields(record):
-        object.__setattr__(made, each.name, changes.get(each.name, getattr(record, each.name)))
+        object.__setattr__(
+            made, each.name, changes.get(each.name, getattr(record, each.name))
+        )
     return made
 
 
@@ -134,13 +186,19 @@ def replay(finer=1):
 
 
 def hover_speed():
-    return math.sqrt(GRAVITY * float(QUAD.mass) / (len(QUAD.rotors) * NUMBERS["thrust"]))
+    return math.sqrt(
+        GRAVITY * float(QUAD.mass) / (len(QUAD.rotors) * NUMBERS["thrust"])
+    )
 
 
 def at_hover(lanes, threads=1, finer=1):
     """Lanes that hover."""
     flights = replay(finer).flights(lanes, threads)
-    for rows in (flights.state["rotor_speeds"], flights.inputs["speeds_before"], flights.inputs["speeds_after"]):
+    for rows in (
+        flights.state["rotor_speeds"],
+        flights.inputs["speeds_before"],
+        flights.inputs["speeds_after"],
+    ):
         rows[:] = hover_speed()
     return flights
 
@@ -154,23 +212,39 @@ def test_rotors_switch_within_a_step_and_lag_exactly():
     flights.step()
     up, down = float(rotor.time_constant_up), float(rotor.time_constant_down)
     middle = 500.0 + (speed - 500.0) * math.exp(-late / up)
-    wanted = [200.0 + (first - 200.0) * math.exp(-(STEP - gone) / down) for first, gone in ((middle, late), (speed, 0))]
-    assert flights.state["rotor_speeds"] == pytest.approx(np.tile(wanted, (4, 1)), rel=1e-12)
+    wanted = [
+        200.0 + (first - 200.0) * math.exp(-(STEP - gone) / down)
+        for first, gone in ((middle, late), (speed, 0))
+    ]
+    assert flights.state["rotor_speeds"] == pytest.approx(
+        np.tile(wanted, (4, 1)), rel=1e-12
+    )
 
 
 def test_a_force_accelerates_and_a_torque_turns_as_by_newton_and_euler():
-    """Lanes with a push along each axis of a base that is turned about the vertical; one with both at hover."""
+    """Lanes with a push along each axis of a base that is turned about the vertical;
+    one with both at hover.
+    """
     flights, quarter = at_hover(7), math.sqrt(0.5)
     flights.state["quaternion"][:] = np.array([quarter, 0.0, 0.0, quarter])[:, None]
-    flights.inputs["force"][:, :3], flights.inputs["torque"][:, 3:6] = 0.3 * np.eye(3), 0.01 * np.eye(3)
+    flights.inputs["force"][:, :3], flights.inputs["torque"][:, 3:6] = (
+        0.3 * np.eye(3),
+        0.01 * np.eye(3),
+    )
     flights.step()
-    mass, inertia = float(QUAD.mass), np.array([getattr(QUAD.base.inertia, 2 * axis) for axis in "xyz"], dtype=float)
+    mass, inertia = (
+        float(QUAD.mass),
+        np.array([getattr(QUAD.base.inertia, 2 * axis) for axis in "xyz"], dtype=float),
+    )
     velocity, rate = flights.state["velocity"], flights.state["rate"]
     # base x is world y, and base y is against world x
     turned = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     assert velocity[:, :3] == pytest.approx(0.3 * STEP / mass * turned, abs=1e-12)
-    assert rate[:, 3:6] == pytest.approx(np.diag(0.01 * STEP / inertia), rel=1e-6, abs=1e-12)
-    # a force at the origin, which is the centre of mass, turns nothing; a torque lifts nothing
+    assert rate[:, 3:6] == pytest.approx(
+        np.diag(0.01 * STEP / inertia), rel=1e-6, abs=1e-12
+    )
+    # a force at the origin, which is the centre of mass, turns nothing; a torque lifts
+    # nothing
     assert np.abs(rate[:, :3]).max() < 1e-12
     assert np.abs(velocity[:, 6]).max() < 1e-12
     assert flights.logged[:3] == pytest.approx(velocity)
@@ -181,7 +255,11 @@ def test_the_thrust_factor_scales_forces_and_torques_of_the_rotors():
     flights.inputs["thrust"][:] = [1.0, 1.1]
     # of one direction of rotation: yaw
     faster = np.array([1.02, 1.0, 1.02, 1.0]) * hover_speed()
-    for rows in (flights.state["rotor_speeds"], flights.inputs["speeds_before"], flights.inputs["speeds_after"]):
+    for rows in (
+        flights.state["rotor_speeds"],
+        flights.inputs["speeds_before"],
+        flights.inputs["speeds_after"],
+    ):
         rows[:] = faster[:, None]
     flights.step()
     lift = flights.state["velocity"][2] / STEP + GRAVITY
@@ -197,10 +275,15 @@ def test_numbers_of_a_lane_are_its_own():
     flights.inputs["numbers"][1, 2] *= 2.0
     flights.inputs["torque"][1] = 0.01
     flights.step()
-    lift, pitch = flights.state["velocity"][2] / STEP + GRAVITY, flights.state["rate"][1]
+    lift, pitch = (
+        flights.state["velocity"][2] / STEP + GRAVITY,
+        flights.state["rate"][1],
+    )
     assert lift == pytest.approx(GRAVITY * np.array([1.0, 1.2, 1.0]), rel=1e-9)
     assert pitch == pytest.approx(pitch[0] * np.array([1.0, 1.0, 0.5]), rel=1e-6)
-    assert flights.logged[3] == pytest.approx(NUMBERS["inertia"] * np.array([1.0, 1.0, 2.0]))
+    assert flights.logged[3] == pytest.approx(
+        NUMBERS["inertia"] * np.array([1.0, 1.0, 2.0])
+    )
 
 
 @pytest.mark.parametrize("threads", [1, 3])
@@ -223,29 +306,45 @@ def test_lanes_side_by_side_fly_as_each_alone(threads):
     for lane in (0, 7, 10):
         single = disturbed(1, slice(lane, lane + 1))
         for name in FIELDS:
-            assert single.state[name][:, 0] == pytest.approx(together.state[name][:, lane], rel=1e-12, abs=1e-13)
-        assert single.logged[:, 0] == pytest.approx(together.logged[:, lane], rel=1e-9, abs=1e-12)
+            assert single.state[name][:, 0] == pytest.approx(
+                together.state[name][:, lane], rel=1e-12, abs=1e-13
+            )
+        assert single.logged[:, 0] == pytest.approx(
+            together.logged[:, lane], rel=1e-9, abs=1e-12
+        )
 
 
 def test_velocity_gained_in_a_step_is_the_mean_of_the_plant_s_own_accelerometer():
-    """What is logged beside the states, against the plant's reading at 20 instants of a step of a turning quadrotor."""
+    """What is logged beside the states, against the plant's reading at 20 instants of a
+    step of a turning quadrotor.
+    """
     count = 10
     flights = at_hover(1, finer=count)
-    plant = RigidBodyPlant(Truth(vehicle=quad_with(NUMBERS), gravity=GRAVITY), Surroundings(), "rk4")
+    plant = RigidBodyPlant(
+        Truth(vehicle=quad_with(NUMBERS), gravity=GRAVITY), Surroundings(), "rk4"
+    )
     flights.state["rate"][:, 0] = [1.0, -2.0, 0.5]
     flights.state["velocity"][:, 0] = [1.0, 2.0, -0.5]
     flights.inputs["speeds_after"][:, 0] = [600.0, 300.0, 700.0, 500.0]
     flights.inputs["late"][0] = late = 0.0007
     state, readings = np.concatenate([flights.state[name][:, 0] for name in FIELDS]), []
-    commands = [flights.inputs[f"speeds_{each}"][:, 0].copy() for each in ("before", "after")]
+    commands = [
+        flights.inputs[f"speeds_{each}"][:, 0].copy() for each in ("before", "after")
+    ]
     before = flights.state["quaternion"].T.copy()
     flights.step()
     for command, seconds in zip(commands, (late, STEP - late), strict=True):
         for _ in range(count):
             middle = plant.advance(state, command, (0.0,), 0.5 * seconds / count)
-            readings.append(np.array(plant.specific_force(middle, command, (0.0,))) * seconds / count)
+            readings.append(
+                np.array(plant.specific_force(middle, command, (0.0,)))
+                * seconds
+                / count
+            )
             state = plant.advance(state, command, (0.0,), seconds / count)
     (R,) = rotations(0.5 * (before + flights.state["quaternion"].T))
     gained = flights.logged[:3, 0] / STEP + np.array([0.0, 0.0, GRAVITY])
     assert R.T @ gained == pytest.approx(np.sum(readings, axis=0) / STEP, abs=2e-3)
-    assert np.concatenate([flights.state[name][:, 0] for name in FIELDS]) == pytest.approx(state, rel=1e-12, abs=1e-13)
+    assert np.concatenate(
+        [flights.state[name][:, 0] for name in FIELDS]
+    ) == pytest.approx(state, rel=1e-12, abs=1e-13)

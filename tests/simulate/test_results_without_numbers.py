@@ -1,4 +1,6 @@
-"""A part whose method gives text, nothing or another shape where a number belongs is one line with file and method."""
+"""A part whose method gives text, nothing or another shape where a number belongs is
+one line with file and method.
+"""
 
 from __future__ import annotations
 
@@ -64,14 +66,24 @@ class Motor(Drive):
 
 @dataclass(frozen=True, kw_only=True)
 class Gauge(Sensor):
-    def measure(self, memory: Any, t: Any, state: Any, specific_force: Vec3, draws: Any, dt: float) -> Any:
+    def measure(
+        self,
+        memory: Any,
+        t: Any,
+        state: Any,
+        specific_force: Vec3,
+        draws: Any,
+        dt: float,
+    ) -> Any:
         return memory, (0.0, GIVEN)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Guess(Estimator):
     def step(self, memory: Any, readings: Any, command: Any, dt: float) -> Any:
-        return memory, dataclasses.replace(readings["state"], velocity=Vec3(0.0, 0.0, GIVEN))
+        return memory, dataclasses.replace(
+            readings["state"], velocity=Vec3(0.0, 0.0, GIVEN)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,13 +98,21 @@ class Fence(Ending):
 
 
 PARTS: dict[str, tuple[Any, Callable[..., Any], str]] = {
-    "air": ({"air": (Blow(),)}, Blow.velocity, r"environment.air\[0\] \(Blow.velocity\) gives velocity.x"),
+    "air": (
+        {"air": (Blow(),)},
+        Blow.velocity,
+        r"environment.air\[0\] \(Blow.velocity\) gives velocity.x",
+    ),
     "force": (
         {"forces": (Push(),)},
         Push.wrenches,
         r"environment.forces\[0\] \(Push.wrenches\) gives wrenches\[1\].torque_W.y",
     ),
-    "column": ({"forces": (Shown(),)}, Shown.logged, r"environment.forces\[0\] \(Shown.logged\) gives logged\[0\]"),
+    "column": (
+        {"forces": (Shown(),)},
+        Shown.logged,
+        r"environment.forces\[0\] \(Shown.logged\) gives logged\[0\]",
+    ),
     "drive": (
         {"drives": (JointDrive(joint="joint2", drive=Motor()),)},
         Motor.effort,
@@ -103,18 +123,37 @@ PARTS: dict[str, tuple[Any, Callable[..., Any], str]] = {
         Gauge.measure,
         r"sensors.gauge \(Gauge.measure\) gives a reading\[1\]",
     ),
-    "estimator": ({"estimator": Guess()}, Guess.step, r"estimator \(Guess.step\) gives a measurement.velocity.z"),
-    "ending": ({"endings": (Fence(),)}, Fence.fine, r"endings\[0\] \(Fence.fine\) gives fine"),
+    "estimator": (
+        {"estimator": Guess()},
+        Guess.step,
+        r"estimator \(Guess.step\) gives a measurement.velocity.z",
+    ),
+    "ending": (
+        {"endings": (Fence(),)},
+        Fence.fine,
+        r"endings\[0\] \(Fence.fine\) gives fine",
+    ),
 }
-VALUES = {"text": "5", "nothing": None, "complex": 1j, "list": [1.0, 2.0], "array": np.ones(2)}
+VALUES = {
+    "text": "5",
+    "nothing": None,
+    "complex": 1j,
+    "list": [1.0, 2.0],
+    "array": np.ones(2),
+}
 
 
 @pytest.mark.parametrize("value", sampled(list(VALUES), 5))
 @pytest.mark.parametrize("name", PARTS)
-def test_a_part_that_gives_no_number_is_one_line_with_its_method(monkeypatch, name: str, value: str) -> None:
+def test_a_part_that_gives_no_number_is_one_line_with_its_method(
+    monkeypatch, name: str, value: str
+) -> None:
     fields, method, words = PARTS[name]
     monkeypatch.setitem(globals(), "GIVEN", VALUES[value])
-    line = rf"^{re.escape(__file__)}:{method.__code__.co_firstlineno}: {words}.*: must be a number"
+    line = (
+        rf"^{re.escape(__file__)}:{method.__code__.co_firstlineno}: {words}.*: must be"
+        r" a number"
+    )
     with pytest.raises(skyarm.ScenarioError, match=line) as error:
         require_shapes(dataclasses.replace(BASE, **fields))
     assert "\n" not in str(error.value)
@@ -124,7 +163,10 @@ def test_a_part_that_gives_no_number_is_one_line_with_its_method(monkeypatch, na
 def test_a_tuple_in_place_of_a_number_is_one_line(monkeypatch, name: str) -> None:
     fields, method, _ = PARTS[name]
     monkeypatch.setitem(globals(), "GIVEN", (1.0,))
-    with pytest.raises(skyarm.ScenarioError, match=rf":{method.__code__.co_firstlineno}: .*gives .*: must be "):
+    with pytest.raises(
+        skyarm.ScenarioError,
+        match=rf":{method.__code__.co_firstlineno}: .*gives .*: must be ",
+    ):
         require_shapes(dataclasses.replace(BASE, **fields))
 
 
@@ -157,18 +199,47 @@ LOG = skyarm.run(dataclasses.replace(BASE, duration=0.02))
         (((0.0,), ("5",), 1.0), Count.count, "count[0] = '5': must be a number"),
         (((0.0,), None, 1.0), Count.count, "count = None: must be a number"),
         (((0.0,), (1j,), 1.0), Count.count, "count[0] = 1j: must be a number"),
-        (((0.0,), np.ones(2), 1.0), Count.count, "count = array([1., 1.]): must be a number"),
-        (((0.0,), (1.0, 1.0), 1.0), Count.count, "count = (1.0, 1.0): must be of 1 floats, as start"),
-        (((0.0,), (1.0,), "5"), Count.result, "result = array('5', dtype='<U1'): must be one number a flight"),
-        (((0.0,), (1.0,), None), Count.result, "result = array(None, dtype=object): must be one number a flight"),
-        (((0.0,), (1.0,), 1j), Count.result, "result = array(0.+1.j): must be one number a flight"),
-        (((0.0,), (1.0,), [1.0, 2.0]), Count.result, "result = array([1., 2.]): must be one number a flight"),
+        (
+            ((0.0,), np.ones(2), 1.0),
+            Count.count,
+            "count = array([1., 1.]): must be a number",
+        ),
+        (
+            ((0.0,), (1.0, 1.0), 1.0),
+            Count.count,
+            "count = (1.0, 1.0): must be of 1 floats, as start",
+        ),
+        (
+            ((0.0,), (1.0,), "5"),
+            Count.result,
+            "result = array('5', dtype='<U1'): must be one number a flight",
+        ),
+        (
+            ((0.0,), (1.0,), None),
+            Count.result,
+            "result = array(None, dtype=object): must be one number a flight",
+        ),
+        (
+            ((0.0,), (1.0,), 1j),
+            Count.result,
+            "result = array(0.+1.j): must be one number a flight",
+        ),
+        (
+            ((0.0,), (1.0,), [1.0, 2.0]),
+            Count.result,
+            "result = array([1., 2.]): must be one number a flight",
+        ),
     ],
 )
-def test_a_metric_that_gives_no_number_is_one_line_with_its_method(monkeypatch, given, method, words: str) -> None:
+def test_a_metric_that_gives_no_number_is_one_line_with_its_method(
+    monkeypatch, given, method, words: str
+) -> None:
     monkeypatch.setitem(globals(), "GIVEN", given)
     with registry_kept():
         skyarm.register.metric("own_count")(Count)
         with pytest.raises(ValueError) as error:  # noqa: PT011
             skyarm.score(LOG, ["own_count"])
-    assert str(error.value) == f"{__file__}:{method.__code__.co_firstlineno}: metric 'own_count': {words}"
+    assert (
+        str(error.value)
+        == f"{__file__}:{method.__code__.co_firstlineno}: metric 'own_count': {words}"
+    )

@@ -11,7 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skyarm.control.actuator_layer import ActuatorParameters, plain_model, with_actuators
+from skyarm.control.actuator_layer import (
+    ActuatorParameters,
+    plain_model,
+    with_actuators,
+)
 from skyarm.control.catalogue import LAWS, make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.dynamics.actuators.servo import PositionServo
@@ -49,10 +53,18 @@ def flight(**replaced: Any) -> Scenario:
 
 def on_servos(scenario: Scenario, drive: Any) -> Scenario:
     """Both joints of truth and belief on a drive."""
-    mounted = tuple(MountedDrive(name=link.joint.name, drive=drive) for link in scenario.plant.vehicle.links)
-    world = dataclasses.replace(scenario.plant, vehicle=dataclasses.replace(scenario.plant.vehicle, drives=mounted))
+    mounted = tuple(
+        MountedDrive(name=link.joint.name, drive=drive)
+        for link in scenario.plant.vehicle.links
+    )
+    world = dataclasses.replace(
+        scenario.plant,
+        vehicle=dataclasses.replace(scenario.plant.vehicle, drives=mounted),
+    )
     model = scenario.controller.par.model
-    model = dataclasses.replace(model, vehicle=dataclasses.replace(model.vehicle, drives=mounted))
+    model = dataclasses.replace(
+        model, vehicle=dataclasses.replace(model.vehicle, drives=mounted)
+    )
     controller = with_actuators(scenario.controller, model, 0.005)
     return dataclasses.replace(scenario, plant=world, controller=controller)
 
@@ -63,19 +75,30 @@ def tip_error(scenario: Scenario) -> float:
 
 def test_a_vehicle_file_carries_its_servos():
     scenario = flight()
-    assert [each.name for each in scenario.plant.vehicle.drives] == ["shoulder", "elbow"]
+    assert [each.name for each in scenario.plant.vehicle.drives] == [
+        "shoulder",
+        "elbow",
+    ]
     assert all(isinstance(drive, PositionServo) for drive in scenario.agent.all_drives)
     assert isinstance(scenario.controller.par, ActuatorParameters)
     log = run(scenario)
     assert log.status == "completed"
-    assert np.abs(log.efforts[:, 0]).max() < 0.5, "setpoints in rad, not torques of the 2 N m that hold the arm"
+    assert np.abs(log.efforts[:, 0]).max() < 0.5, (
+        "setpoints in rad, not torques of the 2 N m that hold the arm"
+    )
     assert same_logs(log, run_in_python(scenario))
 
 
 def test_both_plants_fly_the_same_servos():
-    """By one integrator, with a servo without rounding, whose steps would come at other instants."""
-    smooth = {f"plant.drives.{joint}.resolution": 0.0 for joint in ("shoulder", "elbow")}
-    ours = dataclasses.replace(with_numbers(flight(duration=2.0), smooth), integrator="rk4_staged")
+    """By one integrator, with a servo without rounding, whose steps would come at other
+    instants.
+    """
+    smooth = {
+        f"plant.drives.{joint}.resolution": 0.0 for joint in ("shoulder", "elbow")
+    }
+    ours = dataclasses.replace(
+        with_numbers(flight(duration=2.0), smooth), integrator="rk4_staged"
+    )
     theirs = dataclasses.replace(ours, kind="mujoco")
     a, b = run(ours), run(theirs)
     assert np.ptp(a.joints[:, 0]) > 0.3
@@ -86,17 +109,30 @@ def test_both_plants_fly_the_same_servos():
 def test_numbers_of_a_carried_servo_vary_by_path_and_a_batch_is_a_loop():
     scenario = flight(duration=0.2)
     path = "plant.drives.shoulder.stiffness"
-    assert number_at(scenario, path) == number_at(scenario, "plant.vehicle.drives.shoulder.drive.stiffness") == 6.9
+    assert (
+        number_at(scenario, path)
+        == number_at(scenario, "plant.vehicle.drives.shoulder.drive.stiffness")
+        == 6.9
+    )
     values = np.array([4.0, 6.9])
-    found = Batch(scenario, (path,), bit_exact=True).fly({path: values}).metrics["ee_error_mean"]
-    singles = [score(run(with_numbers(scenario, {path: float(value)})))["ee_error_mean"] for value in values]
+    found = (
+        Batch(scenario, (path,), bit_exact=True)
+        .fly({path: values})
+        .metrics["ee_error_mean"]
+    )
+    singles = [
+        score(run(with_numbers(scenario, {path: float(value)})))["ee_error_mean"]
+        for value in values
+    ]
     np.testing.assert_allclose(found, singles, rtol=1e-12)
     assert abs(singles[0] - singles[1]) > 1e-6
 
 
 @pytest.mark.thorough
 def test_a_torque_law_loses_little_on_well_damped_servos():
-    """Tip error of the centroidal law on Case 3, which the plain torque joints fly at 1.5 mm."""
+    """Tip error of the centroidal law on Case 3, which the plain torque joints fly at
+    1.5 mm.
+    """
     centroidal = under_law(CASE, "centroidal_tip")
     plain = tip_error(centroidal)
     servo = tip_error(on_servos(centroidal, IDEAL))
@@ -109,11 +145,15 @@ def test_the_layer_stays_when_the_law_changes():
     changed = under_law(flight(), "paper_ct")
     assert isinstance(changed.controller.par, ActuatorParameters)
     assert changed.controller.name == "paper_ct" or "hybrid" in changed.controller.name
-    with pytest.raises(ControllerError, match=r"^servos = true: law .* has its actuators already$"):
+    with pytest.raises(
+        ControllerError, match=r"^servos = true: law .* has its actuators already$"
+    ):
         with_actuators(changed.controller, changed.controller.par.model, 0.005)
     bare = load_vehicle("hummingbird_arm2_rotors")
     model = dataclasses.replace(changed.controller.par.model, vehicle=bare)
-    with pytest.raises(ControllerError, match=r"^servos = true: the nominal vehicle must have drives"):
+    with pytest.raises(
+        ControllerError, match=r"^servos = true: the nominal vehicle must have drives"
+    ):
         with_actuators(make_controller("decoupled_pd", model), model, 0.005)
 
 
@@ -122,7 +162,9 @@ def on_torques(law: str) -> Scenario:
     tables = document() | {"controller": {"law": law, "servos": False}}
     found = scenario_from(tables, DATA, {"duration": 0.5})
     bare = dataclasses.replace(found.plant.vehicle, drives=())
-    return dataclasses.replace(found, plant=dataclasses.replace(found.plant, vehicle=bare))
+    return dataclasses.replace(
+        found, plant=dataclasses.replace(found.plant, vehicle=bare)
+    )
 
 
 @pytest.mark.parametrize("law", sampled(tuple(LAWS), 40, keep=("centroidal", "indi")))
@@ -143,7 +185,10 @@ def test_every_law_flies_servo_joints_nearly_as_torque_joints(law):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ('kind = "position"', r"drives\.elbow\.kind = 'position': did you mean 'position_servo'\?"),
+        (
+            'kind = "position"',
+            r"drives\.elbow\.kind = 'position': did you mean 'position_servo'\?",
+        ),
         ("stiffness = -1.0", r"drives\.elbow\.stiffness = -1\.0: must be "),
         ("stiff = 1.0", r"drives\.elbow\.stiff = 1\.0: "),
     ],
@@ -151,9 +196,17 @@ def test_every_law_flies_servo_joints_nearly_as_torque_joints(law):
 def test_a_wrong_servo_is_one_line_with_file_and_field(tmp_path, change, words):
     text = (DATA / "servo_arm.toml").read_text().split("[drives.elbow]")
     field = change.split(" ", maxsplit=1)[0]
-    table = text[1].replace('kind = "position_servo"', change) if field == "kind" else text[1]
+    table = (
+        text[1].replace('kind = "position_servo"', change)
+        if field == "kind"
+        else text[1]
+    )
     table = table.replace("stiffness = 6.9", change) if field == "stiffness" else table
-    table = table.replace("gear = 257.4", f"gear = 257.4\n{change}") if field == "stiff" else table
+    table = (
+        table.replace("gear = 257.4", f"gear = 257.4\n{change}")
+        if field == "stiff"
+        else table
+    )
     (tmp_path / "v.toml").write_text("[drives.elbow]".join((text[0], table)))
     with pytest.raises(VehicleError, match=words) as found:
         load_vehicle(tmp_path / "v.toml")
@@ -161,19 +214,31 @@ def test_a_wrong_servo_is_one_line_with_file_and_field(tmp_path, change, words):
 
 
 def test_a_drive_of_no_joint_of_the_vehicle_is_refused(tmp_path):
-    text = (DATA / "servo_arm.toml").read_text().replace("[drives.elbow]", "[drives.wrist]")
+    text = (
+        (DATA / "servo_arm.toml")
+        .read_text()
+        .replace("[drives.elbow]", "[drives.wrist]")
+    )
     (tmp_path / "v.toml").write_text(text)
-    with pytest.raises(VehicleError, match=r"drives = 'wrist': must be one of shoulder, elbow, once"):
+    with pytest.raises(
+        VehicleError, match=r"drives = 'wrist': must be one of shoulder, elbow, once"
+    ):
         load_vehicle(tmp_path / "v.toml")
 
 
 def test_the_layer_knows_the_believed_servo_only():
-    """Another true servo leaves the first command as it is; another believed one, half as stiff, bends twice as far."""
+    """Another true servo leaves the first command as it is; another believed one, half
+    as stiff, bends twice as far.
+    """
     scenario = dataclasses.replace(flight(duration=0.05), ground=False)
-    out = dataclasses.replace(scenario, initial=dataclasses.replace(first_state(scenario), joints=(0.6, -0.4)))
+    out = dataclasses.replace(
+        scenario, initial=dataclasses.replace(first_state(scenario), joints=(0.6, -0.4))
+    )
     first = run(out).efforts[0]
     true = run(with_numbers(out, {"plant.drives.shoulder.stiffness": 3.45})).efforts[0]
-    believed = run(with_numbers(out, {"model.vehicle.drives.shoulder.drive.stiffness": 3.45})).efforts[0]
+    believed = run(
+        with_numbers(out, {"model.vehicle.drives.shoulder.drive.stiffness": 3.45})
+    ).efforts[0]
     np.testing.assert_array_equal(true, first)
     assert believed[1] == first[1]
     # what is left of the position is the prediction of a few milliseconds
@@ -181,11 +246,15 @@ def test_the_layer_knows_the_believed_servo_only():
 
 
 def test_a_believed_integral_is_taken_off_again():
-    """A servo with an integral gives the law's torque, too, as long as the belief follows it."""
+    """A servo with an integral gives the law's torque, too, as long as the belief
+    follows it.
+    """
     centroidal = under_law(CASE, "centroidal_tip")
     lasting = dataclasses.replace(IDEAL, stiffness=10.0, damping=0.3)
     plain = tip_error(on_servos(centroidal, lasting))
-    integrating = tip_error(on_servos(centroidal, dataclasses.replace(lasting, integral=100.0)))
+    integrating = tip_error(
+        on_servos(centroidal, dataclasses.replace(lasting, integral=100.0))
+    )
     assert integrating == pytest.approx(plain, rel=0.1)
 
 
@@ -196,12 +265,19 @@ def test_a_belief_without_the_servos_must_be_meant(tmp_path):
     (tmp_path / "bare.toml").write_text(bare.split("[sources]")[0])
     (tmp_path / "servo_arm.toml").write_text(text)
     tables = document() | {"model": {"vehicle": "bare.toml"}}
-    with pytest.raises(ScenarioError, match=r"^controller\.servos: is missing; plant\.vehicle = 'servo_arm'"):
+    with pytest.raises(
+        ScenarioError,
+        match=r"^controller\.servos: is missing; plant\.vehicle = 'servo_arm'",
+    ):
         scenario_from(tables, tmp_path)
-    meant = scenario_from(tables | {"controller": {"law": "centroidal", "servos": False}}, tmp_path)
+    meant = scenario_from(
+        tables | {"controller": {"law": "centroidal", "servos": False}}, tmp_path
+    )
     assert not isinstance(meant.controller.par, ActuatorParameters)
     said = dict(tomllib.loads(text)["drives"]["elbow"])
-    half = tables | {"model": {"vehicle": "bare.toml", "drives": {"shoulder": said, "elbow": said}}}
+    half = tables | {
+        "model": {"vehicle": "bare.toml", "drives": {"shoulder": said, "elbow": said}}
+    }
     believed = scenario_from(half, tmp_path)
     assert number_at(believed, "model.vehicle.drives.shoulder.drive.inertia") == 5e-4
 
@@ -209,7 +285,9 @@ def test_a_belief_without_the_servos_must_be_meant(tmp_path):
 def hearing_late(latency: float, duration: float = 0.15, **replaced: Any) -> Scenario:
     """The arm out of its place, with true servos of some latency."""
     scenario = dataclasses.replace(flight(duration=duration), ground=False, **replaced)
-    paths = {f"plant.drives.{joint}.latency": latency for joint in ("shoulder", "elbow")}
+    paths = {
+        f"plant.drives.{joint}.latency": latency for joint in ("shoulder", "elbow")
+    }
     out = dataclasses.replace(first_state(scenario), joints=(0.6, -0.4))
     return with_numbers(dataclasses.replace(scenario, initial=out), paths)
 
@@ -230,19 +308,29 @@ def test_a_servo_hears_a_late_command_as_it_hears_with_a_latency(plant, delays):
 
 def test_a_law_that_is_called_reaches_its_servos_as_late():
     traced = hearing_late(0.0, delays=Delays(joints=0.002))
-    called = dataclasses.replace(traced, controller=dataclasses.replace(traced.controller, compiled=False))
-    np.testing.assert_allclose(run(called).joints, run(traced).joints, rtol=0.0, atol=1e-9)
+    called = dataclasses.replace(
+        traced, controller=dataclasses.replace(traced.controller, compiled=False)
+    )
+    np.testing.assert_allclose(
+        run(called).joints, run(traced).joints, rtol=0.0, atol=1e-9
+    )
 
 
 def test_varied_delays_reach_the_servos_of_a_batch():
     lanes = (0.0, 0.002, 0.007)
     scenario = hearing_late(0.0, 0.05, delays=Delays(longest_command=0.01))
-    flown = Batch(scenario, ("delays.joints",), metrics=(), effort=0).fly({"delays.joints": np.array(lanes)})
+    flown = Batch(scenario, ("delays.joints",), metrics=(), effort=0).fly(
+        {"delays.joints": np.array(lanes)}
+    )
     found = np.array(flown.state.joints)
     for lane, late in enumerate(lanes):
-        latent = Batch(hearing_late(late, 0.05), metrics=(), effort=0).fly({}).state.joints
+        latent = (
+            Batch(hearing_late(late, 0.05), metrics=(), effort=0).fly({}).state.joints
+        )
         # other lengths of integration steps
-        np.testing.assert_allclose(found[:, lane], np.ravel(latent), rtol=0.0, atol=5e-6)
+        np.testing.assert_allclose(
+            found[:, lane], np.ravel(latent), rtol=0.0, atol=5e-6
+        )
     assert np.abs(np.diff(found)).max(axis=0).min() > 1e-4
 
 
@@ -254,8 +342,13 @@ OWN = "plant.drives.shoulder.latency"
     [(OWN, "plant"), ("model.vehicle.drives.shoulder.drive.latency", "model")],
 )
 def test_the_latency_of_a_servo_holds_for_the_whole_flight(path, named):
-    """A queue of another length began as it was at the start of the flight: a jump by all that the joint had moved."""
-    words = rf"{named}\.drives\.shoulder\.latency = 0\.006: must be as the session began, since setpoints are on"
+    """A queue of another length began as it was at the start of the flight: a jump by
+    all that the joint had moved.
+    """
+    words = (
+        rf"{named}\.drives\.shoulder\.latency = 0\.006: must be as the session began,"
+        r" since setpoints are on"
+    )
     tables = document() | {"changes": [{"at": 0.02, "path": path, "value": 0.006}]}
     with pytest.raises(ScenarioError, match=rf"changes\[0\]: {words}") as found:
         scenario_from(tables, DATA, {"duration": 0.1})
@@ -268,19 +361,34 @@ def test_the_latency_of_a_servo_holds_for_the_whole_flight(path, named):
 
 @pytest.mark.parametrize("fly", [Batch, Session])
 def test_a_latency_is_no_number_of_compiled_code(fly):
-    """It says how many setpoints are on their way: a sentence with the path, before anything is compiled."""
+    """It says how many setpoints are on their way: a sentence with the path, before
+    anything is compiled.
+    """
     path = "model.vehicle.drives.elbow.drive.latency"
     for each in (OWN, path):
-        with pytest.raises(ScenarioError, match=rf"^path = '{each}': says how many setpoints are on their way"):
+        with pytest.raises(
+            ScenarioError,
+            match=rf"^path = '{each}': says how many setpoints are on their way",
+        ):
             fly(flight(duration=0.1), paths=(each,))
 
 
 def test_a_believed_latency_by_path_is_one_of_the_file():
-    """The queue of the belief is as long as its new latency says, not as long as it was."""
+    """The queue of the belief is as long as its new latency says, not as long as it
+    was.
+    """
     scenario = flight(duration=0.05)
-    longer = with_numbers(scenario, {f"model.vehicle.drives.{j}.drive.latency": 0.012 for j in ("shoulder", "elbow")})
+    longer = with_numbers(
+        scenario,
+        {
+            f"model.vehicle.drives.{j}.drive.latency": 0.012
+            for j in ("shoulder", "elbow")
+        },
+    )
     model = longer.controller.par.model
-    again = with_actuators(make_controller("centroidal", plain_model(model)), model, 0.005)
+    again = with_actuators(
+        make_controller("centroidal", plain_model(model)), model, 0.005
+    )
     assert longer.controller.memory.drives == again.memory.drives
     assert [len(held.waiting) for held in again.memory.drives] == [3, 3]
     assert [len(held.waiting) for held in scenario.controller.memory.drives] == [1, 1]

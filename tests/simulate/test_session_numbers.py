@@ -1,4 +1,6 @@
-"""Numbers that a session reads in every period: the flight of constants, and nothing compiled."""
+"""Numbers that a session reads in every period: the flight of constants, and nothing
+compiled.
+"""
 
 import dataclasses
 
@@ -30,7 +32,9 @@ def scenario() -> skyarm.Scenario:
     hover = skyarm.load_scenario("case2", duration=2.0, seed=5)
     wind = skyarm.ForceWind(force_W=(0, 0, 0))
     joints = tuple(
-        dataclasses.replace(joint, start=0.5, signal=dataclasses.replace(joint.signal, delay=0.5))
+        dataclasses.replace(
+            joint, start=0.5, signal=dataclasses.replace(joint.signal, delay=0.5)
+        )
         for joint in hover.reference.joints
     )
     motion = skyarm.hover((0.0, 0.0, 1.0), joints=joints)
@@ -45,7 +49,15 @@ def flown(session: skyarm.Session) -> np.ndarray:
             session.change(coming[session.tick])
         session.step()
         state = session.state
-        rows.append([*state.position, *state.quaternion, *state.velocity, *state.rate, *state.joints])
+        rows.append(
+            [
+                *state.position,
+                *state.quaternion,
+                *state.velocity,
+                *state.rate,
+                *state.joints,
+            ]
+        )
     return np.array(rows)
 
 
@@ -54,7 +66,9 @@ def constants(scenario: skyarm.Scenario) -> np.ndarray:
     return flown(skyarm.Session(scenario))
 
 
-def test_numbers_that_are_read_fly_the_bits_of_constants(scenario, constants, monkeypatch) -> None:
+def test_numbers_that_are_read_fly_the_bits_of_constants(
+    scenario, constants, monkeypatch
+) -> None:
     session = skyarm.Session(scenario, PATHS)
 
     def refuse(*_: object, **__: object) -> None:
@@ -115,13 +129,27 @@ def test_a_number_that_cannot_be_leaves_the_session_as_it_was(scenario) -> None:
     assert session.plan == scenario
 
 
-@pytest.mark.parametrize("path", ["environment.faults.0.effectiveness", "environment.faults.front.effectiveness"])
-@pytest.mark.parametrize("other", ["environment.faults.0.effectiveness", "environment.faults.front.effectiveness"])
-def test_a_change_and_an_adjustable_number_may_name_one_place_in_two_ways(path: str, other: str) -> None:
-    """The studio names faults by actuator, a file's change by place: the change once was lost."""
+@pytest.mark.parametrize(
+    "path",
+    ["environment.faults.0.effectiveness", "environment.faults.front.effectiveness"],
+)
+@pytest.mark.parametrize(
+    "other",
+    ["environment.faults.0.effectiveness", "environment.faults.front.effectiveness"],
+)
+def test_a_change_and_an_adjustable_number_may_name_one_place_in_two_ways(
+    path: str, other: str
+) -> None:
+    """The studio names faults by actuator, a file's change by place: the change once
+    was lost.
+    """
     tables = document("case1", duration=0.1)
-    tables["environment"] = {"faults": [{"rotor": "front", "effectiveness": 1.0, "start": 0.0}]}
-    weaker = skyarm.scenario_from({**tables, "changes": [{"at": 0.05, "path": path, "value": 0.9}]})
+    tables["environment"] = {
+        "faults": [{"rotor": "front", "effectiveness": 1.0, "start": 0.0}]
+    }
+    weaker = skyarm.scenario_from(
+        {**tables, "changes": [{"at": 0.05, "path": path, "value": 0.9}]}
+    )
     wanted = skyarm.run(weaker).position
     assert np.array_equal(skyarm.Session(weaker, [other]).run().position, wanted)
     assert wanted[-1, 2] < skyarm.run(skyarm.scenario_from(tables)).position[-1, 2]

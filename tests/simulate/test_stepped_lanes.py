@@ -1,4 +1,6 @@
-"""Lanes stepped by actions: each is a session of its own, to the bit; episodes begin and end lane by lane."""
+"""Lanes stepped by actions: each is a session of its own, to the bit; episodes begin
+and end lane by lane.
+"""
 
 from __future__ import annotations
 
@@ -22,12 +24,16 @@ MASS = "plant.payload.mass"
 
 
 def scenario(**changes):
-    return skyarm.load_scenario("case3_wind", controller="paper_ct", **{"duration": 0.5, **changes})
+    return skyarm.load_scenario(
+        "case3_wind", controller="paper_ct", **{"duration": 0.5, **changes}
+    )
 
 
 def noisy(**changes):
     return dataclasses.replace(
-        scenario(**changes), noise=skyarm.SensorNoise(position=0.001), delays=skyarm.Delays(command=0.002)
+        scenario(**changes),
+        noise=skyarm.SensorNoise(position=0.001),
+        delays=skyarm.Delays(command=0.002),
     )
 
 
@@ -35,7 +41,9 @@ def pushes(lanes, periods, seed=0):
     """Actions near hover, different in each lane and period."""
     generator = np.random.default_rng(seed)
     speeds = generator.normal(480.0, 20.0, (periods, 4, lanes))
-    return np.concatenate([speeds, generator.normal(0.0, 0.02, (periods, 2, lanes))], axis=1)
+    return np.concatenate(
+        [speeds, generator.normal(0.0, 0.02, (periods, 2, lanes))], axis=1
+    )
 
 
 def numbers(state):
@@ -43,17 +51,25 @@ def numbers(state):
 
 
 def test_a_lane_is_a_session_of_its_own_to_the_bit():
-    """Also with delayed commands, a payload of its own, and a law of the scenario's that nobody asks."""
+    """Also with delayed commands, a payload of its own, and a law of the scenario's
+    that nobody asks.
+    """
     lanes, actions, masses = 21, pushes(21, 40), np.linspace(0.0, 0.1, 21)
     batch = BatchSession(noisy(), lanes, [MASS], bit_exact=True, seed=5)
     batch.set({MASS: masses})
     batch.reset(seed=5)
     found = [numbers(batch.step(each)).copy() for each in actions]
     for lane in (0, 7, 20):
-        changed = skyarm.with_numbers(dataclasses.replace(noisy(), seed=5, episode=lane), {MASS: masses[lane]})
+        changed = skyarm.with_numbers(
+            dataclasses.replace(noisy(), seed=5, episode=lane), {MASS: masses[lane]}
+        )
         one = skyarm.Session(changed)
         for action, held in zip(actions[:, :, lane], found, strict=True):
-            one.step(skyarm.Command(rotor_speeds=tuple(action[:4]), efforts=tuple(action[4:])))
+            one.step(
+                skyarm.Command(
+                    rotor_speeds=tuple(action[:4]), efforts=tuple(action[4:])
+                )
+            )
             assert np.array_equal(numbers(one.state), held[:, lane])
 
 
@@ -70,7 +86,10 @@ def test_a_law_flies_in_a_session_as_it_does_alone():
 
 def blowing(**changes):
     """Noise of sensors and of turbulence, which starts anew in each episode."""
-    gusty = wind_from({"mode": "moving_air", "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}, "wind")
+    gusty = wind_from(
+        {"mode": "moving_air", "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}},
+        "wind",
+    )
     return dataclasses.replace(noisy(**changes), wind=gusty)
 
 
@@ -80,7 +99,10 @@ def blowing(**changes):
     [
         ("paths = 5: must be a list of paths", lambda s: skyarm.Batch(s, 5)),
         ("scenario = 3: must be a Scenario", lambda _: skyarm.Batch(3)),
-        ("log_every = -1: must be a whole number, at least 0", lambda s: skyarm.Batch(s, log_every=-1)),
+        (
+            "log_every = -1: must be a whole number, at least 0",
+            lambda s: skyarm.Batch(s, log_every=-1),
+        ),
         ("log_every = 1.5: must be", lambda s: skyarm.Batch(s, log_every=1.5)),
     ],
 )
@@ -92,7 +114,10 @@ def test_what_a_batch_cannot_be_made_with_is_one_line(words, call):
 def test_what_a_batch_cannot_fly_with_is_one_line():
     batch = skyarm.Batch(scenario(duration=0.05), effort=0)
     for threads in (0, "x", 1.0):
-        with pytest.raises(skyarm.ScenarioError, match=r"^threads = .*: must be a whole number, at least 1"):
+        with pytest.raises(
+            skyarm.ScenarioError,
+            match=r"^threads = .*: must be a whole number, at least 1",
+        ):
             batch.fly({}, threads=threads)
     with pytest.raises(skyarm.ScenarioError, match=r"^values = 3: must be a mapping"):
         batch.fly(3)
@@ -123,10 +148,14 @@ def test_threads_change_no_bit(shared, single):
     assert len(set(found)) == 1
 
 
-def test_what_is_raised_in_a_step_finds_every_lane_at_the_same_instant(shared, monkeypatch):
+def test_what_is_raised_in_a_step_finds_every_lane_at_the_same_instant(
+    shared, monkeypatch
+):
     """Ctrl-C may come while the caller waits: the step is flown to its end first."""
     actions = pushes(103, 2)
-    alone, batch = (BatchSession(scenario(), 103, threads=threads) for threads in (1, 3))
+    alone, batch = (
+        BatchSession(scenario(), 103, threads=threads) for threads in (1, 3)
+    )
     for each in actions:
         alone.step(each)
     batch.step(actions[0])
@@ -159,11 +188,22 @@ print("both")
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
 def test_a_fork_flies_on_with_threads_of_its_own():
-    code = f"import sys; sys.path.insert(0, {str(Path(__file__).parents[1])!r})\n{FORKED}"
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parents[1])!r})\n{FORKED}"
+    )
     words = [sys.executable, "-W", "ignore", "-c", code]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        words, capture_output=True, text=True, timeout=60, check=False
+    )
     assert (done.returncode, done.stdout.strip()) == (0, "both"), done.stderr
 
 
 def test_numbers_of_lanes_do_not_share_one_set_of_the_cache():
-    assert [apart(blocks) for blocks in (1, 3, 4, 64, 65, 1024)] == [1, 3, 5, 65, 65, 1025]
+    assert [apart(blocks) for blocks in (1, 3, 4, 64, 65, 1024)] == [
+        1,
+        3,
+        5,
+        65,
+        65,
+        1025,
+    ]

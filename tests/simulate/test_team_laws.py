@@ -1,4 +1,6 @@
-"""Two arms carry a bar: alone their observers fight over it, a law of the team shares it."""
+"""Two arms carry a bar: alone their observers fight over it, a law of the team shares
+it.
+"""
 
 from __future__ import annotations
 
@@ -27,13 +29,24 @@ from skyarm.studies.trial.trial import NOISE
 from skyarm.view.figures.flight_plot import plot
 from support.teams import TEAMS
 
-TABLES = tomllib.loads((Path(skyarm.__file__).parent / "scenario/library/two_carry_a_bar.toml").read_text("utf-8"))
+TABLES = tomllib.loads(
+    (Path(skyarm.__file__).parent / "scenario/library/two_carry_a_bar.toml").read_text(
+        "utf-8"
+    )
+)
 
-OFF = {"members": [{"agent": "left", "place": [-0.55, 0.0, 0.02]}, {"agent": "right", "place": [0.53, 0.0, 0.02]}]}
+OFF = {
+    "members": [
+        {"agent": "left", "place": [-0.55, 0.0, 0.02]},
+        {"agent": "right", "place": [0.53, 0.0, 0.02]},
+    ]
+}
 """Right grasp 2 cm from where the team supposes it."""
 
 
-def bar(law: str = "object_wrench", stiffness: float = 1e4, **team: Any) -> dict[str, Any]:
+def bar(
+    law: str = "object_wrench", stiffness: float = 1e4, **team: Any
+) -> dict[str, Any]:
     """Tables of the shipped flight under a law, with grasps of a stiffness (N/m)."""
     tables: dict[str, Any] = copy.deepcopy(TABLES)
     del tables["windows"]  # of the whole flight
@@ -45,13 +58,21 @@ def bar(law: str = "object_wrench", stiffness: float = 1e4, **team: Any) -> dict
     return tables
 
 
-def flown(tables: dict[str, Any], edit: Callable[[Scenario], Scenario] = lambda scenario: scenario) -> Any:
+def flown(
+    tables: dict[str, Any],
+    edit: Callable[[Scenario], Scenario] = lambda scenario: scenario,
+) -> Any:
     return skyarm.run(edit(skyarm.scenario_from(tables)))
 
 
 def scores(log: Any) -> Mapping[str, float]:
-    """Largest errors of place (mm), direction (degrees) and pull (N), from the lift until the bar stands again."""
-    carried, pull = (log.time >= 3.0) & (log.time < 20.0), (log.team_pull - log.team_pull_reference)[:, 0]
+    """Largest errors of place (mm), direction (degrees) and pull (N), from the lift
+    until the bar stands again.
+    """
+    carried, pull = (
+        (log.time >= 3.0) & (log.time < 20.0),
+        (log.team_pull - log.team_pull_reference)[:, 0],
+    )
     return {
         "place": 1e3 * log.team_position_error[carried].max(),
         "direction": np.degrees(log.team_turn_error[carried].max()),
@@ -62,7 +83,10 @@ def scores(log: Any) -> Mapping[str, float]:
 
 def placed(log: Any) -> bool:
     """True if the bar stands within 20 mm of its goal at the end of the flight."""
-    return log.info["status"] == "completed" and np.linalg.norm(log.object_position[-1] - [2.0, 0.0, 0.02]) < 0.02
+    return (
+        log.info["status"] == "completed"
+        and np.linalg.norm(log.object_position[-1] - [2.0, 0.0, 0.02]) < 0.02
+    )
 
 
 def test_a_misplaced_grasp_does_not_make_the_members_fight():
@@ -80,17 +104,30 @@ def test_a_misplaced_grasp_does_not_make_the_members_fight():
     assert log.object_position[-1, 2] == pytest.approx(0.32, abs=0.02)
     assert np.allclose(log.load_share[-1], 0.5, atol=0.02)
     # what the members exert at their grasps carries the bar
-    assert log.grasp_pull[-1].reshape(2, 3).sum(axis=0)[2] == pytest.approx(1.6 * 9.81, abs=0.5)
+    assert log.grasp_pull[-1].reshape(2, 3).sum(axis=0)[2] == pytest.approx(
+        1.6 * 9.81, abs=0.5
+    )
     assert_scored(log)
     assert_drawn(log)
 
 
 def assert_drawn(log: Any) -> None:
-    """Compare the panels of the team with the arrays of the log; each vehicle has its own share."""
-    lines = {" ".join(ax.get_ylabel().split()).split(" [")[0]: ax.get_lines() for ax in plot(log, kind="team").axes}
-    assert np.array_equal(lines["Team position error bar"][0].get_ydata(), log.team_position_error[:, 0])
+    """Compare the panels of the team with the arrays of the log; each vehicle has its
+    own share.
+    """
+    lines = {
+        " ".join(ax.get_ylabel().split()).split(" [")[0]: ax.get_lines()
+        for ax in plot(log, kind="team").axes
+    }
+    assert np.array_equal(
+        lines["Team position error bar"][0].get_ydata(), log.team_position_error[:, 0]
+    )
     for i, agent in enumerate(("left", "right")):
-        (line,) = [each for each in lines[f"Load share {agent}"] if not each.get_label().startswith("_")]
+        (line,) = [
+            each
+            for each in lines[f"Load share {agent}"]
+            if not each.get_label().startswith("_")
+        ]
         assert line.get_label() == agent
         assert np.array_equal(line.get_ydata(), log.load_share[:, i])
 
@@ -120,9 +157,16 @@ def test_alone_they_fight_until_a_joint_is_at_its_limit():
     tables["controller"]["bandwidth"] = 1.0
     log = flown(tables)
     assert log.info["status"] == "joint_limit"
-    at = {t: float(log.team_pull[np.searchsorted(log.time, 1.4 + t), 0]) for t in (1.0, 2.0, 4.0)}
-    # b times 2 cm each second, b = 85 to 115 N/(m s) measured by an independent loop, on which it grows in a second
-    assert all(-3.2 < (late - early) / (b - a) < -1.0 for (a, early), (b, late) in pairwise(at.items()))
+    at = {
+        t: float(log.team_pull[np.searchsorted(log.time, 1.4 + t), 0])
+        for t in (1.0, 2.0, 4.0)
+    }
+    # b times 2 cm each second, b = 85 to 115 N/(m s) measured by an independent loop,
+    # on which it grows in a second
+    assert all(
+        -3.2 < (late - early) / (b - a) < -1.0
+        for (a, early), (b, late) in pairwise(at.items())
+    )
     assert np.abs(log.team_pull).max() > 7.0
 
 
@@ -172,24 +216,38 @@ def fixed(tables: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_laws_that_say_nothing_have_the_limits_of_their_members_in_the_log():
-    """Shares and pulls of a log are by what members can bear, also under a law that has not computed it."""
+    """Shares and pulls of a log are by what members can bear, also under a law that has
+    not computed it.
+    """
     scenario = skyarm.scenario_from(bar("own_paths"))
     model = scenario.agents["left"].controller.par.model.vehicle
     zero, motion = Vec3(0.0, 0.0, 0.0), SimpleNamespace(gravity=9.81)
     state = State(
-        position=zero, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=zero, rate=zero,
-        joints=(0.0, 0.6, -1.0, 0.0, 0.5, 0.0), joint_rates=(0.0,) * 6, rotor_speeds=(0.0,) * 6,
+        position=zero,
+        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+        velocity=zero,
+        rate=zero,
+        joints=(0.0, 0.6, -1.0, 0.0, 0.5, 0.0),
+        joint_rates=(0.0,) * 6,
+        rotor_speeds=(0.0,) * 6,
     )
     most = largest_load(PointMotion(model, state, gravity=9.81))
-    loop = SimpleNamespace(memory=scenario.agents["left"].controller.memory, state=state)
+    loop = SimpleNamespace(
+        memory=scenario.agents["left"].controller.memory, state=state
+    )
     found = Stages(scenario)._borne("left", loop, motion, told=False)
-    assert (float(found.limits.weight), [*found.force]) == (pytest.approx(float(most.weight)), [0.0] * 3)
+    assert (float(found.limits.weight), [*found.force]) == (
+        pytest.approx(float(most.weight)),
+        [0.0] * 3,
+    )
     assert 5.0 < float(found.limits.weight) < 100.0
 
 
 @pytest.mark.thorough
 def test_a_known_age_of_the_measured_pose_hardly_matters():
-    """An integral of 0.3 1/s over 50 ms of a carry by 2 m, were the age not taken into account, would be 30 mm off."""
+    """An integral of 0.3 1/s over 50 ms of a carry by 2 m, were the age not taken into
+    account, would be 30 mm off.
+    """
     log, late = (flown(bar(pose_age=age) | {"duration": 9.0}) for age in (0.0, 0.05))
     carried = log.time > 3.0
     apart = np.linalg.norm(log.object_position - late.object_position, axis=1)
@@ -198,8 +256,14 @@ def test_a_known_age_of_the_measured_pose_hardly_matters():
 
 def noisy(tables: dict[str, Any]) -> dict[str, Any]:
     """Tables with the noise of the comparison and its known delay."""
-    tables["sensors"] = {name: float(getattr(NOISE, name)) for name in ("position", "velocity", "attitude", "rate")}
-    tables["sensors"] |= {"joints": float(NOISE.joints), "joint_rates": float(NOISE.joint_rates)}
+    tables["sensors"] = {
+        name: float(getattr(NOISE, name))
+        for name in ("position", "velocity", "attitude", "rate")
+    }
+    tables["sensors"] |= {
+        "joints": float(NOISE.joints),
+        "joint_rates": float(NOISE.joint_rates),
+    }
     return tables | {"delays": {"measurement": 0.005}}
 
 
@@ -207,29 +271,47 @@ def heavier(scenario: Scenario, factors: Mapping[str, float]) -> Scenario:
     """Scenario whose vehicles have other masses than the models of their laws."""
 
     def scaled(body: Any, k: float) -> Any:
-        turned = dataclasses.replace(body.inertia, **{n: k * v for n, v in vars_of(body.inertia).items()})
+        turned = dataclasses.replace(
+            body.inertia, **{n: k * v for n, v in vars_of(body.inertia).items()}
+        )
         return dataclasses.replace(body, mass=k * body.mass, inertia=turned)
 
     def vars_of(record: Any) -> Mapping[str, float]:
-        return {each.name: getattr(record, each.name) for each in dataclasses.fields(record)}
+        return {
+            each.name: getattr(record, each.name) for each in dataclasses.fields(record)
+        }
 
     def other(name: str, agent: Any) -> Any:
         vehicle, k = agent.plant.vehicle, factors[name]
-        links = tuple(dataclasses.replace(each, body=scaled(each.body, k)) for each in vehicle.links)
-        vehicle = dataclasses.replace(vehicle, base=scaled(vehicle.base, k), links=links)
-        return dataclasses.replace(agent, plant=dataclasses.replace(agent.plant, vehicle=vehicle))
+        links = tuple(
+            dataclasses.replace(each, body=scaled(each.body, k))
+            for each in vehicle.links
+        )
+        vehicle = dataclasses.replace(
+            vehicle, base=scaled(vehicle.base, k), links=links
+        )
+        return dataclasses.replace(
+            agent, plant=dataclasses.replace(agent.plant, vehicle=vehicle)
+        )
 
-    return dataclasses.replace(scenario, agents={n: other(n, each) for n, each in scenario.agents.items()})
+    return dataclasses.replace(
+        scenario, agents={n: other(n, each) for n, each in scenario.agents.items()}
+    )
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("row", "team"), [("noise", {}), ("2 cm off", OFF), ("masses", {}), ("late", {"delay": 0.1})])
+@pytest.mark.parametrize(
+    ("row", "team"),
+    [("noise", {}), ("2 cm off", OFF), ("masses", {}), ("late", {"delay": 0.1})],
+)
 def test_fixed_grasps_are_borne_as_ball_grasps_are(row, team):
     tables = noisy(fixed(bar(**team)))
     if row == "masses":
         tables["world"]["objects"][0]["mass"] *= 1.2
         tables["team"]["mass"] = 1.6
-    factors = {"left": 1.2, "right": 0.8} if row == "masses" else {"left": 1.0, "right": 1.0}
+    factors = (
+        {"left": 1.2, "right": 0.8} if row == "masses" else {"left": 1.0, "right": 1.0}
+    )
     log = flown(tables, lambda scenario: heavier(scenario, factors))
     found = scores(log)
     assert placed(log)
@@ -255,10 +337,17 @@ def test_only_the_hand_of_a_fixed_grasp_is_planned_to_turn_with_the_body():
         return turn
 
     start = given.agents["left"].reference.at(0.0).joints
-    assert np.allclose([float(q) for q in start], tables["reference"]["tip"]["posture"], atol=1e-3)
+    assert np.allclose(
+        [float(q) for q in start], tables["reference"]["tip"]["posture"], atol=1e-3
+    )
     for t in (11.9, 15.2, 17.0):
-        desired = Rotation.from_matrix([[*row] for row in given.team.motion.at(t).R.rows])
-        off = {name: (desired.inv() * hand(name, t) * hand(name, 0.0).inv()).magnitude() for name in given.agents}
+        desired = Rotation.from_matrix(
+            [[*row] for row in given.team.motion.at(t).R.rows]
+        )
+        off = {
+            name: (desired.inv() * hand(name, t) * hand(name, 0.0).inv()).magnitude()
+            for name in given.agents
+        }
         assert off["left"] < 0.02
         assert t < 12.0 or off["right"] > 0.15
 
@@ -283,7 +372,9 @@ def test_three_carry_a_plate_with_desired_pulls_along_all_lines(given, edit):
     assert np.abs(error).max() < 1.4  # of 69 N that they bear, while they turn
     assert np.sqrt((error**2).mean(axis=0)).max() < 0.35
     hover = (log.time > 4.2) & (log.time < 4.6)
-    assert np.allclose(log.team_pull_reference[hover], given.get("internal_forces", 0.0))
+    assert np.allclose(
+        log.team_pull_reference[hover], given.get("internal_forces", 0.0)
+    )
     assert np.abs((log.team_pull - log.team_pull_reference)[hover]).max() < 0.3
     places = np.array([each["place"] for each in plate()["world"]["grasps"]])
     share = np.linalg.solve([[1.0, 1.0, 1.0], *places[:, :2].T], [1.0, 0.0, 0.0])
@@ -292,13 +383,21 @@ def test_three_carry_a_plate_with_desired_pulls_along_all_lines(given, edit):
 
 
 def three_on_a_bar(mass: float, lost: str, at: float) -> dict[str, Any]:
-    """Tables of three members on one bar, one of which loses its grasp at a time (s)."""
+    """Tables of three members on one bar, one of which loses its grasp at a time
+    (s).
+    """
     tables = noisy(bar())
     tables["agents"] = {"left": {}, "middle": {}, "right": {}}
     tables["world"]["objects"][0] |= {"size": [2.6, 0.04, 0.04], "mass": mass}
     grasp, places = tables["world"]["grasps"][0], (-1.2, 0.15, 1.2)
-    own = [{"agent": name, "place": [x, 0.0, 0.02]} for name, x in zip(tables["agents"], places, strict=True)]
-    tables["world"]["grasps"] = [grasp | each | ({"release": at} if each["agent"] == lost else {}) for each in own]
+    own = [
+        {"agent": name, "place": [x, 0.0, 0.02]}
+        for name, x in zip(tables["agents"], places, strict=True)
+    ]
+    tables["world"]["grasps"] = [
+        grasp | each | ({"release": at} if each["agent"] == lost else {})
+        for each in own
+    ]
     return tables
 
 
@@ -333,10 +432,26 @@ def test_two_that_cannot_carry_on_set_the_body_down(monkeypatch):
 @pytest.mark.thorough
 @pytest.mark.parametrize("edit", [dict, noisy])
 def test_a_quadrotor_and_a_hexarotor_carry_a_bar(edit):
-    tables = edit(bar(members=[{"agent": n, "place": [x, 0, 0.02], "mass": m} for n, x, m in DIFFERENT]))
-    own = {"law": "centroidal", "mode": "tip", "bandwidth": 1.0, "adaptation": 0.0, "carrying": 0.7}
+    tables = edit(
+        bar(
+            members=[
+                {"agent": n, "place": [x, 0, 0.02], "mass": m} for n, x, m in DIFFERENT
+            ]
+        )
+    )
+    own = {
+        "law": "centroidal",
+        "mode": "tip",
+        "bandwidth": 1.0,
+        "adaptation": 0.0,
+        "carrying": 0.7,
+    }
     posture = {"tip": {"posture": [0.0, 0.0]}}
-    tables["agents"]["left"] = {"plant": {"vehicle": "quadrotor_roll_arm2"}, "controller": own, "reference": posture}
+    tables["agents"]["left"] = {
+        "plant": {"vehicle": "quadrotor_roll_arm2"},
+        "controller": own,
+        "reference": posture,
+    }
     tables["world"]["objects"][0]["mass"] = 0.8
     log = flown(tables)
     found = scores(log)
@@ -353,7 +468,9 @@ def test_a_part_of_the_load_in_the_model_holds_it_in_a_gust():
         tables = bar() | {"duration": 11.0}
         tables["controller"] |= {"carrying": 0.7, "carried_inertia": inertia}
         gust = {"kind": "ramp", "start": 8.0, "duration": 0.5, "height": 2.0}
-        tables["environment"]["forces"] = [{"kind": "disturbance", "force": [0.0, gust, 0.0]}]
+        tables["environment"]["forces"] = [
+            {"kind": "disturbance", "force": [0.0, gust, 0.0]}
+        ]
         log = flown(tables)
         off = 1e3 * log.team_position_error
         assert off[(log.time > 3.0) & (log.time < 8.0)].max() < 1.5
@@ -386,7 +503,10 @@ DIFFERENT = (("left", -0.55, 1.0), ("right", 0.55, 3.0))
 
 @pytest.mark.thorough
 def test_messages_at_a_rate_with_losses_are_borne_and_repeat_by_the_seed():
-    logs = [flown(noisy(bar(delay=0.1, rate=50.0, loss=0.2)) | {"seed": seed}) for seed in (3, 3, 4)]
+    logs = [
+        flown(noisy(bar(delay=0.1, rate=50.0, loss=0.2)) | {"seed": seed})
+        for seed in (3, 3, 4)
+    ]
     found = scores(logs[0])
     assert placed(logs[0])
     assert found["place"] < 15.0
@@ -397,14 +517,17 @@ def test_messages_at_a_rate_with_losses_are_borne_and_repeat_by_the_seed():
     assert not np.array_equal(lost[0], lost[2])
     assert np.allclose(lost, 0.2 * 22.0 * 50.0, rtol=0.25)
     assert logs[0].message_age[logs[0].time > 0.5].min() >= 0.1
-    assert logs[0].message_age.mean() == pytest.approx(0.1 + 0.0075 + 0.02 * 0.2 / 0.8, rel=0.02)
+    assert logs[0].message_age.mean() == pytest.approx(
+        0.1 + 0.0075 + 0.02 * 0.2 / 0.8, rel=0.02
+    )
 
 
 @pytest.mark.thorough
 def test_mujoco_flies_the_same():
     tables = bar() | {"duration": 5.0}
     ours, other = (
-        flown(tables, lambda scenario, kind=kind: scenario.with_kind(kind)) for kind in ("rigid_body", "mujoco")
+        flown(tables, lambda scenario, kind=kind: scenario.with_kind(kind))
+        for kind in ("rigid_body", "mujoco")
     )
     assert np.abs(ours.object_position - other.object_position).max() < 1e-6
     assert np.abs(ours.team_pull - other.team_pull).max() < 1e-5
@@ -413,19 +536,50 @@ def test_mujoco_flies_the_same():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"law": "nobody"}, "team.law = 'nobody': must be one of own_paths, leader_follower"),
+        (
+            {"law": "nobody"},
+            "team.law = 'nobody': must be one of own_paths, leader_follower",
+        ),
         ({"object": "plank"}, "team.object = 'plank': must be"),
-        ({"members": [{"agent": "left", "place": [0.0, 0.0, 0.0]}]}, "team.members = 1 members: must be two or more"),
-        ({"members": [{"agent": "left", "place": [0, 0, 0]}, {"agent": "up", "place": [0, 0, 0]}]}, "members[1].agent"),
-        ({"members": [{"agent": "left", "place": [0, 0, 0]}] * 2}, "members[1].agent = 'left': must be of one member"),
-        ({"delay": 0.007}, "team.delay = 0.007: must be a whole number of control periods"),
+        (
+            {"members": [{"agent": "left", "place": [0.0, 0.0, 0.0]}]},
+            "team.members = 1 members: must be two or more",
+        ),
+        (
+            {
+                "members": [
+                    {"agent": "left", "place": [0, 0, 0]},
+                    {"agent": "up", "place": [0, 0, 0]},
+                ]
+            },
+            "members[1].agent",
+        ),
+        (
+            {"members": [{"agent": "left", "place": [0, 0, 0]}] * 2},
+            "members[1].agent = 'left': must be of one member",
+        ),
+        (
+            {"delay": 0.007},
+            "team.delay = 0.007: must be a whole number of control periods",
+        ),
         ({"blind": -1.0}, "team.blind = -1.0: must be at least 0"),
         ({"gain": 1.0}, "team.gain = 1.0: unknown field"),
         ({"loss": 1.5}, "team.loss = 1.5: must be at most 1"),
-        ({"internal_forces": [1.0, 2.0]}, "team.internal_forces = 2 numbers: must be 1, one of each two members"),
         (
-            {"members": [{"agent": "left", "place": [-0.5, 0, 0]}, {"agent": "right", "place": [5.0, 0, 0]}]},
-            "team.members[1].place = [5.0, 0.0, 0.0]: lies 5 m from the middle of 'bar', must be within 1.8 m",
+            {"internal_forces": [1.0, 2.0]},
+            "team.internal_forces = 2 numbers: must be 1, one of each two members",
+        ),
+        (
+            {
+                "members": [
+                    {"agent": "left", "place": [-0.5, 0, 0]},
+                    {"agent": "right", "place": [5.0, 0, 0]},
+                ]
+            },
+            (
+                "team.members[1].place = [5.0, 0.0, 0.0]: lies 5 m from the middle of"
+                " 'bar', must be within 1.8 m"
+            ),
         ),
     ],
 )
@@ -441,7 +595,10 @@ def test_a_wrong_team_is_refused_in_one_line(change, words):
 def test_a_law_that_takes_no_instructions_is_refused():
     tables = bar()
     del tables["controller"]["carrying"], tables["controller"]["carried_inertia"]
-    with pytest.raises(skyarm.ScenarioError, match=r"agents\.left\.controller\.carrying: must be above 0, as 0\.7"):
+    with pytest.raises(
+        skyarm.ScenarioError,
+        match=r"agents\.left\.controller\.carrying: must be above 0, as 0\.7",
+    ):
         skyarm.scenario_from(tables)
 
 
@@ -455,7 +612,10 @@ def test_a_team_without_a_desired_motion_is_refused():
 def test_an_object_to_carry_without_a_team_is_refused():
     tables = bar()
     del tables["team"]
-    with pytest.raises(skyarm.ScenarioError, match=r"^reference\.object: must be left out without \[team\]$"):
+    with pytest.raises(
+        skyarm.ScenarioError,
+        match=r"^reference\.object: must be left out without \[team\]$",
+    ):
         skyarm.scenario_from(tables)
 
 
@@ -469,19 +629,39 @@ def test_members_that_cannot_share_a_load_are_refused() -> None:
 
     grasps = "world"
     places = [{"agent": name, "place": [0.1, 0.0, 0.0]} for name in ("left", "right")]
-    held = [{"agent": name, "place": [x, 0.0, 0.02]} for name, x in (("left", -0.55), ("right", 0.55))]
+    held = [
+        {"agent": name, "place": [x, 0.0, 0.02]}
+        for name, x in (("left", -0.55), ("right", 0.55))
+    ]
     for entry, words in (
-        ({"length": 0.5}, "length = 0.5: must be left out, the grasp of 'right' is of kind 'ball'"),
-        ({"kind": "cable"}, "kind = 'cable': must be left out, the grasp of 'right' is of kind 'ball'"),
+        (
+            {"length": 0.5},
+            "length = 0.5: must be left out, the grasp of 'right' is of kind 'ball'",
+        ),
+        (
+            {"kind": "cable"},
+            "kind = 'cable': must be left out, the grasp of 'right' is of kind 'ball'",
+        ),
         ({"mass": 1e-300}, "mass = 1e-300: must be 0 or at least 1e-06"),
     ):
-        found = message(lambda t, entry=entry: t["team"].update(members=[held[0], held[1] | entry]))
+        found = message(
+            lambda t, entry=entry: t["team"].update(members=[held[0], held[1] | entry])
+        )
         assert found == f"team.members[1].{words}"
-    both = message(lambda t: t["team"].update(internal_force=2.0, internal_forces=[1.0]))
+    both = message(
+        lambda t: t["team"].update(internal_force=2.0, internal_forces=[1.0])
+    )
     assert both == "team.internal_force = 2: must be left out beside internal_forces"
     nobody = message(lambda t: t["world"]["grasps"][1].update(agent="rihgt"))
-    assert nobody == "world.grasps[1].agent = 'rihgt': did you mean 'right'? must be one of left, right"
-    assert message(lambda t: t["team"].update(members=[])) == "team.members = []: must be two or more, or left out"
+    assert (
+        nobody
+        == "world.grasps[1].agent = 'rihgt': did you mean 'right'? must be one of left,"
+        " right"
+    )
+    assert (
+        message(lambda t: t["team"].update(members=[]))
+        == "team.members = []: must be two or more, or left out"
+    )
     assert message(lambda t: t["team"].update(members=places)).startswith(
         "team.members[1].place = [0.1, 0.0, 0.0]: must"
     )
@@ -489,14 +669,25 @@ def test_members_that_cannot_share_a_load_are_refused() -> None:
         lambda t: t[grasps]["grasps"].append(t[grasps]["grasps"][0] | {"name": "third"})
     )
     late = message(lambda t: t[grasps]["grasps"][0].update(close=9.0))
-    assert late == "reference.object.phases: lifts at 3 s: must not lift before 9 s, when all members hold 'bar'"
-    assert message(lambda t: t["team"].update(delay=1000.0)).startswith("team.delay = 1000.0: must be at most 1")
+    assert (
+        late
+        == "reference.object.phases: lifts at 3 s: must not lift before 9 s, when all"
+        " members hold 'bar'"
+    )
+    assert message(lambda t: t["team"].update(delay=1000.0)).startswith(
+        "team.delay = 1000.0: must be at most 1"
+    )
 
 
 def test_a_wind_changes_while_a_team_carries() -> None:
-    """A change of what all share is read in the flight of one member, which has no other members."""
+    """A change of what all share is read in the flight of one member, which has no
+    other members.
+    """
     tables = bar() | {"duration": 0.02}
     tables["environment"]["wind"] = {"mode": "force_wind", "force": [0.0, 0.0, 0.0]}
     given = skyarm.scenario_from(tables)
-    for path, value in (("environment.wind.force.1", 1.0), ("team.internal_force", 1.5)):
+    for path, value in (
+        ("environment.wind.force.1", 1.0),
+        ("team.internal_force", 1.5),
+    ):
         assert number_at(skyarm.with_numbers(given, {path: value}), path) == value

@@ -1,4 +1,6 @@
-"""Episodes share nothing: flown from several threads at once they give the bits that they give one after another."""
+"""Episodes share nothing: flown from several threads at once they give the bits that
+they give one after another.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from support.flights import document
 
 @pytest.fixture
 def eager_switching() -> Iterator[None]:
-    """Threads that take turns after microseconds, so that what they share is hit in between."""
+    """Threads that take turns after microseconds, so that what they share is hit in
+    between.
+    """
     before = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     yield
@@ -24,16 +28,34 @@ def eager_switching() -> Iterator[None]:
 
 
 def episodes() -> list[Scenario]:
-    """Equal and unequal ones: noise, wind, delays, the same vehicle under two controllers, and on both plants."""
-    noisy = [document("everything", duration=0.1, plant__kind=plant) for plant in ("rigid_body", "mujoco")]
-    found = [scenario_from(noisy[k], replaced={"seed": seed}) for k, seed in ((0, 3), (0, 4), (0, 3), (1, 3))]
-    paper = (load_scenario("case3_wind", controller=c, duration=0.1) for c in ("paper_ct", "paper_pd"))
-    return [*found, *paper, load_scenario("case3_wind", plant="mujoco", controller="paper_ct", duration=0.1)]
+    """Equal and unequal ones: noise, wind, delays, the same vehicle under two
+    controllers, and on both plants.
+    """
+    noisy = [
+        document("everything", duration=0.1, plant__kind=plant)
+        for plant in ("rigid_body", "mujoco")
+    ]
+    found = [
+        scenario_from(noisy[k], replaced={"seed": seed})
+        for k, seed in ((0, 3), (0, 4), (0, 3), (1, 3))
+    ]
+    paper = (
+        load_scenario("case3_wind", controller=c, duration=0.1)
+        for c in ("paper_ct", "paper_pd")
+    )
+    return [
+        *found,
+        *paper,
+        load_scenario(
+            "case3_wind", plant="mujoco", controller="paper_ct", duration=0.1
+        ),
+    ]
 
 
 def same(one: Log, other: Log) -> bool:
     return one.info == other.info and all(
-        np.array_equal(array, other.arrays()[name], equal_nan=True) for name, array in one.arrays().items()
+        np.array_equal(array, other.arrays()[name], equal_nan=True)
+        for name, array in one.arrays().items()
     )
 
 
@@ -43,7 +65,9 @@ def test_episodes_flown_at_once_equal_those_flown_one_after_another() -> None:
     alone = [run(scenario) for scenario in scenarios]
     with ThreadPoolExecutor(len(scenarios)) as pool:
         together = list(pool.map(run, scenarios))
-    assert [same(a, b) for a, b in zip(alone, together, strict=True)] == [True] * len(scenarios)
+    assert [same(a, b) for a, b in zip(alone, together, strict=True)] == [True] * len(
+        scenarios
+    )
     # the comparison can tell: another seed is another flight
     assert not same(alone[0], alone[1])
     assert same(alone[0], alone[2])

@@ -1,4 +1,6 @@
-"""A flight with everything that this world may do to it: payloads, signals, a stuck joint, aerodynamic forces."""
+"""A flight with everything that this world may do to it: payloads, signals, a stuck
+joint, aerodynamic forces.
+"""
 
 from __future__ import annotations
 
@@ -102,10 +104,16 @@ def test_python_floats_fly_the_same_bits(scenario, log):
 
 
 def test_both_plants_agree_where_both_take_the_same_steps(scenario):
-    """Fourth order in the same steps of 2 ms: what is left is rounding, and the exponential map's own error (1e-9)."""
-    fast = dataclasses.replace(scenario, rates=skyarm.Rates(physics=500, control=500, reference=50))
+    """Fourth order in the same steps of 2 ms: what is left is rounding, and the
+    exponential map's own error (1e-9).
+    """
+    fast = dataclasses.replace(
+        scenario, rates=skyarm.Rates(physics=500, control=500, reference=50)
+    )
     ours = skyarm.run(fast)
-    theirs = skyarm.run(dataclasses.replace(fast, kind="mujoco", integrator="rk4_staged"))
+    theirs = skyarm.run(
+        dataclasses.replace(fast, kind="mujoco", integrator="rk4_staged")
+    )
     assert ours.status == theirs.status == "completed"
     for name in ("position", "quaternion", "velocity", "rate", "joints", "joint_rates"):
         assert np.abs(getattr(ours, name) - getattr(theirs, name)).max() < 1e-6, name
@@ -139,7 +147,11 @@ def test_a_log_in_a_file_is_the_same_flight(log, tmp_path):
     log.save_csv(tmp_path / "log.csv")
     head = (tmp_path / "log.csv").read_text().partition("\n")[0]
     masses = [each for each in head.split(",") if "payload_mass" in each]
-    assert masses == ["payload_mass_parcel [kg]", "payload_mass_1 [kg]", "payload_mass_2 [kg]"]
+    assert masses == [
+        "payload_mass_parcel [kg]",
+        "payload_mass_1 [kg]",
+        "payload_mass_2 [kg]",
+    ]
 
 
 PATHS = {
@@ -165,35 +177,56 @@ PATHS = {
 def test_a_batch_with_all_numbers_by_path_is_a_loop_of_single_flights(scenario, log):
     batch = skyarm.Batch(scenario, tuple(PATHS), bit_exact=True, effort=0)
     own = [number_at(scenario, path) for path in PATHS]
-    found = batch.fly({path: np.array([a, b]) for (path, b), a in zip(PATHS.items(), own, strict=True)})
+    found = batch.fly(
+        {
+            path: np.array([a, b])
+            for (path, b), a in zip(PATHS.items(), own, strict=True)
+        }
+    )
     # the noise of the second lane
     other = skyarm.run(dataclasses.replace(with_numbers(scenario, PATHS), episode=1))
     assert np.abs(other.position - log.position).max() > 1e-3
     for i, each in enumerate((log, other)):
         for name, value in skyarm.score(each).items():
             if name in found.metrics and math.isfinite(value):
-                assert found.metrics[name][i] == pytest.approx(value, rel=1e-9, abs=1e-12), name
+                assert found.metrics[name][i] == pytest.approx(
+                    value, rel=1e-9, abs=1e-12
+                ), name
 
 
 def test_what_is_not_used_is_not_there(scenario):
-    """Without any of it the loop carries, logs and is told no number more than one that never heard of it."""
-    plain = dataclasses.replace(scenario, payloads=(), faults=(), air=(), forces=(), wind=skyarm.MovingAir())
+    """Without any of it the loop carries, logs and is told no number more than one that
+    never heard of it.
+    """
+    plain = dataclasses.replace(
+        scenario, payloads=(), faults=(), air=(), forces=(), wind=skyarm.MovingAir()
+    )
     first = first_loop_state(plain)
     assert first.memories == ((),)
     around = first_surroundings(plain, first)
     assert around.of(0).effectiveness is None
     assert leaves(around) == [0.0]  # the time
-    assert after_impact(plain.plant.vehicle, first.agent.state, around.of(0)) is first.agent.state
+    assert (
+        after_impact(plain.plant.vehicle, first.agent.state, around.of(0))
+        is first.agent.state
+    )
     assert loaded_vehicle(plain.plant.vehicle, around.of(0)) is plain.plant.vehicle
-    faulty = dataclasses.replace(plain, faults=(skyarm.Fault(rotor="front", effectiveness=0.5),))
+    faulty = dataclasses.replace(
+        plain, faults=(skyarm.Fault(rotor="front", effectiveness=0.5),)
+    )
     told = first_surroundings(faulty, first).of(0).effectiveness
     assert told.stuck == ()
-    assert "payload_mass" not in skyarm.run(dataclasses.replace(plain, duration=0.1)).arrays()
+    assert (
+        "payload_mass"
+        not in skyarm.run(dataclasses.replace(plain, duration=0.1)).arrays()
+    )
 
 
 def test_a_number_of_a_payload_may_change_in_flight(scenario):
     change = skyarm.Change(at=0.5, path="payloads.parcel.drop", value=0.6)
-    fewer = dataclasses.replace(scenario, changes=(change,), faults=(), forces=(), air=(), duration=0.8)
+    fewer = dataclasses.replace(
+        scenario, changes=(change,), faults=(), forces=(), air=(), duration=0.8
+    )
     log = skyarm.run(fewer)
     held = log.payload_mass[:, 0] > 0
     assert log.time[held].max() == pytest.approx(0.595)

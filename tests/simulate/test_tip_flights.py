@@ -1,4 +1,6 @@
-"""Flights along a reference of the tip: on both plants, in batches, by path, and read back from a log."""
+"""Flights along a reference of the tip: on both plants, in batches, by path, and read
+back from a log.
+"""
 
 from functools import cache
 
@@ -62,11 +64,15 @@ def test_the_log_and_the_metrics_hold_the_tips_own_reference():
     np.testing.assert_array_equal(log.tip_reference[::50], wanted)
     error = np.linalg.norm(log.tip - log.tip_held, axis=1)
     metrics = skyarm.score(log)
-    assert metrics["ee_error_max"] == pytest.approx(error[log.time >= 2.0].max(), rel=1e-12)
+    assert metrics["ee_error_max"] == pytest.approx(
+        error[log.time >= 2.0].max(), rel=1e-12
+    )
 
 
 def test_a_batch_that_varies_the_path_flies_what_single_flights_fly():
-    short = skyarm.scenario_from(TASK | {"duration": 1.5, "controller": {"preset": "paper_pd"}})
+    short = skyarm.scenario_from(
+        TASK | {"duration": 1.5, "controller": {"preset": "paper_pd"}}
+    )
     path = "reference.tip.x.signals.0.value"
     assert number_at(short, path) == 0.0
     batch = Batch(short, (path,), metrics=("ee_error_max",))
@@ -85,24 +91,40 @@ def test_a_log_flies_again(tmp_path):
 
 def test_a_phase_waits_until_the_error_is_small_and_no_longer_than_its_timeout():
     phases = [
-        {"kind": "go_to", "position": [0.2, 0.0, 0.7], "duration": 0.8, "until": {"error": 2e-3, "hold": 0.2}},
+        {
+            "kind": "go_to",
+            "position": [0.2, 0.0, 0.7],
+            "duration": 0.8,
+            "until": {"error": 2e-3, "hold": 0.2},
+        },
         {"kind": "hold", "duration": 0.2, "until": {"error": 1e-12, "timeout": 0.3}},
         {"kind": "go_to", "position": [0.0, 0.0, 0.7], "duration": 2.0},
     ]
     path = {"kind": "phases", "position": [0.0, 0.0, 0.7], "phases": phases}
     tip = {"posture": [0.4, -0.8], "path": path}
     # gains that leave something to wait for
-    slow = {"controller": {"law": "centroidal", "mode": "tip", "bandwidth": 0.5}, "duration": 3.0}
+    slow = {
+        "controller": {"law": "centroidal", "mode": "tip", "bandwidth": 0.5},
+        "duration": 3.0,
+    }
     scenario = skyarm.scenario_from(TASK | slow | {"reference": {"tip": tip}})
     log = skyarm.run(scenario)
     error = np.linalg.norm(log.tip - log.tip_reference, axis=1)
-    settled = next(k for k in range(160, 600) if (error[k - 40 : k + 1] <= 2e-3).all() and k - 40 >= 160)
+    settled = next(
+        k
+        for k in range(160, 600)
+        if (error[k - 40 : k + 1] <= 2e-3).all() and k - 40 >= 160
+    )
     # the second phase, and its guard that is never met
     leaves = settled / 200 + 0.2 + 0.3
     assert 0.25 < settled / 200 - 0.8 < 1.5
     still = (log.time >= 0.8) & (log.time <= leaves + 1e-9)
-    np.testing.assert_allclose(log.tip_reference[still], [[0.2, 0.0, 0.7]] * still.sum(), atol=1e-12)
+    np.testing.assert_allclose(
+        log.tip_reference[still], [[0.2, 0.0, 0.7]] * still.sum(), atol=1e-12
+    )
     assert (log.tip_reference[log.time > leaves + 0.3][:, 0] < 0.2).all()
     assert log.tip_reference[round(leaves * 200) + 20, 0] < 0.2
     again = skyarm.replay(log)
-    np.testing.assert_array_equal(again.log.tip if hasattr(again, "log") else again.tip, log.tip)
+    np.testing.assert_array_equal(
+        again.log.tip if hasattr(again, "log") else again.tip, log.tip
+    )

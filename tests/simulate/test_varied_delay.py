@@ -1,4 +1,6 @@
-"""A batch whose episodes have delays of their own flies what single flights with those delays fly."""
+"""A batch whose episodes have delays of their own flies what single flights with those
+delays fly.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ DELAYS = (0.0, 0.001, 0.004, 0.005, 0.007, 0.010, 0.012, 0.015)
 
 def moving(**delays):
     """0.3 s of hover and the step on to the circle, for a second."""
-    return dataclasses.replace(scenario_from(circling(duration=1.3)), delays=Delays(**delays))
+    return dataclasses.replace(
+        scenario_from(circling(duration=1.3)), delays=Delays(**delays)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +39,8 @@ def flown(varied):
 
 @pytest.mark.parametrize("delay", DELAYS)
 def test_each_lane_is_the_single_flight_with_its_delay(flown, delay):
-    # the same steps, but for a rounding of their lengths and one of no length: 1e-9 after 260 periods
+    # the same steps, but for a rounding of their lengths and one of no length: 1e-9
+    # after 260 periods
     log = run(moving(command=delay))
     lane = DELAYS.index(delay)
     position = np.array([component[lane] for component in flown.state.position])
@@ -61,17 +66,22 @@ def test_a_delay_between_two_steps_lies_between_their_flights(varied):
 
 def test_a_delay_does_not_vary_unless_the_scenario_says_how_long_it_gets():
     assert number_at(moving(longest_command=0.01), LATE) == 0.0
-    with pytest.raises(ScenarioError, match=r"path = 'delays\.command': delays is structure"):
+    with pytest.raises(
+        ScenarioError, match=r"path = 'delays\.command': delays is structure"
+    ):
         Batch(moving(), (LATE,))
 
 
 def test_a_longest_delay_is_above_zero():
-    with pytest.raises(ScenarioError, match=r"delays\.longest_command = 0\.0: must be above 0"):
+    with pytest.raises(
+        ScenarioError, match=r"delays\.longest_command = 0\.0: must be above 0"
+    ):
         moving(longest_command=0.0)
 
 
 @pytest.mark.parametrize(
-    ("longest", "count"), [(0.004, 2), (0.005, 2), (0.0051, 3), (0.010, 3), (0.015, 4), (0.035, 8)]
+    ("longest", "count"),
+    [(0.004, 2), (0.005, 2), (0.0051, 3), (0.010, 3), (0.015, 4), (0.035, 8)],
 )
 def test_the_loop_remembers_as_many_commands_as_the_longest_delay_needs(longest, count):
     assert commands_waiting(moving(longest_command=longest)) == count
@@ -79,10 +89,16 @@ def test_the_loop_remembers_as_many_commands_as_the_longest_delay_needs(longest,
 
 def test_a_varied_delay_of_whole_periods_has_the_bits_of_a_fixed_one():
     whole = np.array([0.0, 0.005, 0.010, 0.015])
-    both = Batch(moving(longest_command=0.015), (LATE,), bit_exact=True).fly({LATE: whole}).state
+    both = (
+        Batch(moving(longest_command=0.015), (LATE,), bit_exact=True)
+        .fly({LATE: whole})
+        .state
+    )
     for lane, delay in enumerate(whole.tolist()):
         alone = Batch(moving(command=delay), (), bit_exact=True).fly({}).state
-        assert [c[lane] for c in (*both.position, *both.velocity)] == [c[0] for c in (*alone.position, *alone.velocity)]
+        assert [c[lane] for c in (*both.position, *both.velocity)] == [
+            c[0] for c in (*alone.position, *alone.velocity)
+        ]
 
 
 def test_whole_periods_that_round_below_a_whole_number_are_whole_all_the_same():
@@ -91,14 +107,25 @@ def test_whole_periods_that_round_below_a_whole_number_are_whole_all_the_same():
     assert 0.035 * 200.0 > 7.0, "and above, in the count of remembered commands"
     short = dataclasses.replace(moving(longest_command=0.15), duration=1.0)
     varied = Batch(short, (LATE,), bit_exact=True).fly({LATE: np.array([delay])}).state
-    fixed = Batch(dataclasses.replace(short, delays=Delays(command=delay)), (), bit_exact=True).fly({}).state
-    assert [c[0] for c in (*varied.position, *varied.velocity)] == [c[0] for c in (*fixed.position, *fixed.velocity)]
+    fixed = (
+        Batch(
+            dataclasses.replace(short, delays=Delays(command=delay)), (), bit_exact=True
+        )
+        .fly({})
+        .state
+    )
+    assert [c[0] for c in (*varied.position, *varied.velocity)] == [
+        c[0] for c in (*fixed.position, *fixed.velocity)
+    ]
 
 
 def test_a_delay_outside_its_range_is_refused_lane_by_lane():
     batch = Batch(moving(longest_command=0.01), (LATE,))
     for wrong in (-0.001, 0.011):
-        with pytest.raises(ScenarioError, match=r"delays\.command.*must be from 0 to delays\.longest_command"):
+        with pytest.raises(
+            ScenarioError,
+            match=r"delays\.command.*must be from 0 to delays\.longest_command",
+        ):
             batch.fly({LATE: np.array([0.005, wrong])})
     with pytest.raises(ScenarioError, match="must be there exactly if it is a path"):
         batch.fly({})

@@ -1,4 +1,6 @@
-"""Air, forces, drives, sensors, estimators and endings that are wrong: one line with file and line, before they fly."""
+"""Air, forces, drives, sensors, estimators and endings that are wrong: one line with
+file and line, before they fly.
+"""
 
 from __future__ import annotations
 
@@ -94,7 +96,15 @@ class Sine(Drive):
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingOnly(Sensor):
-    def measure(self, memory: Any, t: Any, state: Any, specific_force: Vec3, draws: Any, dt: float) -> Any:
+    def measure(
+        self,
+        memory: Any,
+        t: Any,
+        state: Any,
+        specific_force: Vec3,
+        draws: Any,
+        dt: float,
+    ) -> Any:
         return tuple(state.position)
 
 
@@ -123,36 +133,116 @@ def drive(record: Any) -> Any:
 
 
 WRONG: dict[str, tuple[Any, str, Any]] = {
-    "int": (with_(air=(Counting(),)), "environment.air[0] (Counting) has memory[0] = 0: an int never changes in a "
-            "program; must be 0.0", Counting.advance),
-    "draws": (with_(air=(Drawing(),)), "environment.air[0] (Drawing) cannot start from 4 draws, which are twice its "
-              "uniforms: list index out of range", "# twice as many"),
-    "grows": (with_(air=(Tether(), Growing())), "environment.air[1] (Growing) changes the structure of its memory: "
-              "memory is a tuple of 2, must stay a tuple of 1", Growing.advance),
-    "tuple": (with_(air=(Tuple(),)), "environment.air[0] (Tuple.velocity) gives the velocity of the air as a tuple of "
-              "3: must be a Vec3", Tuple.velocity),
-    "alone": (with_(forces=(Alone(),)), "environment.forces[0] (Alone.wrenches) gives wrenches as a Wrench: must be "
-              "a list of Wrench", Alone.wrenches),
-    "body": (with_(forces=(Placed(body=2),)), "environment.forces[0] (Placed.wrenches) gives a wrench on body 2: must "
-             "be -1 (base) or a link from 0 to 1", Placed.wrenches),
-    "below": (with_(forces=(Tether(), Placed(body=-2))), "environment.forces[1] (Placed.wrenches) gives a wrench on "
-              "body -2: must be -1 (base) or a link from 0 to 1", Placed.wrenches),
-    "branch": (with_(forces=(Branching(),)), "environment.forces[0] (Branching) cannot be traced: branch on a traced "
-               "value; use skyarm.algebra.scalars.where(condition, a, b)", "# here"),
-    "nothing": (drive(Nothing()), "plant.drives.joint2 (Nothing.effort) gives an effort that is None: must be a number",
-                Nothing.effort),
-    "numpy": (drive(Sine()), "plant.drives.joint2 (Sine) cannot be traced: operand a traced number does not support "
-              "ufuncs (__array_ufunc__=None); must use + - * / and the functions of "
-              "skyarm.algebra.scalars", "# here too"),
-    "reading": (with_(sensors=(NamedSensor(name="gps", sensor=ReadingOnly()),)), "sensors.gps (ReadingOnly) "
-                "returns a tuple of 3: must return (memory, reading)", ReadingOnly.measure),
-    "measurement": (with_(estimator=MeasurementOnly()), "estimator (MeasurementOnly) returns a Measurement: must "
-                    "return (memory, Measurement)", MeasurementOnly.step),
-    "no sensors": (with_(estimator=Satellites()), "estimator (Satellites) reads sensor 'gps', which the scenario "
-                   "lacks: there is state", "# here reads"),
-    "other sensors": (with_(estimator=Satellites(), sensors=(NamedSensor(name="fix", sensor=FIX),)),
-                      "estimator (Satellites) reads sensor 'gps', which the scenario lacks: there are state, fix",
-                      "# here reads"),
+    "int": (
+        with_(air=(Counting(),)),
+        (
+            "environment.air[0] (Counting) has memory[0] = 0: an int never changes in a"
+            " program; must be 0.0"
+        ),
+        Counting.advance,
+    ),
+    "draws": (
+        with_(air=(Drawing(),)),
+        (
+            "environment.air[0] (Drawing) cannot start from 4 draws, which are twice"
+            " its uniforms: list index out of range"
+        ),
+        "# twice as many",
+    ),
+    "grows": (
+        with_(air=(Tether(), Growing())),
+        (
+            "environment.air[1] (Growing) changes the structure of its memory: "
+            "memory is a tuple of 2, must stay a tuple of 1"
+        ),
+        Growing.advance,
+    ),
+    "tuple": (
+        with_(air=(Tuple(),)),
+        (
+            "environment.air[0] (Tuple.velocity) gives the velocity of the air as a"
+            " tuple of 3: must be a Vec3"
+        ),
+        Tuple.velocity,
+    ),
+    "alone": (
+        with_(forces=(Alone(),)),
+        (
+            "environment.forces[0] (Alone.wrenches) gives wrenches as a Wrench: must be"
+            " a list of Wrench"
+        ),
+        Alone.wrenches,
+    ),
+    "body": (
+        with_(forces=(Placed(body=2),)),
+        (
+            "environment.forces[0] (Placed.wrenches) gives a wrench on body 2: must "
+            "be -1 (base) or a link from 0 to 1"
+        ),
+        Placed.wrenches,
+    ),
+    "below": (
+        with_(forces=(Tether(), Placed(body=-2))),
+        (
+            "environment.forces[1] (Placed.wrenches) gives a wrench on "
+            "body -2: must be -1 (base) or a link from 0 to 1"
+        ),
+        Placed.wrenches,
+    ),
+    "branch": (
+        with_(forces=(Branching(),)),
+        (
+            "environment.forces[0] (Branching) cannot be traced: branch on a traced "
+            "value; use skyarm.algebra.scalars.where(condition, a, b)"
+        ),
+        "# here",
+    ),
+    "nothing": (
+        drive(Nothing()),
+        (
+            "plant.drives.joint2 (Nothing.effort) gives an effort that is None: must be"
+            " a number"
+        ),
+        Nothing.effort,
+    ),
+    "numpy": (
+        drive(Sine()),
+        (
+            "plant.drives.joint2 (Sine) cannot be traced: operand a traced number does"
+            " not support ufuncs (__array_ufunc__=None); must use + - * / and the"
+            " functions of skyarm.algebra.scalars"
+        ),
+        "# here too",
+    ),
+    "reading": (
+        with_(sensors=(NamedSensor(name="gps", sensor=ReadingOnly()),)),
+        "sensors.gps (ReadingOnly) returns a tuple of 3: must return (memory, reading)",
+        ReadingOnly.measure,
+    ),
+    "measurement": (
+        with_(estimator=MeasurementOnly()),
+        (
+            "estimator (MeasurementOnly) returns a Measurement: must "
+            "return (memory, Measurement)"
+        ),
+        MeasurementOnly.step,
+    ),
+    "no sensors": (
+        with_(estimator=Satellites()),
+        (
+            "estimator (Satellites) reads sensor 'gps', which the scenario "
+            "lacks: there is state"
+        ),
+        "# here reads",
+    ),
+    "other sensors": (
+        with_(estimator=Satellites(), sensors=(NamedSensor(name="fix", sensor=FIX),)),
+        (
+            "estimator (Satellites) reads sensor 'gps', which the scenario lacks: there"
+            " are state, fix"
+        ),
+        "# here reads",
+    ),
 }
 
 
@@ -191,12 +281,20 @@ def test_what_is_right_passes_the_check_and_flies():
         forces=(Tether(),),
         sensors=(NamedSensor(name="fix", sensor=Fix(rate=50.0, sigma=0.01)),),
         estimator=Blend(),
-        drives=(JointDrive(joint="joint1", drive=Lag()), JointDrive(joint="joint2", drive=Servo())),
+        drives=(
+            JointDrive(joint="joint1", drive=Lag()),
+            JointDrive(joint="joint2", drive=Servo()),
+        ),
         endings=(Ceiling(height=5.0),),
     )
     tried = [part.place for part in examine._parts(scenario)]
     assert tried == [
-        *("environment.air[0]", "environment.forces[0]", "plant.drives.joint1", "plant.drives.joint2"),
+        *(
+            "environment.air[0]",
+            "environment.forces[0]",
+            "plant.drives.joint1",
+            "plant.drives.joint2",
+        ),
         *("sensors.fix", "estimator", "endings[0]"),
     ]
     assert run(scenario).time.size == 50

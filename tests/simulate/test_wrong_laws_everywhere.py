@@ -1,4 +1,6 @@
-"""Every door that a law comes in by, and every place that flies it, tells the same line."""
+"""Every door that a law comes in by, and every place that flies it, tells the same
+line.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,14 @@ from skyarm.simulate.batch import Batch
 from skyarm.simulate.examine import check_law
 from skyarm.simulate.loop import run, run_in_python
 from skyarm.studies.stability.flight_margins import evidence
-from support.components import RESULTS, STATES, TRACES, WITHOUT_FLIGHT, Mistake, registry_kept
+from support.components import (
+    RESULTS,
+    STATES,
+    TRACES,
+    WITHOUT_FLIGHT,
+    Mistake,
+    registry_kept,
+)
 
 PLANES: dict[str, Callable[[Any], Any]] = {
     "run": run,
@@ -30,7 +39,9 @@ PLANES: dict[str, Callable[[Any], Any]] = {
     "batch": lambda scenario: Batch(scenario, ["plant.payload.mass"]),
     "check_law": check_law,
     "margins": lambda scenario: evidence(scenario, 0),
-    "export_c": lambda scenario: export_c(scenario.controller, name="mine", period=0.005),
+    "export_c": lambda scenario: export_c(
+        scenario.controller, name="mine", period=0.005
+    ),
     "with_safety_layer": lambda scenario: with_safety_layer(scenario.controller),
     "guarded_run": lambda scenario: run(under_guard(scenario)),
 }
@@ -56,10 +67,13 @@ def under_guard(scenario: Any, *, compiled: bool = True) -> Any:
     par = dataclasses.make_dataclass("Both", ["model", "mixer", "gain"], frozen=True)
     model = scenario.controller.par.model
     both = dataclasses.replace(
-        scenario.controller, par=par(model, skyarm.make_controller("indi", model).par.mixer, 10.0)
+        scenario.controller,
+        par=par(model, skyarm.make_controller("indi", model).par.mixer, 10.0),
     )
     both = dataclasses.replace(both, compiled=compiled)
-    return dataclasses.replace(scenario, controller=with_safety_layer(both, {"stiffness": 4.0, "damping": 2.2}))
+    return dataclasses.replace(
+        scenario, controller=with_safety_layer(both, {"stiffness": 4.0, "damping": 2.2})
+    )
 
 
 def file_of(folder: Any, mistake: Mistake) -> Any:
@@ -74,7 +88,9 @@ def planned(folder: Any, mistake: Mistake) -> Any:
     return load_scenario("case1", controller=f"{file}:make", duration=0.25)
 
 
-@pytest.mark.parametrize("plane", [name for name in PLANES if name != "with_safety_layer"])
+@pytest.mark.parametrize(
+    "plane", [name for name in PLANES if name != "with_safety_layer"]
+)
 @pytest.mark.parametrize("name", TOLD)
 def test_whatever_flies_it_tells_the_line(tmp_path, name, plane):
     mistake = TOLD[name]
@@ -91,7 +107,12 @@ def test_whatever_flies_it_tells_the_line(tmp_path, name, plane):
 
 def test_a_law_without_a_mixer_is_not_put_under_guard(tmp_path):
     scenario = planned(tmp_path, RESULTS["nan"])
-    with pytest.raises(ValueError, match=r"mine\.py:27: law 'mine' has constants without a Mixer: par\.mixer must be"):
+    with pytest.raises(
+        ValueError,
+        match=(
+            r"mine\.py:27: law 'mine' has constants without a Mixer: par\.mixer must be"
+        ),
+    ):
         with_safety_layer(scenario.controller)
 
 
@@ -99,7 +120,11 @@ DOORS = ("decorator", "plugin", "file_and_maker", "python", "make_controller")
 
 
 @pytest.mark.parametrize("door", DOORS)
-@pytest.mark.parametrize("mistake", [RESULTS["one_effort"], WITHOUT_FLIGHT["signature"]], ids=["flown", "unflown"])
+@pytest.mark.parametrize(
+    "mistake",
+    [RESULTS["one_effort"], WITHOUT_FLIGHT["signature"]],
+    ids=["flown", "unflown"],
+)
 def test_whichever_door_it_comes_in_by(tmp_path, monkeypatch, door, mistake):
     make = _registered(mistake.make) if door == "plugin" else mistake.make
     file = file_of(tmp_path, dataclasses.replace(mistake, make=make))
@@ -124,7 +149,9 @@ def _flown_by(door: str, file: Any, module: Any) -> None:
     if door == "python":
         scenario = dataclasses.replace(base, controller=module.make(model))
     elif door == "make_controller":
-        scenario = dataclasses.replace(base, controller=skyarm.make_controller("own_mistake", model))
+        scenario = dataclasses.replace(
+            base, controller=skyarm.make_controller("own_mistake", model)
+        )
     else:
         law = f"{file}:make" if door == "file_and_maker" else "own_mistake"
         scenario = load_scenario("case1", controller=law, duration=0.25)
@@ -140,7 +167,9 @@ def test_shipped_laws_are_not_checked(monkeypatch):
     from skyarm.control.catalogue import LAWS
     from skyarm.control.law_checks import checked_law, is_own
 
-    monkeypatch.setattr(law_checks, "trace", lambda *_, **__: pytest.fail("was checked"))
+    monkeypatch.setattr(
+        law_checks, "trace", lambda *_, **__: pytest.fail("was checked")
+    )
     scenario = load_scenario("case1", controller="paper_ct", duration=0.05)
     check_law(scenario)
     model = scenario.controller.par.model
@@ -149,12 +178,17 @@ def test_shipped_laws_are_not_checked(monkeypatch):
         assert not is_own(controller), name
         assert checked_law(controller) is controller.law
         if hasattr(controller.par, "mixer"):
-            # limits are given, so that the law is not asked for its stiffness, which takes a tenth of a second each
-            assert not is_own(with_safety_layer(controller, {"stiffness": 4.0, "damping": 2.2})), name
+            # limits are given, so that the law is not asked for its stiffness, which
+            # takes a tenth of a second each
+            assert not is_own(
+                with_safety_layer(controller, {"stiffness": 4.0, "damping": 2.2})
+            ), name
 
 
 def test_a_law_of_ones_own_is_found_wherever_it_hides(tmp_path):
-    """Within a shipped guard, a partial function, a method, an object, a function of functions."""
+    """Within a shipped guard, a partial function, a method, an object, a function of
+    functions.
+    """
     import functools
 
     from skyarm.control.law_checks import is_own
@@ -169,7 +203,13 @@ def test_a_law_of_ones_own_is_found_wherever_it_hides(tmp_path):
 
         __call__ = law
 
-    for each in (functools.partial(law), Holder().law, Holder(), functools.lru_cache(law), functools.wraps(law)(law)):
+    for each in (
+        functools.partial(law),
+        Holder().law,
+        Holder(),
+        functools.lru_cache(law),
+        functools.wraps(law)(law),
+    ):
         assert is_own(dataclasses.replace(controller, law=each))
     assert is_own(under_guard(planned(tmp_path, RESULTS["nan"])).controller)
 
@@ -177,26 +217,40 @@ def test_a_law_of_ones_own_is_found_wherever_it_hides(tmp_path):
 def test_a_law_that_is_called_with_floats_keeps_what_it_likes(tmp_path):
     """Its results are looked at all the same."""
     scenario = planned(tmp_path, STATES["counter"])
-    flown = dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, compiled=False))
+    flown = dataclasses.replace(
+        scenario, controller=dataclasses.replace(scenario.controller, compiled=False)
+    )
     log = run(flown)
     assert (log.rotor_commands[1:, 0] - log.rotor_commands[:-1, 0] == 1.0).all()
     (tmp_path / "b").mkdir()
     scenario = planned(tmp_path / "b", RESULTS["one_effort"])
-    wrong = dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, compiled=False))
-    with pytest.raises(ValueError, match="gives 1 efforts: must be 2, one for each joint"):
+    wrong = dataclasses.replace(
+        scenario, controller=dataclasses.replace(scenario.controller, compiled=False)
+    )
+    with pytest.raises(
+        ValueError, match="gives 1 efforts: must be 2, one for each joint"
+    ):
         run(wrong)
 
 
 def test_a_called_law_under_guard_is_not_given_up_for_a_mistake_in_its_code(tmp_path):
-    """The guard flies on where numbers or a solver fail; a law that gives too few efforts is wrong."""
+    """The guard flies on where numbers or a solver fail; a law that gives too few
+    efforts is wrong.
+    """
     scenario = under_guard(planned(tmp_path, RESULTS["one_effort"]), compiled=False)
-    with pytest.raises(LawError, match=r"mine\.py:27: law 'mine' gives 1 efforts: must be 2, one for each joint"):
+    with pytest.raises(
+        LawError,
+        match=r"mine\.py:27: law 'mine' gives 1 efforts: must be 2, one for each joint",
+    ):
         run(scenario)
 
 
 def test_an_error_of_the_laws_own_stays_what_it_is(tmp_path):
     """In Python its traceback is what helps; the command line makes it one line."""
-    body = "def law(memory, seen, wanted, dt, *, par):\n    raise KeyError('no gain of this name')\n"
+    body = (
+        "def law(memory, seen, wanted, dt, *, par):\n    raise KeyError('no gain of"
+        " this name')\n"
+    )
     scenario = planned(tmp_path, Mistake(body, ""))
     with pytest.raises(KeyError, match="no gain of this name") as caught:
         run(scenario)

@@ -1,8 +1,10 @@
-"""Stand-in for ArduCopter in tests: its JSON physics and MAVLink, a hover law of a quadrotor +, and faults on demand.
+"""Stand-in for ArduCopter in tests: its JSON physics and MAVLink, a hover law of a
+quadrotor +, and faults on demand.
 
-Run as the program, with ArduPilot's arguments. It takes gains and hover thrust from the defaults file, as ArduPilot
-does, so that wrong ones do not fly. Environment: STAND_IN_FAULT names a fault and STAND_IN_FRAME its frame;
-STAND_IN_NOTE is a file that gets its process number and what it was told.
+Run as the program, with ArduPilot's arguments. It takes gains and hover thrust from the
+defaults file, as ArduPilot does, so that wrong ones do not fly. Environment:
+STAND_IN_FAULT names a fault and STAND_IN_FRAME its frame; STAND_IN_NOTE is a file that
+gets its process number and what it was told.
 """
 
 from __future__ import annotations
@@ -19,13 +21,17 @@ from pathlib import Path
 
 from skyarm.links import mavlink
 
-FAULT, AT = os.environ.get("STAND_IN_FAULT", ""), int(os.environ.get("STAND_IN_FRAME", "300"))
+FAULT, AT = (
+    os.environ.get("STAND_IN_FAULT", ""),
+    int(os.environ.get("STAND_IN_FRAME", "300")),
+)
 WIDE = FAULT == "wide"
 READY = 1.0
 """s after which the estimates are valid."""
 
 ROLL, PITCH, YAW = (-1.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, -1.0), (1.0, 1.0, -1.0, -1.0)
-"""Shares of the motors of a quadrotor +: right and left, counter-clockwise, front and back, clockwise."""
+"""Shares of the motors of a quadrotor +: right and left, counter-clockwise, front and
+back, clockwise."""
 
 
 def option(name: str) -> str:
@@ -37,9 +43,13 @@ class StandIn:
     """State of the stand-in: mode, arming, place of its local origin, and set point."""
 
     def __init__(self) -> None:
-        self.parameters = dict(line.split() for line in Path(option("--defaults")).read_text().splitlines())
+        self.parameters = dict(
+            line.split() for line in Path(option("--defaults")).read_text().splitlines()
+        )
         assert option("--serial0").startswith("tcpclient:127.0.0.1:")
-        self.mavlink = socket.create_connection(("127.0.0.1", int(option("--serial0").rsplit(":", 1)[1])))
+        self.mavlink = socket.create_connection(
+            ("127.0.0.1", int(option("--serial0").rsplit(":", 1)[1]))
+        )
         self.mavlink.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.mavlink.setblocking(False)
         self.physics = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -58,7 +68,11 @@ class StandIn:
     def tell(self, name: str, **fields: object) -> None:
         """Send a message as system 1."""
         self.mavlink.setblocking(True)
-        self.mavlink.sendall(mavlink.pack(name, sequence=self.sequence & 255, system=1, component=1, **fields))
+        self.mavlink.sendall(
+            mavlink.pack(
+                name, sequence=self.sequence & 255, system=1, component=1, **fields
+            )
+        )
         self.mavlink.setblocking(False)
         self.sequence += 1
 
@@ -80,10 +94,20 @@ class StandIn:
                 self.height = message["param7"]
         elif message.name == "PARAM_REQUEST_READ" and message["param_id"] != "FOO":
             name = message["param_id"]
-            value = round(self.number(name)) if name == "LOG_DISARMED" else self.number(name)
+            value = (
+                round(self.number(name))
+                if name == "LOG_DISARMED"
+                else self.number(name)
+            )
             self.tell("PARAM_VALUE", param_id=name, param_value=value)
-        elif message.name == "SET_POSITION_TARGET_LOCAL_NED" and message["type_mask"] == 2048:
-            self.goal = [(message[a], message["v" + a], message["af" + a]) for a in "xyz"], message["yaw"]
+        elif (
+            message.name == "SET_POSITION_TARGET_LOCAL_NED"
+            and message["type_mask"] == 2048
+        ):
+            self.goal = (
+                [(message[a], message["v" + a], message["af" + a]) for a in "xyz"],
+                message["yaw"],
+            )
 
     def fly(self, state: dict[str, object]) -> None:
         """Update local place, messages and pulse widths for a line of the physics."""
@@ -95,7 +119,12 @@ class StandIn:
         self.beat += 1
         if self.beat % 400 == 1:
             self.tell(
-                "HEARTBEAT", type=2, autopilot=3, base_mode=128 * self.armed, custom_mode=self.mode, system_status=4
+                "HEARTBEAT",
+                type=2,
+                autopilot=3,
+                base_mode=128 * self.armed,
+                custom_mode=self.mode,
+                system_status=4,
             )
         if 193 in self.asked and self.beat % 80 == 0:
             self.tell("EKF_STATUS_REPORT", flags=831 if self.origin else 167)
@@ -111,23 +140,35 @@ class StandIn:
             axes, yaw = [(each, 0.0, 0.0) for each in start], None
         else:
             axes, yaw = self.goal
-        wish = [2.0 * (p - a) + 2.5 * (v - b) + f for (p, v, f), a, b in zip(axes, place, velocity, strict=True)]
+        wish = [
+            2.0 * (p - a) + 2.5 * (v - b) + f
+            for (p, v, f), a, b in zip(axes, place, velocity, strict=True)
+        ]
         w, x, y, z = state["quaternion"]
         heading = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        roll, pitch = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), math.asin(2 * (w * y - z * x))
+        roll, pitch = (
+            math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+            math.asin(2 * (w * y - z * x)),
+        )
         north, east, down = wish
         forward = math.cos(heading) * north + math.sin(heading) * east
         right = -math.sin(heading) * north + math.cos(heading) * east
-        turn = 0.0 if yaw is None else (yaw - heading + math.pi) % (2 * math.pi) - math.pi
+        turn = (
+            0.0 if yaw is None else (yaw - heading + math.pi) % (2 * math.pi) - math.pi
+        )
         gyro = state["imu"]["gyro"]
         errors = right / 9.81 - roll, -forward / 9.81 - pitch, turn
         commands = [
             self.number(f"ATC_RAT_{name}_P") * (4.5 * error - rate)
-            for name, error, rate in zip(("RLL", "PIT", "YAW"), errors, gyro, strict=True)
+            for name, error, rate in zip(
+                ("RLL", "PIT", "YAW"), errors, gyro, strict=True
+            )
         ]
         thrust = self.number("MOT_THST_HOVER") * (1.0 - down / 9.81)
         for i in range(4):
-            part = thrust + 0.5 * (commands[0] * ROLL[i] + commands[1] * PITCH[i] + commands[2] * YAW[i])
+            part = thrust + 0.5 * (
+                commands[0] * ROLL[i] + commands[1] * PITCH[i] + commands[2] * YAW[i]
+            )
             self.pulses[i] = round(1000 + 1000 * math.sqrt(min(max(part, 0.0), 1.0)))
 
     def packet(self, frame: int) -> bytes:
@@ -148,7 +189,9 @@ class StandIn:
         elif FAULT == "garbage":
             self.physics.send(os.urandom(23))
         elif FAULT == "magic":
-            self.physics.send(struct.pack("<HHI16H", 4660, 800, self.frame, *self.pulses))
+            self.physics.send(
+                struct.pack("<HHI16H", 4660, 800, self.frame, *self.pulses)
+            )
         elif FAULT == "restart":
             self.frame = 0
         elif FAULT == "skip":
@@ -164,7 +207,12 @@ class StandIn:
         while True:
             if self.frame == AT:
                 self.break_rules()
-            if FAULT == "disarm" and self.goal is not None and self.armed and self.frame > AT:
+            if (
+                FAULT == "disarm"
+                and self.goal is not None
+                and self.armed
+                and self.frame > AT
+            ):
                 self.armed, self.mode = False, 4
                 self.tell("STATUSTEXT", severity=2, text="Crash: Disarming")
                 self.tell("HEARTBEAT", type=2, autopilot=3, base_mode=0, custom_mode=4)

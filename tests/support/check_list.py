@@ -1,6 +1,8 @@
-"""List of the checks of ``skyarm check``: question, possible levels, limits and usual remedy of each.
+"""List of the checks of ``skyarm check``: question, possible levels, limits and usual
+remedy of each.
 
-A question of a finding equals one of the list, apart from names of joints and words about a load.
+A question of a finding equals one of the list, apart from names of joints and words
+about a load.
 """
 
 from __future__ import annotations
@@ -12,13 +14,24 @@ from skyarm.studies.assess.assessment import LAW, PARTS, PLAN, QUESTION, REFUSED
 from skyarm.studies.assess.endurance import SHORTEST
 from skyarm.studies.assess.finding import UNITS
 from skyarm.studies.assess.joints import OFTEN
-from skyarm.studies.assess.layout import DISC_LOADING, MOMENT_ARMS, THRUST_COEFFICIENTS, UNEVEN
+from skyarm.studies.assess.layout import (
+    DISC_LOADING,
+    MOMENT_ARMS,
+    THRUST_COEFFICIENTS,
+    UNEVEN,
+)
 from skyarm.studies.assess.pressing_flights import ALLOWED, STEPS
 from skyarm.studies.assess.pressing_flights import QUESTION as IN_FLIGHT
 from skyarm.studies.assess.push_limits import ASSUMED, HALF, WARNS
 from skyarm.studies.assess.survival_limits import KINDS
 from skyarm.studies.assess.survival_limits import QUESTION as CALM
-from skyarm.studies.assess.thrust import ENOUGH, FAULTS, LEAST_SHARE, SLOWEST_ZERO, WARNINGS
+from skyarm.studies.assess.thrust import (
+    ENOUGH,
+    FAULTS,
+    LEAST_SHARE,
+    SLOWEST_ZERO,
+    WARNINGS,
+)
 
 VEHICLE, SCENARIO = "vehicle", "scenario"
 
@@ -27,8 +40,10 @@ class Check(NamedTuple):
     """One check of a vehicle or of a scenario.
 
     Attributes:
-        of: "vehicle" (and of a scenario's vehicle) or "scenario". question: as in its findings; NAME is a joint.
-        levels: levels that it may end as. looks_at: computed quantity and limits. remedy: usual remedy.
+        of: "vehicle" (and of a scenario's vehicle) or "scenario". question: as in its
+            findings; NAME is a joint.
+        levels: levels that it may end as. looks_at: computed quantity and limits.
+            remedy: usual remedy.
     """
 
     of: str
@@ -43,7 +58,13 @@ def _authority(name: str, axis: int) -> Check:
         "angular acceleration that the rotors can add to hover, worst arm pose; "
         f"fault below {FAULTS[axis]:g} rad/s^2, warning below {WARNINGS[axis]:g}"
     )
-    return Check(VEHICLE, f"{name} authority", "ok, warning, fault", looks_at, "check positions; more thrust margin")
+    return Check(
+        VEHICLE,
+        f"{name} authority",
+        "ok, warning, fault",
+        looks_at,
+        "check positions; more thrust margin",
+    )
 
 
 CHECKS: tuple[Check, ...] = (
@@ -51,21 +72,24 @@ CHECKS: tuple[Check, ...] = (
         VEHICLE,
         UNITS,
         "ok, warning, fault",
-        "whether a number is unlikely for real vehicles; a fault in a vehicle, a warning in a scenario",
+        "whether a number is unlikely for real vehicles; a fault in a vehicle, a"
+        " warning in a scenario",
         "correct the unit",
     ),
     Check(
         VEHICLE,
         REFUSED,
         "fault",
-        "whether plants refuse the vehicle: joint friction or stops too stiff for the integration",
+        "whether plants refuse the vehicle: joint friction or stops too stiff for the"
+        " integration",
         "lower the damping, or state the armature",
     ),
     Check(
         VEHICLE,
         "weight on the rotors' discs",
         "ok, fault",
-        f"weight over the area of the discs; fault outside {DISC_LOADING[0]:g} to {DISC_LOADING[1]:g} N/m^2",
+        f"weight over the area of the discs; fault outside {DISC_LOADING[0]:g} to"
+        f" {DISC_LOADING[1]:g} N/m^2",
         "check masses (kg) and rotor positions (m)",
     ),
     Check(
@@ -80,7 +104,8 @@ CHECKS: tuple[Check, ...] = (
         "rotors as joints",
         "fault",
         "whether driven joints without limits have the names or the places of rotors",
-        '`[[rotors]] link = "NAME"`; or `[[joints]]` gives a joint of an arm its limits',
+        '`[[rotors]] link = "NAME"`; or `[[joints]]` gives a joint of an arm its'
+        " limits",
     ),
     Check(
         VEHICLE,
@@ -102,16 +127,17 @@ CHECKS: tuple[Check, ...] = (
         VEHICLE,
         "moment coefficient",
         "ok, warning, fault",
-        f"drag torque over the product of thrust and disc radius; fault above {MOMENT_ARMS[1]:g}, "
-        f"warning below {MOMENT_ARMS[0]:g}, or where another program's file states it",
+        "drag torque over the product of thrust and disc radius; fault above"
+        f" {MOMENT_ARMS[1]:g}, warning below {MOMENT_ARMS[0]:g}, or where another"
+        " program's file states it",
         "check its unit, m",
     ),
     Check(
         VEHICLE,
         "senses of rotation",
         "ok, warning, fault",
-        f"relative spread of hover thrusts; fault from {UNEVEN:g} if reversing one rotor, or two, evens them, "
-        "warning if senses differ by 2 rotors",
+        f"relative spread of hover thrusts; fault from {UNEVEN:g} if reversing one"
+        " rotor, or two, evens them, warning if senses differ by 2 rotors",
         "turn one rotor round",
     ),
     Check(
@@ -126,15 +152,17 @@ CHECKS: tuple[Check, ...] = (
         VEHICLE,
         "balance of the rotors",
         "ok, warning, fault",
-        f"hover thrust of the idlest rotor over the mean, worst arm pose; fault below 0, also of a reversible rotor, "
-        f"for the shipped laws reverse none; warning below {LEAST_SHARE:g}",
+        "hover thrust of the idlest rotor over the mean, worst arm pose; fault below"
+        " 0, also of a reversible rotor, for the shipped laws reverse none; warning"
+        f" below {LEAST_SHARE:g}",
         "move mass towards the rotors' middle",
     ),
     Check(
         VEHICLE,
         "joints[NAME] static effort",
         "ok, note, fault",
-        "largest effort that holds the arm in any pose; fault above the limit of the joint",
+        "largest effort that holds the arm in any pose; fault above the limit of the"
+        " joint",
         "a stronger drive, or a lighter or shorter arm",
     ),
     _authority("roll", 0),
@@ -152,8 +180,8 @@ CHECKS: tuple[Check, ...] = (
         VEHICLE,
         "side force of torques",
         "warning",
-        "unstable zero of the position, where leaning rotors push against the tilt that they make; "
-        f"warning below {SLOWEST_ZERO:g} rad/s",
+        "unstable zero of the position, where leaning rotors push against the tilt"
+        f" that they make; warning below {SLOWEST_ZERO:g} rad/s",
         "lean the rotors inward, or a lower bandwidth",
     ),
     Check(
@@ -163,19 +191,27 @@ CHECKS: tuple[Check, ...] = (
         f"largest steady wind force with a thrust margin of {ENOUGH:g}",
         "none",
     ),
-    Check(VEHICLE, "workspace", "ok", "box around all positions of the tip, base axes", "none"),
+    Check(
+        VEHICLE,
+        "workspace",
+        "ok",
+        "box around all positions of the tip, base axes",
+        "none",
+    ),
     Check(
         VEHICLE,
         "time aloft",
         "ok, note, warning, fault",
-        f"time of hover on the battery; warning below {SHORTEST:g} s, fault if it cannot hover",
+        f"time of hover on the battery; warning below {SHORTEST:g} s, fault if it"
+        " cannot hover",
         "more cells or more charge",
     ),
     Check(
         SCENARIO,
         PLAN,
         "warning",
-        "whether the motion of the tip reaches joint limits or a near singularity, or needs too much thrust or tilt",
+        "whether the motion of the tip reaches joint limits or a near singularity, or"
+        " needs too much thrust or tilt",
         "another `posture`, or a slower motion",
     ),
     Check(
@@ -196,7 +232,8 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         "battery over the flight",
         "ok, fault",
-        "time of hover on the battery, each load counted while it is held; fault below the duration",
+        "time of hover on the battery, each load counted while it is held; fault below"
+        " the duration",
         "more charge, or less load",
     ),
     Check(
@@ -226,8 +263,9 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         "steps of the reference",
         "warning",
-        "largest step of the velocity of the reference's base, at the start from that of the vehicle; "
-        f"warning above {BLOW:g} m/s, from where it is as hard as a blow",
+        "largest step of the velocity of the reference's base, at the start from that"
+        f" of the vehicle; warning above {BLOW:g} m/s, from where it is as hard as a"
+        " blow",
         "a motion that begins at rest, or an initial velocity",
     ),
     Check(
@@ -243,8 +281,8 @@ CHECKS: tuple[Check, ...] = (
             SCENARIO,
             question,
             "ok, warning",
-            f"smallest distance of the vehicle's bodies, as they are drawn, from {what}, along the reference; "
-            "warning below 0",
+            "smallest distance of the vehicle's bodies, as they are drawn, from"
+            f" {what}, along the reference; warning below 0",
             "a path farther from it, or another arm pose",
         )
         for question, what in zip(CLEARANCES, ("surfaces", "each other"), strict=True)
@@ -253,36 +291,40 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         "contact along the reference",
         "warning, fault",
-        "largest force on the tip that a plan counts on in a world without surfaces; fault above the weight",
+        "largest force on the tip that a plan counts on in a world without surfaces;"
+        " fault above the weight",
         "what the tip touches in the plan",
     ),
     Check(
         SCENARIO,
         "load share",
         "note",
-        "weight of the bodies that the vehicle's grasps carry at the start; thrust and joint efforts that this takes",
+        "weight of the bodies that the vehicle's grasps carry at the start; thrust and"
+        " joint efforts that this takes",
         "none",
     ),
     Check(
         SCENARIO,
         "balance of BODY",
         "ok, note, warning",
-        "static equilibrium of a body in its grasps at the start; warning if it tips, swings or falls",
+        "static equilibrium of a body in its grasps at the start; warning if it tips,"
+        " swings or falls",
         "grasps around the vertical through its centre of mass",
     ),
     Check(
         SCENARIO,
         "loss of NAME",
         "note, warning",
-        "load share and balance with the grasps of one vehicle open; its number is the least thrust margin of the "
-        "others; warning at an alarm of another vehicle",
+        "load share and balance with the grasps of one vehicle open; its number is the"
+        " least thrust margin of the others; warning at an alarm of another vehicle",
         "a lighter body, more thrust, or one vehicle more",
     ),
     Check(
         SCENARIO,
         QUESTION,
         "ok, note, warning, fault",
-        "extra delay at which the loop in hover becomes unstable; fault if it is unstable as it is",
+        "extra delay at which the loop in hover becomes unstable; fault if it is"
+        " unstable as it is",
         "softer gains, faster motors, or less delay",
     ),
     Check(
@@ -296,42 +338,48 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         "joints while pressing",
         "ok, warning, fault",
-        f"joint efforts that the contact force needs, over their limits; warning above {WARNS:g}, fault above 1",
+        "joint efforts that the contact force needs, over their limits; warning above"
+        f" {WARNS:g}, fault above 1",
         "less force, or the tip nearer to the joint's height",
     ),
     Check(
         SCENARIO,
         "yaw while pressing",
         "ok, warning",
-        f"yaw torque of pushing and sliding, over that of the rotors; warning above {HALF:g}",
+        "yaw torque of pushing and sliding, over that of the rotors; warning above"
+        f" {HALF:g}",
         "less force, or a shorter reach",
     ),
     Check(
         SCENARIO,
         "force of a guard",
         "warning",
-        "speed that an object gains if the guard's force pushes it for `hold`; warning above the speed of the approach",
+        "speed that an object gains if the guard's force pushes it for `hold`; warning"
+        " above the speed of the approach",
         "less force, a shorter hold, or a guard that awaits a distance",
     ),
     Check(
         SCENARIO,
         "force without a sensor",
         "note",
-        f"error of the estimated force if all joint torques are {ASSUMED.torques:.0%} off",
+        "error of the estimated force if all joint torques are"
+        f" {ASSUMED.torques:.0%} off",
         "set `tolerances`, or add a force sensor",
     ),
     Check(
         SCENARIO,
         STEPS,
         "fault",
-        "whether the integration steps are too long for the contact's stiffness and the mass of the tip",
+        "whether the integration steps are too long for the contact's stiffness and the"
+        " mass of the tip",
         "a softer material",
     ),
     Check(
         SCENARIO,
         IN_FLIGHT,
         "ok, note, fault",
-        f"mean force error in simulated flights; fault above {ALLOWED:.0%}, or if a flight ends early",
+        f"mean force error in simulated flights; fault above {ALLOWED:.0%}, or if a"
+        " flight ends early",
         "mend the cause that is named: yaw torque, reach or a light tip",
     ),
     Check(
@@ -343,7 +391,13 @@ CHECKS: tuple[Check, ...] = (
         "another law or other gains",
     ),
     *(
-        Check(SCENARIO, f"largest {kind}", "note", f"with `--flights`: the most that is survived {words}", "none")
+        Check(
+            SCENARIO,
+            f"largest {kind}",
+            "note",
+            f"with `--flights`: the most that is survived {words}",
+            "none",
+        )
         for kind, (_, _, words) in KINDS.items()
     ),
 )

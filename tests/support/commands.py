@@ -1,4 +1,6 @@
-"""The command line in this process: what it ends with and what it prints, without the start of an interpreter."""
+"""The command line in this process: what it ends with and what it prints, without the
+start of an interpreter.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +25,19 @@ class Outcome:
 
 
 def skyarm(*arguments: str, columns: int = 80) -> Outcome:
-    """The command as its entry point runs it, in this process; on a terminal of so many columns."""
+    """The command as its entry point runs it, in this process; on a terminal of so many
+    columns.
+    """
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["skyarm", *arguments])
         patch.setenv("COLUMNS", str(columns))
         patch.setattr(console, "_width", columns)
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as stop:
+        with (
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+            pytest.raises(SystemExit) as stop,
+        ):
             main()
     code = stop.value.code
     return Outcome(code if isinstance(code, int) else 0, out.getvalue(), err.getvalue())

@@ -1,7 +1,9 @@
 """Components and laws of a user's own, right and wrong ones.
 
-- Components of a user's own, as examples: what no file of the library knows. Each is written as a plugin would be.
-- Laws of one's own that are wrong, as people write them: each a file, the line that is blamed, and the words.
+- Components of a user's own, as examples: what no file of the library knows. Each is
+  written as a plugin would be.
+- Laws of one's own that are wrong, as people write them: each a file, the line that is
+  blamed, and the words.
 """
 
 from __future__ import annotations
@@ -30,7 +32,9 @@ from skyarm.world import Air, Force, Wrench
 
 @dataclass(frozen=True, kw_only=True)
 class Turbulence(Air):
-    """Turbulence of first order: its memory is the three components in standard deviations."""
+    """Turbulence of first order: its memory is the three components in standard
+    deviations.
+    """
 
     sigma: float = 0.5
     time: float = 0.5
@@ -43,9 +47,14 @@ class Turbulence(Air):
     def start(self, period: float, draws: Sequence[Any]) -> Any:
         return tuple(normals(draws)[:3])
 
-    def advance(self, memory: Any, t: Any, dt: float, state: Any, draws: Sequence[Any]) -> Any:
+    def advance(
+        self, memory: Any, t: Any, dt: float, state: Any, draws: Sequence[Any]
+    ) -> Any:
         a = exp(-dt / self.time)
-        return tuple(a * m + sqrt(1.0 - a * a) * x for m, x in zip(memory, normals(draws)[:3], strict=True))
+        return tuple(
+            a * m + sqrt(1.0 - a * a) * x
+            for m, x in zip(memory, normals(draws)[:3], strict=True)
+        )
 
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
         return Vec3(*memory) * self.sigma
@@ -71,16 +80,22 @@ class RandomPush(Force):
     def start(self, period: float, draws: Sequence[Any]) -> Any:
         return (0.0,)
 
-    def advance(self, memory: Any, t: Any, dt: float, state: Any, draws: Sequence[Any]) -> Any:
+    def advance(
+        self, memory: Any, t: Any, dt: float, state: Any, draws: Sequence[Any]
+    ) -> Any:
         return (normals(draws)[0],)
 
-    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+    def wrenches(
+        self, memory: Any, t: Any, motion: Any, rotor_speeds: Sequence[Any]
+    ) -> Sequence[Wrench]:
         return (Wrench(force_W=Vec3(0.0, 0.0, self.sigma * memory[0])),)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tether(Force):
-    """A spring and damper from a point of a body to a place of the world: it depends on the state."""
+    """A spring and damper from a point of a body to a place of the world: it depends on
+    the state.
+    """
 
     anchor: Vec3 = ZERO3
     stiffness: float = 2.0
@@ -88,9 +103,14 @@ class Tether(Force):
     point: Vec3 = ZERO3
     body: int = -1
 
-    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+    def wrenches(
+        self, memory: Any, t: Any, motion: Any, rotor_speeds: Sequence[Any]
+    ) -> Sequence[Wrench]:
         apart = self.anchor - motion.position(self.point, self.body)
-        force = apart * self.stiffness - motion.velocity(self.point, self.body) * self.damping
+        force = (
+            apart * self.stiffness
+            - motion.velocity(self.point, self.body) * self.damping
+        )
         return (Wrench(force_W=force, point=self.point, body=self.body),)
 
 
@@ -103,13 +123,24 @@ class SteadyWrench(Force):
     point: Vec3 = ZERO3
     body: int = -1
 
-    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
-        return (Wrench(force_W=self.force, torque_W=self.torque, point=self.point, body=self.body),)
+    def wrenches(
+        self, memory: Any, t: Any, motion: Any, rotor_speeds: Sequence[Any]
+    ) -> Sequence[Wrench]:
+        return (
+            Wrench(
+                force_W=self.force,
+                torque_W=self.torque,
+                point=self.point,
+                body=self.body,
+            ),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fix(Sensor):
-    """Position with white noise; its memory counts the readings, and a reading says which one it is and when it was."""
+    """Position with white noise; its memory counts the readings, and a reading says
+    which one it is and when it was.
+    """
 
     rate: float = 0.0
     delay: float = 0.0
@@ -129,9 +160,19 @@ class Fix(Sensor):
     def start(self, vehicle: Any) -> Any:
         return (0.0,)
 
-    def measure(self, memory: Any, t: Any, state: Any, specific_force: Vec3, draws: Sequence[Any], dt: float) -> Any:
+    def measure(
+        self,
+        memory: Any,
+        t: Any,
+        state: Any,
+        specific_force: Vec3,
+        draws: Sequence[Any],
+        dt: float,
+    ) -> Any:
         noise = normals(draws)[:3]
-        where_to = tuple(p + self.sigma * x for p, x in zip(state.position, noise, strict=True))
+        where_to = tuple(
+            p + self.sigma * x for p, x in zip(state.position, noise, strict=True)
+        )
         return (memory[0] + 1.0,), (1.0 * t, memory[0], *where_to, 1.0 * dt)
 
 
@@ -145,9 +186,14 @@ class Blend(Estimator):
     def start(self, vehicle: Any) -> Any:
         return (0.0, 0.0, 0.0)
 
-    def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> Any:
+    def step(
+        self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float
+    ) -> Any:
         full, fix = readings[FULL_STATE], readings[self.sensor][2:5]
-        off = tuple(m + self.gain * (p - q - m) for m, p, q in zip(memory, fix, full.position, strict=True))
+        off = tuple(
+            m + self.gain * (p - q - m)
+            for m, p, q in zip(memory, fix, full.position, strict=True)
+        )
         return off, dataclasses.replace(full, position=full.position + Vec3(*off))
 
 
@@ -160,7 +206,9 @@ class Lag(Drive):
     def start(self, position: Any) -> Any:
         return (0.0,)
 
-    def advance(self, memory: Any, setpoint: Any, position: Any, rate: Any, dt: float) -> Any:
+    def advance(
+        self, memory: Any, setpoint: Any, position: Any, rate: Any, dt: float
+    ) -> Any:
         return (memory[0] + (setpoint - memory[0]) * (1.0 - exp(-dt / self.lag)),)
 
     def effort(self, memory: Any, setpoint: Any, position: Any, rate: Any) -> Any:
@@ -199,31 +247,43 @@ class Ceiling(Ending):
 
 
 def telling(heard: Callable[[Any], Sequence[Any]]) -> Any:
-    """A law whose rotor commands tell four numbers of what it hears, on top of 450 rad/s; the arm is left alone."""
+    """A law whose rotor commands tell four numbers of what it hears, on top of 450
+    rad/s; the arm is left alone.
+    """
 
-    def law(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> tuple[Any, Command]:
+    def law(
+        memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any
+    ) -> tuple[Any, Command]:
         del reference, dt
         speeds = tuple(450.0 + each for each in heard(measurement))
-        return memory, Command(rotor_speeds=speeds, efforts=(0.0,) * par.model.vehicle.n)
+        return memory, Command(
+            rotor_speeds=speeds, efforts=(0.0,) * par.model.vehicle.n
+        )
 
     return law
 
 
 def with_law(scenario: Any, law: Any, **fields: Any) -> Any:
     """The scenario with another law, which is traced."""
-    return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, law=law, **fields))
+    return dataclasses.replace(
+        scenario, controller=dataclasses.replace(scenario.controller, law=law, **fields)
+    )
 
 
 def same_logs(a: Any, b: Any) -> bool:
     """Two logs to the bit."""
     ours, theirs = a.arrays(), b.arrays()
-    return ours.keys() == theirs.keys() and all(ours[name].tobytes() == theirs[name].tobytes() for name in ours)
+    return ours.keys() == theirs.keys() and all(
+        ours[name].tobytes() == theirs[name].tobytes() for name in ours
+    )
 
 
 def equal_logs(a: Any, b: Any) -> bool:
     """Two logs value by value: to the bit, but that a zero may have another sign."""
     ours, theirs = a.arrays(), b.arrays()
-    return ours.keys() == theirs.keys() and all(np.array_equal(ours[name], theirs[name]) for name in ours)
+    return ours.keys() == theirs.keys() and all(
+        np.array_equal(ours[name], theirs[name]) for name in ours
+    )
 
 
 @contextmanager
@@ -231,7 +291,11 @@ def registry_kept() -> Iterator[None]:
     """What is registered or loaded inside is gone afterwards."""
     names("law")  # everything that ships, and what is installed, is there from now on
     found = {kind: dict(rows) for kind, rows in _FOUND.items()}
-    loaded, modules, sources = dict(plugins._LOADED), dict(plugins._MODULES), copy.copy(_SOURCE)
+    loaded, modules, sources = (
+        dict(plugins._LOADED),
+        dict(plugins._MODULES),
+        copy.copy(_SOURCE),
+    )
     try:
         yield
     finally:
@@ -283,7 +347,8 @@ class Mistake:
     """One mistake.
 
     Attributes:
-        body: the law; its line marked ``# here`` is blamed. words: after the law's name.
+        body: the law; its line marked ``# here`` is blamed. words: after the law's
+            name.
         memory: its first memory, as text. make: of the file, if another one.
     """
 
@@ -295,21 +360,38 @@ class Mistake:
     @property
     def text(self) -> str:
         """The file."""
-        return HEAD + "\n\n" + self.body.strip("\n") + "\n" + self.make.format(memory=self.memory)
+        return (
+            HEAD
+            + "\n\n"
+            + self.body.strip("\n")
+            + "\n"
+            + self.make.format(memory=self.memory)
+        )
 
     @property
     def line(self) -> int:
         """The line that is blamed."""
-        (found,) = [k for k, line in enumerate(self.text.splitlines(), 1) if line.endswith("# here")]
+        (found,) = [
+            k
+            for k, line in enumerate(self.text.splitlines(), 1)
+            if line.endswith("# here")
+        ]
         return found
 
 
 def returning(value: str, *, mark: bool = False) -> str:
     """A law of one line, which is blamed itself where it is marked."""
-    return f"{LAW[: -len('  # here')]}\n    return {value}  # here\n" if mark else f"{LAW}\n    return {value}\n"
+    return (
+        f"{LAW[: -len('  # here')]}\n    return {value}  # here\n"
+        if mark
+        else f"{LAW}\n    return {value}\n"
+    )
 
 
-STATE = "it keeps state outside its memory: a closure, a global, an attribute, random numbers or a clock"
+STATE = (
+    "it keeps state outside its memory: a closure, a global, an attribute, random"
+    " numbers or a clock"
+)
 
 RESULTS = {
     "one_effort": Mistake(
@@ -317,7 +399,8 @@ RESULTS = {
         "gives 1 efforts: must be 2, one for each joint",
     ),
     "no_efforts": Mistake(
-        returning("memory, Command(rotor_speeds=HOVER)"), "gives 0 efforts: must be 2, one for each joint"
+        returning("memory, Command(rotor_speeds=HOVER)"),
+        "gives 0 efforts: must be 2, one for each joint",
     ),
     "six_rotors": Mistake(
         returning("memory, Command(rotor_speeds=(485.0,) * 6, efforts=STILL)"),
@@ -340,10 +423,12 @@ RESULTS = {
         "makes a record that cannot be: command.efforts = 'ab': must be a sequence",
     ),
     "none": Mistake(
-        f"{LAW}\n    Command(rotor_speeds=HOVER, efforts=STILL)\n", "returns None: must return (memory, Command)"
+        f"{LAW}\n    Command(rotor_speeds=HOVER, efforts=STILL)\n",
+        "returns None: must return (memory, Command)",
     ),
     "command_alone": Mistake(
-        returning("Command(rotor_speeds=HOVER, efforts=STILL)"), "returns a Command: must return (memory, Command)"
+        returning("Command(rotor_speeds=HOVER, efforts=STILL)"),
+        "returns a Command: must return (memory, Command)",
     ),
     "wrong_order": Mistake(
         returning("Command(rotor_speeds=HOVER, efforts=STILL), memory"),
@@ -354,22 +439,32 @@ RESULTS = {
         "returns a tuple of 3: must return (memory, Command)",
     ),
     "no_command": Mistake(
-        returning("memory, (HOVER, STILL)"), "returns (memory, a tuple of 2): must return (memory, Command)"
+        returning("memory, (HOVER, STILL)"),
+        "returns (memory, a tuple of 2): must return (memory, Command)",
     ),
     "an_effort_is_none": Mistake(
         returning("memory, Command(rotor_speeds=HOVER, efforts=(0.0, None))"),
         "gives efforts[1] as None: must be a number",
     ),
     "a_speed_is_a_vector": Mistake(
-        returning("memory, Command(rotor_speeds=(seen.position, 485.0, 485.0, 485.0), efforts=STILL)"),
+        returning(
+            "memory, Command(rotor_speeds=(seen.position, 485.0, 485.0, 485.0),"
+            " efforts=STILL)"
+        ),
         "gives rotor_speeds[0] as a Vec3: must be a number",
     ),
     "nan": Mistake(
-        returning('memory, Command(rotor_speeds=HOVER, efforts=(0.0, float("nan") * seen.position.z))'),
+        returning(
+            'memory, Command(rotor_speeds=HOVER, efforts=(0.0, float("nan") *'
+            " seen.position.z))"
+        ),
         "gives efforts[1] = nan in its first period: must be a finite number",
     ),
     "infinite": Mistake(
-        returning("memory, Command(rotor_speeds=(1.0 / (0.0 * seen.position.z),) * 4, efforts=STILL)"),
+        returning(
+            "memory, Command(rotor_speeds=(1.0 / (0.0 * seen.position.z),) * 4,"
+            " efforts=STILL)"
+        ),
         "gives rotor_speeds[0] = inf in its first period: must be a finite number",
     ),
 }
@@ -394,8 +489,8 @@ MEMORIES = {
     ),
     "dict": Mistake(
         returning(f"memory, {FLY}"),
-        "has memory = {'total': 0.0}: must be a tuple or a frozen dataclass of numbers, "
-        "or Controller(compiled=False), which calls it with floats",
+        "has memory = {'total': 0.0}: must be a tuple or a frozen dataclass of numbers,"
+        " or Controller(compiled=False), which calls it with floats",
         memory="{{'total': 0.0}}".replace("{{", "{").replace("}}", "}"),
     ),
     "list": Mistake(
@@ -406,17 +501,19 @@ MEMORIES = {
     ),
     "array": Mistake(
         returning(f"memory, {FLY}"),
-        "has memory = array([0., 0.]): must be a tuple or a frozen dataclass of numbers, "
-        "or Controller(compiled=False), which calls it with floats",
+        "has memory = array([0., 0.]): must be a tuple or a frozen dataclass of"
+        " numbers, or Controller(compiled=False), which calls it with floats",
         memory="np.zeros(2)",
     ),
     "missing": Mistake(
         returning(f"(seen.position.z,), {FLY}"),
-        "changes the structure of its memory: memory is a tuple of 1, must stay a tuple of 0",
+        "changes the structure of its memory: memory is a tuple of 1, must stay a tuple"
+        " of 0",
     ),
     "not_returned": Mistake(
         returning(f"(), {FLY}"),
-        "changes the structure of its memory: memory is a tuple of 0, must stay a tuple of 1",
+        "changes the structure of its memory: memory is a tuple of 0, must stay a tuple"
+        " of 1",
         memory="(0.0,)",
     ),
     "another_record": Mistake(
@@ -426,12 +523,14 @@ MEMORIES = {
     ),
     "reset_to_an_int": Mistake(
         returning(f"Sum(total=0), {FLY}"),
-        "changes the structure of its memory: memory.total is the int 0, must stay a number",
+        "changes the structure of its memory: memory.total is the int 0, must stay a"
+        " number",
         memory="Sum()",
     ),
     "grows": Mistake(
         returning(f"(*memory, seen.position.z), {FLY}"),
-        "changes the structure of its memory: memory is a tuple of 2, must stay a tuple of 1",
+        "changes the structure of its memory: memory is a tuple of 2, must stay a tuple"
+        " of 1",
         memory="(0.0,)",
     ),
 }
@@ -476,7 +575,10 @@ law = Law()
         f"gives other numbers as a program in period 0 than with floats: {STATE}",
     ),
     "random": Mistake(
-        returning("memory, Command(rotor_speeds=(485.0 + random.random(),) * 4, efforts=STILL)"),
+        returning(
+            "memory, Command(rotor_speeds=(485.0 + random.random(),) * 4,"
+            " efforts=STILL)"
+        ),
         f"gives other numbers as a program in period 0 than with floats: {STATE}",
     ),
     "once_in_ten": Mistake(
@@ -509,9 +611,13 @@ TRACED = "or Controller(compiled=False), which calls it with floats"
 
 TRACES = {
     "array_and_number": Mistake(
-        returning("memory, Command(rotor_speeds=np.full(4, 485.0) + seen.position.z, efforts=STILL)", mark=True),
-        "cannot be traced: a NumPy array meets a traced number; must use + - * / and the functions of "
-        "skyarm.algebra.scalars, " + TRACED,
+        returning(
+            "memory, Command(rotor_speeds=np.full(4, 485.0) + seen.position.z,"
+            " efforts=STILL)",
+            mark=True,
+        ),
+        "cannot be traced: a NumPy array meets a traced number; must use + - * / and"
+        " the functions of skyarm.algebra.scalars, " + TRACED,
     ),
     "branch": Mistake(
         """
@@ -521,7 +627,8 @@ def law(memory, seen, wanted, dt, *, par):
         error = 1.0
     return memory, Command(rotor_speeds=(485.0 + error,) * 4, efforts=STILL)
 """,
-        "cannot be traced: branch on a traced value; use skyarm.algebra.scalars.where(condition, a, b), " + TRACED,
+        "cannot be traced: branch on a traced value; use"
+        " skyarm.algebra.scalars.where(condition, a, b), " + TRACED,
     ),
     "max": Mistake(
         """
@@ -529,7 +636,8 @@ def law(memory, seen, wanted, dt, *, par):
     error = max(wanted.position.z - seen.position.z, 0.0)  # here
     return memory, Command(rotor_speeds=(485.0 + error,) * 4, efforts=STILL)
 """,
-        "cannot be traced: branch on a traced value; use skyarm.algebra.scalars.where(condition, a, b), " + TRACED,
+        "cannot be traced: branch on a traced value; use"
+        " skyarm.algebra.scalars.where(condition, a, b), " + TRACED,
     ),
     "math": Mistake(
         """
@@ -547,8 +655,9 @@ def law(memory, seen, wanted, dt, *, par):
 def law(memory, seen, wanted, dt, *, par):
     return memory, Command(rotor_speeds=(485.0 + np.sin(seen.position.z),) * 4, efforts=STILL)  # here
 """,
-        "cannot be traced: operand a traced number does not support ufuncs (__array_ufunc__=None); "
-        "must use + - * / and the functions of skyarm.algebra.scalars, " + TRACED,
+        "cannot be traced: operand a traced number does not support ufuncs"
+        " (__array_ufunc__=None); must use + - * / and the functions of"
+        " skyarm.algebra.scalars, " + TRACED,
     ),
     "norm": Mistake(
         """
@@ -563,8 +672,9 @@ def law(memory, seen, wanted, dt, *, par):
 def law(memory, seen, wanted, dt, *, par):
     return memory, Command(rotor_speeds=(485.0 + seen.position.z**2,) * 4, efforts=STILL)  # here
 """,
-        "cannot be traced: unsupported operand type(s) for ** or pow(): a traced number and 'int'; "
-        "must use + - * / and the functions of skyarm.algebra.scalars, " + TRACED,
+        "cannot be traced: unsupported operand type(s) for ** or pow(): a traced number"
+        " and 'int'; must use + - * / and the functions of skyarm.algebra.scalars, "
+        + TRACED,
     ),
     "writes_to_what_it_sees": Mistake(
         """
@@ -572,7 +682,8 @@ def law(memory, seen, wanted, dt, *, par):
     seen.velocity = wanted.velocity  # here
     return memory, Command(rotor_speeds=HOVER, efforts=STILL)
 """,
-        "changes a record: cannot assign to field 'velocity'; must make another, by dataclasses.replace",
+        "changes a record: cannot assign to field 'velocity'; must make another, by"
+        " dataclasses.replace",
     ),
     "writes_to_its_memory": Mistake(
         f"""
@@ -601,14 +712,17 @@ class Held:
 WITHOUT_FLIGHT = {
     "signature": Mistake(
         f"def law(memory, seen, wanted):  # here\n    return memory, {FLY}\n",
-        "cannot be called as law(memory, measurement, reference, dt, *, par): too many positional arguments",
+        "cannot be called as law(memory, measurement, reference, dt, *, par): too many"
+        " positional arguments",
     ),
     "no_par": Mistake(
         f"def law(memory, seen, wanted, dt):  # here\n    return memory, {FLY}\n",
-        "cannot be called as law(memory, measurement, reference, dt, *, par): got an unexpected keyword argument 'par'",
+        "cannot be called as law(memory, measurement, reference, dt, *, par): got an"
+        " unexpected keyword argument 'par'",
     ),
     "class_in_place_of_an_instance": Mistake(
-        f"class law:\n    {LAW.replace('law(', '__call__(self, ')}\n        return memory, {FLY}\n",
+        f"class law:\n    {LAW.replace('law(', '__call__(self, ')}\n        return"
+        f" memory, {FLY}\n",
         "is the class law: must be a function, or an object with __call__, "
         "law(memory, measurement, reference, dt, *, par)",
     ),
@@ -626,12 +740,14 @@ WITHOUT_FLIGHT = {
 
 MAKERS = {
     "law_cannot_be_called": Mistake(
-        "class Law:\n    def step(self, memory, seen, wanted, dt):\n        return memory, None\n\n\nlaw = Law()\n",
+        "class Law:\n    def step(self, memory, seen, wanted, dt):\n        return"
+        " memory, None\n\n\nlaw = Law()\n",
         ">: must be a function",
         make=MAKE.replace("memory={memory})", "memory={memory})  # here"),
     ),
     "returns_a_class": Mistake(
-        "class Law:\n    def __call__(self, memory, seen, wanted, dt, *, par):\n        return memory, None\n",
+        "class Law:\n    def __call__(self, memory, seen, wanted, dt, *, par):\n       "
+        " return memory, None\n",
         "returns the class Law: its maker must return a Controller",
         make="\n\ndef make(model):  # here\n    return Law\n",
     ),
@@ -641,7 +757,9 @@ MAKERS = {
         make="\n\ndef make(model):  # here\n    return law\n",
     ),
     "returns_nothing": Mistake(
-        "", "returns None: its maker must return a Controller", make="\n\ndef make(model):  # here\n    pass\n"
+        "",
+        "returns None: its maker must return a Controller",
+        make="\n\ndef make(model):  # here\n    pass\n",
     ),
     "takes_no_model": Mistake(
         "",
@@ -651,11 +769,16 @@ MAKERS = {
 }
 
 FINE = {
-    "array": returning("memory, Command(rotor_speeds=np.full(4, 485.0), efforts=np.zeros(2))"),
+    "array": returning(
+        "memory, Command(rotor_speeds=np.full(4, 485.0), efforts=np.zeros(2))"
+    ),
     "list": returning("memory, Command(rotor_speeds=[485.0] * 4, efforts=[0.0, 0.0])"),
-    "ints": returning("memory, Command(rotor_speeds=(485, 485, 485, 485), efforts=(0, 0))"),
+    "ints": returning(
+        "memory, Command(rotor_speeds=(485, 485, 485, 485), efforts=(0, 0))"
+    ),
     "numpy_numbers": returning(
-        "memory, Command(rotor_speeds=(np.float64(485.0),) * 4, efforts=(np.float64(0.0),) * 2)"
+        "memory, Command(rotor_speeds=(np.float64(485.0),) * 4,"
+        " efforts=(np.float64(0.0),) * 2)"
     ),
 }
 """What is as good as tuples of floats."""

@@ -1,8 +1,10 @@
 """Digests of flights, kept so that no change of the house changes a bit of a flight.
 
-``python tests/support/flight_digests.py FILE`` flies all of them and writes their digests; that takes some half an
-hour. Each flight is one case of the paper with one controller on one plant. The batches are 64 lanes of varied plants,
-winds, delays and noise: to the bit in bit-exact machine code, by the numbers of their metrics in the fast modes.
+``python tests/support/flight_digests.py FILE`` flies all of them and writes their
+digests; that takes some half an hour. Each flight is one case of the paper with one
+controller on one plant. The batches are 64 lanes of varied plants, winds, delays and
+noise: to the bit in bit-exact machine code, by the numbers of their metrics in the fast
+modes.
 """
 
 from __future__ import annotations
@@ -20,7 +22,13 @@ from typing import Any
 import numpy as np
 
 import skyarm
-from skyarm.control.catalogue import LAWS, PRESETS, make_controller, suitable_options, tuned_factors
+from skyarm.control.catalogue import (
+    LAWS,
+    PRESETS,
+    make_controller,
+    suitable_options,
+    tuned_factors,
+)
 from skyarm.control.model import Terms
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.leaves import leaves
@@ -30,14 +38,46 @@ from skyarm.simulate.batch import Batch
 CASES = ("case1", "case2", "case2_gust", "case3", "case3_wind")
 PLANTS = ("rigid_body", "mujoco")
 ARRAYS = (
-    *("time", "position", "quaternion", "velocity", "rate", "joints", "joint_rates", "efforts", "rotor_speeds"),
-    *("rotor_commands", "position_held", "velocity_held", "joints_held", "joint_rates_held", "yaw_held"),
-    *("position_reference", "joints_reference", "yaw_reference", "tool", "tool_held", "tool_reference"),
+    *(
+        "time",
+        "position",
+        "quaternion",
+        "velocity",
+        "rate",
+        "joints",
+        "joint_rates",
+        "efforts",
+        "rotor_speeds",
+    ),
+    *(
+        "rotor_commands",
+        "position_held",
+        "velocity_held",
+        "joints_held",
+        "joint_rates_held",
+        "yaw_held",
+    ),
+    *(
+        "position_reference",
+        "joints_reference",
+        "yaw_reference",
+        "tool",
+        "tool_held",
+        "tool_reference",
+    ),
     *("wind_force", "air_velocity", "measured_position", "measured_joints"),
 )
 """Arrays of a log as they were when the digests were taken; later ones do not count."""
 
-BATCHED = ("paper_ct", "paper_pd", "centroidal_tip", "centroidal_joint", "l1_adaptive", "indi", "kim2013")
+BATCHED = (
+    "paper_ct",
+    "paper_pd",
+    "centroidal_tip",
+    "centroidal_joint",
+    "l1_adaptive",
+    "indi",
+    "kim2013",
+)
 LANES, SECONDS = 64, 6.0
 MODES = ("bit_exact", "double", "single")
 
@@ -63,11 +103,15 @@ def as_taken(controller: str) -> str:
 
 
 YOUNGER = ("hybrid_ct", "admittance_pd")
-"""Laws that there were not yet when the digests were taken; without a push they fly as others."""
+"""Laws that there were not yet when the digests were taken; without a push they fly as
+others."""
 
 
 OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
-    "ct_level_gravity": ("hybrid_computed_torque", {"terms": Terms(full_gravity=False)}),
+    "ct_level_gravity": (
+        "hybrid_computed_torque",
+        {"terms": Terms(full_gravity=False)},
+    ),
     "ct_coupled_thrust": ("ct_ladder", {"steps": 1}),
     "ct_consistent": ("ct_ladder", {"steps": 2}),
     "ct_observer": ("ct_ladder", {"steps": 3}),
@@ -79,7 +123,9 @@ OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def controllers() -> tuple[str, ...]:
-    """Every preset, every law with some of its options, and every law with tuned gains, as far as there were any."""
+    """Every preset, every law with some of its options, and every law with tuned gains,
+    as far as there were any.
+    """
     there = (*PRESETS, *LAWS, *OPTIONS, *(f"{law}_tuned" for law in tuned_factors()))
     return tuple(name for name in there if name.removesuffix("_tuned") not in YOUNGER)
 
@@ -102,13 +148,21 @@ def digest_of_arrays(arrays: dict[str, Any]) -> str:
 
 
 def linear_algebra() -> str:
-    """Digest of products, solutions and factors of fixed matrices: BLAS chooses its code by the processor."""
+    """Digest of products, solutions and factors of fixed matrices: BLAS chooses its
+    code by the processor.
+    """
     generator = np.random.default_rng(0)
     found = {}
     for n in (6, 24, 120):
         a, b = generator.normal(size=(n, n)), generator.normal(size=n)
         symmetric = a @ a.T + n * np.eye(n)
-        results = (symmetric, a @ b, np.linalg.solve(a, b), np.linalg.cholesky(symmetric), np.linalg.eigh(symmetric)[1])
+        results = (
+            symmetric,
+            a @ b,
+            np.linalg.solve(a, b),
+            np.linalg.cholesky(symmetric),
+            np.linalg.eigh(symmetric)[1],
+        )
         found |= {f"{n} {k}": result for k, result in enumerate(results)}
     return digest_of_arrays(found)
 
@@ -116,7 +170,13 @@ def linear_algebra() -> str:
 def fly(case: str, controller: str, plant: str, duration: float | None = None) -> str:
     """Digest of a flight's log."""
     if controller not in OPTIONS:
-        return _digest(skyarm.run(skyarm.load_scenario(case, controller=controller, plant=plant, duration=duration)))
+        return _digest(
+            skyarm.run(
+                skyarm.load_scenario(
+                    case, controller=controller, plant=plant, duration=duration
+                )
+            )
+        )
     law, options = OPTIONS[controller]
     scenario = skyarm.load_scenario(case, plant=plant, duration=duration)
     known = suitable_options(law, loop_facts(scenario.rates, scenario.delays))
@@ -130,7 +190,13 @@ def _digest(log: Any) -> str:
 
 def fly_gust(shape: str, controller: str, plant: str) -> str:
     """Digest of a flight in noise, delay, dry friction and a gust."""
-    return _digest(skyarm.run(skyarm.scenario_from(GUSTS[shape], replaced={"controller": controller, "plant": plant})))
+    return _digest(
+        skyarm.run(
+            skyarm.scenario_from(
+                GUSTS[shape], replaced={"controller": controller, "plant": plant}
+            )
+        )
+    )
 
 
 def gust_name(shape: str, controller: str, plant: str) -> str:
@@ -154,7 +220,13 @@ DOCUMENT: dict[str, Any] = {
     "model": {"vehicle": "hummingbird_arm2"},
     "controller": {"preset": "paper_ct"},
     "reference": {
-        "base": {"kind": "circle", "center": [0.0, 0.0, 1.5], "radius": 0.3, "frequency_hz": 0.1, "start": 0.5},
+        "base": {
+            "kind": "circle",
+            "center": [0.0, 0.0, 1.5],
+            "radius": 0.3,
+            "frequency_hz": 0.1,
+            "start": 0.5,
+        },
         "joints": [{"kind": "sine", "amplitude": 0.2, "frequency_hz": 0.3}, 0.1],
     },
     "environment": {
@@ -179,7 +251,12 @@ GUSTS: dict[str, Any] = {
             "wind": {
                 "mode": "moving_air",
                 "velocity": [1.0, 0.5, 0.0],
-                "gust": {"velocity": [2.0, -1.0, 0.5], "start": 1.503, "duration": 2.5, "shape": shape},
+                "gust": {
+                    "velocity": [2.0, -1.0, 0.5],
+                    "start": 1.503,
+                    "duration": 2.5,
+                    "shape": shape,
+                },
             },
         },
     }
@@ -224,31 +301,64 @@ LATER = (
 
 
 def fly_batch(controller: str, mode: str) -> Any:
-    """Digest of a batch in bit-exact code; in the fast modes, each metric of the first lanes."""
+    """Digest of a batch in bit-exact code; in the fast modes, each metric of the first
+    lanes.
+    """
     scenario = skyarm.scenario_from(DOCUMENT, replaced={"controller": controller})
     kind = {"single": mode == "single", "bit_exact": mode == "bit_exact"}
-    batch = Batch(scenario, list(VARIED), metrics=("all",), windows=WINDOWS, log_every=20, **kind)
+    batch = Batch(
+        scenario, list(VARIED), metrics=("all",), windows=WINDOWS, log_every=20, **kind
+    )
     generator = np.random.default_rng(11)
-    outcome = batch.fly({path: generator.uniform(*ends, LANES) for path, ends in VARIED.items()}, seed=5)
+    outcome = batch.fly(
+        {path: generator.uniform(*ends, LANES) for path, ends in VARIED.items()}, seed=5
+    )
     if mode != "bit_exact":
-        return {name: [float(x) for x in values[:SHOWN]] for name, values in outcome.metrics.items()}
-    kept = {name: values for name, values in outcome.metrics.items() if not name.startswith(LATER)}
-    arrays = kept | {"status": outcome.status.astype("U32"), "end_time": outcome.end_time}
+        return {
+            name: [float(x) for x in values[:SHOWN]]
+            for name, values in outcome.metrics.items()
+        }
+    kept = {
+        name: values
+        for name, values in outcome.metrics.items()
+        if not name.startswith(LATER)
+    }
+    arrays = kept | {
+        "status": outcome.status.astype("U32"),
+        "end_time": outcome.end_time,
+    }
     log = outcome.log
-    for name, record in (("last", outcome.state), ("state", log.state), ("command", log.command)):
-        arrays |= {f"{name}{i}": np.asarray(leaf) for i, leaf in enumerate(leaves(record))}
+    for name, record in (
+        ("last", outcome.state),
+        ("state", log.state),
+        ("command", log.command),
+    ):
+        arrays |= {
+            f"{name}{i}": np.asarray(leaf) for i, leaf in enumerate(leaves(record))
+        }
     return digest_of_arrays(arrays)
 
 
 def main(path: str) -> None:
-    """Fly everything and write it; what the file holds already is kept, so that a cut run goes on."""
+    """Fly everything and write it; what the file holds already is kept, so that a cut
+    run goes on.
+    """
     file = Path(path)
-    found: dict[str, Any] = json.loads(file.read_text()) if file.exists() else {"flights": {}, "batches": {}}
-    found["versions"] = {"mujoco-core": metadata.version("mujoco-core"), "numpy": metadata.version("numpy")}
+    found: dict[str, Any] = (
+        json.loads(file.read_text())
+        if file.exists()
+        else {"flights": {}, "batches": {}}
+    )
+    found["versions"] = {
+        "mujoco-core": metadata.version("mujoco-core"),
+        "numpy": metadata.version("numpy"),
+    }
     found["linear_algebra"] = linear_algebra()
     for controller in BATCHED:
         for mode in MODES:
-            found["batches"].setdefault(f"{as_taken(controller)} {mode}", fly_batch(controller, mode))
+            found["batches"].setdefault(
+                f"{as_taken(controller)} {mode}", fly_batch(controller, mode)
+            )
     for each in gusts():
         found.setdefault("gusts", {}).setdefault(gust_name(*each), fly_gust(*each))
     for case, controller, plant in flights():

@@ -1,6 +1,7 @@
 """Laws with random states and references, and the laws that are tested one by one.
 
-- Random states and references of the control tests, drawn with NumPy alone, and the records made of them.
+- Random states and references of the control tests, drawn with NumPy alone, and the
+  records made of them.
 - Which laws beyond the paper's own are tested one by one, and what their tests share.
 """
 
@@ -15,7 +16,13 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, TORQUE, Controller, make_controller
+from skyarm.control.catalogue import (
+    ACCELERATION,
+    HUMMINGBIRD,
+    TORQUE,
+    Controller,
+    make_controller,
+)
 from skyarm.control.catalogue import LAWS as ALL_LAWS
 from skyarm.control.model import Model
 from skyarm.plant.interface import Truth
@@ -32,13 +39,17 @@ ARM2 = skyarm.load_vehicle("hummingbird_arm2")
 MODEL = Model(vehicle=ARM2, gravity=G)
 
 LAWS = ("rotors_sim_position", "decoupled_pd", "hybrid_computed_torque")
-JOINT_GAINS = {name: TORQUE if name == "decoupled_pd" else ACCELERATION for name in LAWS}
+JOINT_GAINS = {
+    name: TORQUE if name == "decoupled_pd" else ACCELERATION for name in LAWS
+}
 
 
 def controller(name: str, model: Model = MODEL, **options: Any) -> Controller:
     """The law with the paper's gains."""
     joint_gains = JOINT_GAINS[name] if model.vehicle.n == 2 else None
-    return make_controller(name, model, gains=HUMMINGBIRD, joint_gains=joint_gains, **options)
+    return make_controller(
+        name, model, gains=HUMMINGBIRD, joint_gains=joint_gains, **options
+    )
 
 
 def step(flown: Controller, measurement: Measurement, reference: Reference) -> Any:
@@ -47,22 +58,30 @@ def step(flown: Controller, measurement: Measurement, reference: Reference) -> A
 
 
 def unclipped(flown: Controller) -> Controller:
-    """The law with every rotor doubled by one of opposite sign: what the clip at zero takes from one, the other has."""
+    """The law with every rotor doubled by one of opposite sign: what the clip at zero
+    takes from one, the other has.
+    """
     mixer = flown.par.mixer
     opposite = tuple(tuple(-entry for entry in row) for row in mixer.inverse)
-    both = dataclasses.replace(mixer, inverse=mixer.inverse + opposite, highest=mixer.highest * 2)
+    both = dataclasses.replace(
+        mixer, inverse=mixer.inverse + opposite, highest=mixer.highest * 2
+    )
     return dataclasses.replace(flown, par=dataclasses.replace(flown.par, mixer=both))
 
 
 def raw_squares(command: Any) -> Any:
-    """Squared speeds before the clip, (rad/s)^2, of a command of an :func:`unclipped` law."""
+    """Squared speeds before the clip, (rad/s)^2, of a command of an :func:`unclipped`
+    law.
+    """
     both = squares(command)
     half = len(both) // 2
     return both[:half] - both[half:]
 
 
 def unlimited(vehicle: Any = ARM2) -> Any:
-    """The vehicle with joints whose effort has no limit, so that a limit hides no difference."""
+    """The vehicle with joints whose effort has no limit, so that a limit hides no
+    difference.
+    """
     return vehicle.with_joints(effort_limit=np.inf)
 
 
@@ -126,14 +145,24 @@ def vec(values: Any) -> Vec3:
     return Vec3(*(float(value) for value in values))
 
 
-def cases(count: int, seed: int, *, joints: int = 2, pitch: float = np.radians(80.0)) -> list[Case]:
-    """Attitudes with |pitch| below the given one and any roll and yaw, any joints, rates of a few rad/s."""
+def cases(
+    count: int, seed: int, *, joints: int = 2, pitch: float = np.radians(80.0)
+) -> list[Case]:
+    """Attitudes with |pitch| below the given one and any roll and yaw, any joints,
+    rates of a few rad/s.
+    """
     rng = np.random.default_rng(seed)
     return [_draw(rng, joints, pitch) for _ in range(count)]
 
 
 def _draw(rng: np.random.Generator, n: int, pitch: float) -> Case:
-    angles = np.array([rng.uniform(-np.pi, np.pi), rng.uniform(-pitch, pitch), rng.uniform(-np.pi, np.pi)])
+    angles = np.array(
+        [
+            rng.uniform(-np.pi, np.pi),
+            rng.uniform(-pitch, pitch),
+            rng.uniform(-np.pi, np.pi),
+        ]
+    )
     return Case(
         p=rng.normal(size=3),
         euler=angles,
@@ -152,7 +181,12 @@ def _draw(rng: np.random.Generator, n: int, pitch: float) -> Case:
     )
 
 
-def hovering(*, joints: Any = (0.0, 0.0), position: Any = (0.0, 0.0, 1.0), euler: Any = (0.0, 0.0, 0.0)) -> Case:
+def hovering(
+    *,
+    joints: Any = (0.0, 0.0),
+    position: Any = (0.0, 0.0, 1.0),
+    euler: Any = (0.0, 0.0, 0.0),
+) -> Case:
     """At rest on its reference (a tilt apart)."""
     q, zero = np.array(joints, dtype=float), np.zeros(3)
     still = np.zeros(len(q))
@@ -175,7 +209,13 @@ def hovering(*, joints: Any = (0.0, 0.0), position: Any = (0.0, 0.0, 1.0), euler
 
 
 def changed(case: Case, **values: Any) -> Case:
-    return dataclasses.replace(case, **{k: np.asarray(v, dtype=float) if np.ndim(v) else v for k, v in values.items()})
+    return dataclasses.replace(
+        case,
+        **{
+            k: np.asarray(v, dtype=float) if np.ndim(v) else v
+            for k, v in values.items()
+        },
+    )
 
 
 def squares(command: Any) -> Any:
@@ -184,12 +224,20 @@ def squares(command: Any) -> Any:
 
 
 def pushes(vehicle: Any, command: Any) -> tuple[Any, float]:
-    """Body torque (N m) and thrust (N) that the rotor speeds make, rotor by rotor: r x f and the drag torque."""
+    """Body torque (N m) and thrust (N) that the rotor speeds make, rotor by rotor: r x
+    f and the drag torque.
+    """
     torque, thrust = np.zeros(3), 0.0
     for rotor, speed in zip(vehicle.rotors, command.rotor_speeds, strict=True):
-        force = np.array(tuple(rotor.axis), dtype=float) * rotor.thrust_coefficient * speed**2
+        force = (
+            np.array(tuple(rotor.axis), dtype=float)
+            * rotor.thrust_coefficient
+            * speed**2
+        )
         arm = np.array(tuple(rotor.position), dtype=float)
-        torque += np.cross(arm, force) - rotor.direction * rotor.moment_coefficient * force
+        torque += (
+            np.cross(arm, force) - rotor.direction * rotor.moment_coefficient * force
+        )
         thrust += force[2]
     return torque, thrust
 
@@ -223,9 +271,13 @@ def covering(names: Any = ALL_LAWS) -> list[str]:
 
 
 def make_law(name: str, model: Model, **options: Any) -> Controller:
-    """A law by its name; "ct_ladder 3" has three steps, "l1_adaptive lateral" its lateral part."""
+    """A law by its name; "ct_ladder 3" has three steps, "l1_adaptive lateral" its
+    lateral part.
+    """
     law, _, word = name.partition(" ")
-    more: dict[str, Any] = {"lateral": True} if word == "lateral" else {"steps": int(word)} if word else {}
+    more: dict[str, Any] = (
+        {"lateral": True} if word == "lateral" else {"steps": int(word)} if word else {}
+    )
     return make_controller(law, model, **more, **options)
 
 
@@ -234,8 +286,12 @@ def hover(joints: tuple[float, ...], height: float = 2.0) -> Trajectory:
     return Trajectory(z=Constant(height), joints=tuple(Constant(q) for q in joints))
 
 
-def hovering_scenario(law: str, vehicle: str, *, seconds: float, offset: float = 0.0, **options: Any) -> Scenario:
-    """Belief equal to truth, arm out to one side, begun ``offset`` metres beside the reference."""
+def hovering_scenario(
+    law: str, vehicle: str, *, seconds: float, offset: float = 0.0, **options: Any
+) -> Scenario:
+    """Belief equal to truth, arm out to one side, begun ``offset`` metres beside the
+    reference.
+    """
     flown = skyarm.load_vehicle(vehicle)
     joints = tuple(0.3 / (i + 1) for i in range(flown.n))
     world = Truth(vehicle=flown, gravity=9.81)
@@ -259,7 +315,9 @@ def flown_to_the_end(scenario: Scenario) -> Any:
 
 def replaced(controller: Controller, **fields: Any) -> Controller:
     """The controller with other constants."""
-    return dataclasses.replace(controller, par=dataclasses.replace(controller.par, **fields))
+    return dataclasses.replace(
+        controller, par=dataclasses.replace(controller.par, **fields)
+    )
 
 
 def scalars(values: Any) -> Any:

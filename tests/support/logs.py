@@ -1,11 +1,14 @@
 """Logs: flown, drawn and made up, and their metrics written a second time.
 
-- Logs of the tests of log files: one that was flown, and drawn ones of any vehicle at any rate.
+- Logs of the tests of log files: one that was flown, and drawn ones of any vehicle at
+  any rate.
 - Logs whose errors are known constants, for figures and the report.
-- The metrics of a log written a second time, with NumPy over the whole flight: an oracle for those that are counted.
+- The metrics of a log written a second time, with NumPy over the whole flight: an
+  oracle for those that are counted.
 
-Windows are half-open. Position and joint errors are norms. Each metric that needs a reference exists twice: against the
-held samples, as a recorded bag would see it, and with the suffix ``_continuous`` against the continuous reference.
+Windows are half-open. Position and joint errors are norms. Each metric that needs a
+reference exists twice: against the held samples, as a recorded bag would see it, and
+with the suffix ``_continuous`` against the continuous reference.
 Source: Barakou et al. 2026, Table 2 and section 5.
 """
 
@@ -26,7 +29,15 @@ from skyarm.records.units import units
 from skyarm.simulate import Log, Window, run
 from skyarm.vehicle.vehicle_records import Vehicle
 
-SCALARS = {"time", "yaw_held", "yaw_reference", "load_mass_found", "push_deviation", "path_time", "phase"}
+SCALARS = {
+    "time",
+    "yaw_held",
+    "yaw_reference",
+    "load_mass_found",
+    "push_deviation",
+    "path_time",
+    "phase",
+}
 JOINTS = {name for name in units(Log) if "joint" in name or name == "efforts"}
 ROTORS = {"rotor_speeds", "rotor_commands"}
 
@@ -42,17 +53,28 @@ def drawn(vehicle: Vehicle, count: int = 37, rate: float = 200, seed: int = 1) -
     rng = np.random.default_rng(seed)
     arrays: dict[str, Any] = {}
     for name in units(Log):
-        width = (vehicle.n,) if name in JOINTS else (len(vehicle.rotors),) if name in ROTORS else (3,)
+        width = (
+            (vehicle.n,)
+            if name in JOINTS
+            else (len(vehicle.rotors),)
+            if name in ROTORS
+            else (3,)
+        )
         width = (
             (2,)
             if name == "lag_found"
-            else (len(vehicle.tilts),)
-            if COLUMNS.get(name, ("", ""))[1] == "tilting"
-            else width
+            else (
+                (len(vehicle.tilts),)
+                if COLUMNS.get(name, ("", ""))[1] == "tilting"
+                else width
+            )
         )
         arrays[name] = rng.normal(size=(count,) if name in SCALARS else (count, *width))
     q = rng.normal(size=(count, 4))
-    arrays["quaternion"], arrays["time"] = q / np.linalg.norm(q, axis=1, keepdims=True), np.arange(count) / rate
+    arrays["quaternion"], arrays["time"] = (
+        q / np.linalg.norm(q, axis=1, keepdims=True),
+        np.arange(count) / rate,
+    )
     info = {
         "schema": 1,
         "scenario": "drawn",
@@ -69,23 +91,36 @@ def drawn(vehicle: Vehicle, count: int = 37, rate: float = 200, seed: int = 1) -
 def same(a: Log, b: Log) -> bool:
     """Whether two logs have the same bits and say the same."""
     pairs = ((array, b.arrays()[name]) for name, array in a.arrays().items())
-    return a.info == b.info and all(x.tobytes() == y.tobytes() and x.shape == y.shape for x, y in pairs)
+    return a.info == b.info and all(
+        x.tobytes() == y.tobytes() and x.shape == y.shape for x, y in pairs
+    )
 
 
 def with_components(log: Log, **arrays: np.ndarray) -> Log:
     """A log with other arrays of its components."""
-    return dataclasses.replace(log, received={**log.received, **{f"components.{k}": v for k, v in arrays.items()}})
+    return dataclasses.replace(
+        log,
+        received={**log.received, **{f"components.{k}": v for k, v in arrays.items()}},
+    )
 
 
 STEADY = Window(10.0, 20.0)
-WINDOWS = {"case1": STEADY, "case2": STEADY, "case3": STEADY, "case2_gust": Window(5.0, 20.0), "case3_wind": STEADY}
+WINDOWS = {
+    "case1": STEADY,
+    "case2": STEADY,
+    "case3": STEADY,
+    "case2_gust": Window(5.0, 20.0),
+    "case3_wind": STEADY,
+}
 CASES = tuple(WINDOWS)
 """As the paper states them, apart from the source."""
 ROLL, PITCH = 0.05, 0.10
 
 
 def synthetic_log(case: str, plant: str, controller: str, seconds: float = 30.0) -> Log:
-    """200 Hz; base off by (0.03, 0, -0.04) m, joint 1 by -0.02 rad (PD twice that), tool by 0.01 m along y."""
+    """200 Hz; base off by (0.03, 0, -0.04) m, joint 1 by -0.02 rad (PD twice that),
+    tool by 0.01 m along y.
+    """
     n = round(seconds * 200)
     time = np.arange(n) / 200.0
     hold = np.floor(np.arange(n) / 4) * 0.02
@@ -98,7 +133,12 @@ def synthetic_log(case: str, plant: str, controller: str, seconds: float = 30.0)
         force[(time >= 7.5) & (time < 10.5), 0] = 2.0
     if case == "case3_wind":
         force[:, 0] = 2.0
-    cr, sr, cp, sp = np.cos(ROLL / 2), np.sin(ROLL / 2), np.cos(PITCH / 2), np.sin(PITCH / 2)
+    cr, sr, cp, sp = (
+        np.cos(ROLL / 2),
+        np.sin(ROLL / 2),
+        np.cos(PITCH / 2),
+        np.sin(PITCH / 2),
+    )
     attitude = [cr * cp, sr * cp, cr * sp, -sr * sp]
     zero3, zero2, zero1 = np.zeros((n, 3)), np.zeros((n, 2)), np.zeros(n)
     position = base + np.array([0.03, 0.0, -0.04])
@@ -146,7 +186,10 @@ def synthetic_log(case: str, plant: str, controller: str, seconds: float = 30.0)
 def all_logs() -> dict[str, dict[str, dict[str, Log]]]:
     """Plant -> experiment -> controller -> log."""
     return {
-        plant: {case: {c: synthetic_log(case, plant, c) for c in ("CT", "PD")} for case in CASES}
+        plant: {
+            case: {c: synthetic_log(case, plant, c) for c in ("CT", "PD")}
+            for case in CASES
+        }
         for plant in ("rigid_body", "mujoco")
     }
 
@@ -175,7 +218,9 @@ class Errors:
     @classmethod
     def continuous(cls, log: Log) -> Errors:
         """Against the continuous reference."""
-        return cls._of(log, log.position_reference, log.joints_reference, log.tool_reference)
+        return cls._of(
+            log, log.position_reference, log.joints_reference, log.tool_reference
+        )
 
     @classmethod
     def _of(cls, log: Log, position: Array, joints: Array, tool: Array) -> Errors:
@@ -217,8 +262,15 @@ def tracking(log: Log, errors: Errors, window: Window) -> dict[str, float]:
     """Means and maxima of position, joint and end-effector error over a window."""
     at = window.of(log)
     found: dict[str, float] = {}
-    for name, values in (("joint", errors.joints), ("position", errors.position), ("ee", errors.tool)):
-        found |= {f"{name}_error_mean": _mean(values[at]), f"{name}_error_max": _max(values[at])}
+    for name, values in (
+        ("joint", errors.joints),
+        ("position", errors.position),
+        ("ee", errors.tool),
+    ):
+        found |= {
+            f"{name}_error_mean": _mean(values[at]),
+            f"{name}_error_max": _max(values[at]),
+        }
     return found
 
 
@@ -227,11 +279,15 @@ def motion(log: Log, window: Window) -> dict[str, float]:
     at = window.of(log)
     roll, pitch, _ = log.euler.T
     found = {"pitch_rms": _rms(pitch[at]), "roll_rms": _rms(roll[at])}
-    return found | {f"tau{i + 1}_rms": _rms(log.efforts[at, i]) for i in range(log.efforts.shape[1])}
+    return found | {
+        f"tau{i + 1}_rms": _rms(log.efforts[at, i]) for i in range(log.efforts.shape[1])
+    }
 
 
 def settling_time(log: Log, errors: Errors, steady: Window) -> float:
-    """First time after which |e_p| stays within 0.02 m of its steady mean to the end; NaN if it never does."""
+    """First time after which |e_p| stays within 0.02 m of its steady mean to the end;
+    NaN if it never does.
+    """
     values = errors.position[steady.of(log)]
     if not values.size:
         return float("nan")
@@ -248,7 +304,9 @@ def hover_offset(log: Log, window: Window) -> float:
     return _mean((log.position_reference - log.position)[at, 2])
 
 
-def steady_and_transient(log: Log, errors: Errors, steady: Window, transient: Window) -> dict[str, float]:
+def steady_and_transient(
+    log: Log, errors: Errors, steady: Window, transient: Window
+) -> dict[str, float]:
     """Rows of Table 2 that depend on a reference."""
     early = transient.of(log)
     pitch = log.euler[:, 1]
@@ -262,7 +320,9 @@ def steady_and_transient(log: Log, errors: Errors, steady: Window, transient: Wi
 
 
 def gust(log: Log, errors: Errors, window: Window) -> dict[str, float]:
-    """Rows of the gust experiment: everything over one window, peaks with their sign."""
+    """Rows of the gust experiment: everything over one window, peaks with their
+    sign.
+    """
     at = window.of(log)
     pitch = log.euler[:, 1]
     return tracking(log, errors, window) | {
@@ -274,7 +334,9 @@ def gust(log: Log, errors: Errors, window: Window) -> dict[str, float]:
     }
 
 
-def constant_wind(log: Log, errors: Errors, window: Window, transient: Window) -> dict[str, float]:
+def constant_wind(
+    log: Log, errors: Errors, window: Window, transient: Window
+) -> dict[str, float]:
     """Rows of the constant wind experiment."""
     at = window.of(log)
     pitch, e = log.euler[:, 1], errors.position[at]
@@ -299,15 +361,19 @@ def held_position_error(log: Log, errors: Errors, holds: tuple[Window, ...]) -> 
 
 
 def calmness(log: Log, errors: Errors, window: Window) -> dict[str, float]:
-    """How hard the vehicle works, over a window; the largest tilt and altitude error are of the whole run.
+    """How hard the vehicle works, over a window; the largest tilt and altitude error
+    are of the whole run.
 
-    ``rotor_jitter`` is the RMS over instants and rotors of the change of commanded speed since a control period ago
-    (rad/s; none at the first instant), ``rate_rms`` that of the norm of the body rate (rad/s), ``tilt_rms`` that of the
-    angle between body z and world z (rad).
+    ``rotor_jitter`` is the RMS over instants and rotors of the change of commanded
+    speed since a control period ago (rad/s; none at the first instant), ``rate_rms``
+    that of the norm of the body rate (rad/s), ``tilt_rms`` that of the angle between
+    body z and world z (rad).
     """
     at = window.of(log)
     change = np.diff(log.rotor_commands, axis=0, prepend=log.rotor_commands[:1])
-    tilt = 2.0 * np.arcsin(np.minimum(np.linalg.norm(log.quaternion[:, 1:3], axis=1), 1.0))
+    tilt = 2.0 * np.arcsin(
+        np.minimum(np.linalg.norm(log.quaternion[:, 1:3], axis=1), 1.0)
+    )
     return {
         "rotor_jitter": _rms(change[at]),
         "rate_rms": _rms(_norm(log.rate[at])),
@@ -318,13 +384,19 @@ def calmness(log: Log, errors: Errors, window: Window) -> dict[str, float]:
 
 
 def rotor_jitter_mean(log: Log, window: Window) -> float:
-    """Mean over instants and rotors of the size of the change of commanded speed since a control period ago, rad/s."""
+    """Mean over instants and rotors of the size of the change of commanded speed since
+    a control period ago, rad/s.
+    """
     change = np.diff(log.rotor_commands, axis=0, prepend=log.rotor_commands[:1])
     return _mean(np.abs(change[window.of(log)]))
 
 
-def saturation(log: Log, window: Window, speeds: Array, efforts: Array) -> dict[str, float]:
-    """Shares of the periods with a rotor (rad/s) at 0 or its largest speed, and with a joint (N m) at its limit."""
+def saturation(
+    log: Log, window: Window, speeds: Array, efforts: Array
+) -> dict[str, float]:
+    """Shares of the periods with a rotor (rad/s) at 0 or its largest speed, and with a
+    joint (N m) at its limit.
+    """
     at = window.of(log)
     rotors = (log.rotor_commands <= 0.0) | (log.rotor_commands > speeds - 1e-6)
     joints = np.abs(log.efforts) > efforts - 1e-6
@@ -342,4 +414,7 @@ def tool_peak(log: Log, errors: Errors, window: Window) -> float:
 def last(log: Log, errors: Errors, seconds: float = 5.0) -> dict[str, float]:
     """End-effector error over the last seconds of the planned flight."""
     at = log.time >= log.info["duration"] - seconds
-    return {"ee_error_last_mean": _mean(errors.tool[at]), "ee_error_last_max": _max(errors.tool[at])}
+    return {
+        "ee_error_last_mean": _mean(errors.tool[at]),
+        "ee_error_last_max": _max(errors.tool[at]),
+    }

@@ -1,4 +1,6 @@
-"""Markdown tables that the measuring scripts print: as they stand on the pages, one value a cell."""
+"""Markdown tables that the measuring scripts print: as they stand on the pages, one
+value a cell.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,10 @@ def print_table(heads: Sequence[str], rows: Iterable[Sequence[object]] = ()) -> 
     """
     print()
     print_row([head.removeprefix(">") for head in heads])
-    print("|" + "".join("-:|" if head.startswith(">") else "-|" for head in heads), flush=True)
+    print(
+        "|" + "".join("-:|" if head.startswith(">") else "-|" for head in heads),
+        flush=True,
+    )
     for row in rows:
         print_row(row)
 
@@ -40,7 +45,9 @@ def mean_and_largest(values: Sequence[float], digits: int) -> list[str]:
 
 def print_part(
     doc: str,
-    parts: Mapping[str, tuple[Sequence[str], Callable[[int, int], Iterable[Sequence[object]]]]],
+    parts: Mapping[
+        str, tuple[Sequence[str], Callable[[int, int], Iterable[Sequence[object]]]]
+    ],
     *,
     seeds: int,
     seed: int,
@@ -48,14 +55,26 @@ def print_part(
     """Command line of a script with several tables: print the one that is named.
 
     Args:
-        doc: help. parts: name of a table -> heads, and function of seeds and seed that yields rows as they are flown.
+        doc: help. parts: name of a table -> heads, and function of seeds and seed that
+            yields rows as they are flown.
         seeds, seed: defaults of the noisy flights of a row.
     """
-    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("table", choices=parts, nargs="?" if len(parts) == 1 else None, default=next(iter(parts)))
-    parser.add_argument("--seeds", type=int, default=seeds, help="noisy flights of a row")
+    parser = argparse.ArgumentParser(
+        description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "table",
+        choices=parts,
+        nargs="?" if len(parts) == 1 else None,
+        default=next(iter(parts)),
+    )
+    parser.add_argument(
+        "--seeds", type=int, default=seeds, help="noisy flights of a row"
+    )
     parser.add_argument("--seed", type=int, default=seed)
-    parser.add_argument("--small", action="store_true", help="two rows of two flights: seconds")
+    parser.add_argument(
+        "--small", action="store_true", help="two rows of two flights: seconds"
+    )
     given = parser.parse_args()
     heads, rows = parts[given.table]
     found = rows(2 if given.small else given.seeds, given.seed)

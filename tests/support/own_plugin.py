@@ -1,4 +1,6 @@
-"""A plugin as a user would write it: every kind of component, a law, a motion, a plant and a log format."""
+"""A plugin as a user would write it: every kind of component, a law, a motion, a plant
+and a log format.
+"""
 
 from __future__ import annotations
 

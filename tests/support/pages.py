@@ -20,15 +20,22 @@ def cells_of(text: str) -> list[list[str]]:
     """Cells of the rows below the rule of a table."""
     rows = [line for line in text.splitlines() if line.startswith("|")]
     rule = next((i for i, line in enumerate(rows) if re.fullmatch(r"[|:-]+", line)), -1)
-    return [[cell.strip() for cell in line.strip("| ").split(" | ")] for line in rows[rule + 1 :]]
+    return [
+        [cell.strip() for cell in line.strip("| ").split(" | ")]
+        for line in rows[rule + 1 :]
+    ]
 
 
 @cache
 def law_rows(law: str) -> dict[str, dict[str, str]]:
-    """Option of a law, or option and field of one that is a table -> head of a column -> cell."""
+    """Option of a law, or option and field of one that is a table -> head of a
+    column -> cell.
+    """
     text = made(f"law {law}")
     heads = [cell.strip() for cell in text.splitlines()[0].strip("| ").split(" | ")]
-    return {row[0].strip("`"): dict(zip(heads, row, strict=True)) for row in cells_of(text)}
+    return {
+        row[0].strip("`"): dict(zip(heads, row, strict=True)) for row in cells_of(text)
+    }
 
 
 def unit_of(typed: str) -> str:

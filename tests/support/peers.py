@@ -48,9 +48,14 @@ class MemoryNode:
 
 
 def memory_nodes(patch: pytest.MonkeyPatch) -> list[MemoryNode]:
-    """Nodes that the program opens from now on: in memory, in place of those of ROS 2."""
+    """Nodes that the program opens from now on: in memory, in place of those of ROS
+    2.
+    """
     found: list[MemoryNode] = []
-    patch.setattr("skyarm.links.ros.ros2_node.Ros2Node", lambda: found.append(MemoryNode()) or found[-1])
+    patch.setattr(
+        "skyarm.links.ros.ros2_node.Ros2Node",
+        lambda: found.append(MemoryNode()) or found[-1],
+    )
     return found
 
 
@@ -63,16 +68,24 @@ class Node(SimpleNamespace):
 
 
 class Scene:
-    """A scene without a browser: nodes by their names, each with the vertices or points that it was ``given``."""
+    """A scene without a browser: nodes by their names, each with the vertices or points
+    that it was ``given``.
+    """
 
     def __init__(self) -> None:
         self.nodes: dict[str, Node] = {}
 
     def __getattr__(self, _name: str) -> Any:
-        def add(name: str = "", *given: Any, position: Any = (0.0, 0.0, 0.0), **_: Any) -> Node:
+        def add(
+            name: str = "", *given: Any, position: Any = (0.0, 0.0, 0.0), **_: Any
+        ) -> Node:
             node = self.nodes.setdefault(name or "", Node())
             removed = {"remove": lambda: self.nodes.pop(name, None)}
-            node.__dict__.update(given=given[0] if given else None, position=np.array(position), **removed)
+            node.__dict__.update(
+                given=given[0] if given else None,
+                position=np.array(position),
+                **removed,
+            )
             return node
 
         return add

@@ -29,4 +29,6 @@ def why_no_pictures() -> str:
         return str(error)
 
 
-needs_display = pytest.mark.skipif(bool(why_no_pictures()), reason=why_no_pictures() or "EGL draws here")
+needs_display = pytest.mark.skipif(
+    bool(why_no_pictures()), reason=why_no_pictures() or "EGL draws here"
+)

@@ -1,6 +1,8 @@
-"""Plans and planning tasks that several tests share, and the motion of a plan by MuJoCo's dynamics.
+"""Plans and planning tasks that several tests share, and the motion of a plan by
+MuJoCo's dynamics.
 
-The vehicle is bound by MuJoCo's mass matrix and bias force; pushes of rotors and of a contact are written anew here.
+The vehicle is bound by MuJoCo's mass matrix and bias force; pushes of rotors and of a
+contact are written anew here.
 """
 
 from __future__ import annotations
@@ -45,7 +47,8 @@ duration = 1.2
 
 
 def reach(**changes: Any) -> dict[str, Any]:
-    """Table of a task of 2.4 s: the tip rests 1 m ahead for a moment. ``a__0__b = value`` is entry ``b`` of ``a[0]``.
+    """Table of a task of 2.4 s: the tip rests 1 m ahead for a moment. ``a__0__b =
+    value`` is entry ``b`` of ``a[0]``.
 
     A value of None leaves the entry out.
     """
@@ -84,16 +87,25 @@ class Bodies:
 
     def __init__(self, vehicle: Vehicle, gravity: float = 9.81) -> None:
         spec = build_spec(vehicle, gravity)
-        names = {BASE: spec.worldbody.bodies[0].name} | {i: link.name for i, link in enumerate(vehicle.moving)}
+        names = {BASE: spec.worldbody.bodies[0].name} | {
+            i: link.name for i, link in enumerate(vehicle.moving)
+        }
         tip = vehicle.frame(vehicle.end_effector)
-        spec.body(names[tip.link]).add_site(name="grip", pos=[*map(float, tip.position)])
+        spec.body(names[tip.link]).add_site(
+            name="grip", pos=[*map(float, tip.position)]
+        )
         self.vehicle, self.model = vehicle, spec.compile()
         self.data = mujoco.MjData(self.model)
         self.q, self.v = joint_addresses(vehicle, self.model)
-        self.site, self.base = self.model.site("grip").id, self.model.body(names[BASE]).id
+        self.site, self.base = (
+            self.model.site("grip").id,
+            self.model.body(names[BASE]).id,
+        )
 
     def place(self, x: np.ndarray) -> None:
-        """Set the state: position, quaternion, velocity, body rate, joints, joint rates, as a plan orders them."""
+        """Set the state: position, quaternion, velocity, body rate, joints, joint
+        rates, as a plan orders them.
+        """
         n = self.vehicle.n
         self.data.qpos[:7], self.data.qpos[self.q] = x[:7], x[13 : 13 + n]
         self.data.qvel[:6], self.data.qvel[self.v] = x[7:13], x[13 + n : 13 + 2 * n]
@@ -102,7 +114,10 @@ class Bodies:
     def tip(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Position (m) and velocity (m/s) of the tip in world axes."""
         self.place(x)
-        return self.data.site_xpos[self.site].copy(), self._tip_jacobian() @ self.data.qvel
+        return (
+            self.data.site_xpos[self.site].copy(),
+            self._tip_jacobian() @ self.data.qvel,
+        )
 
     def _tip_jacobian(self) -> np.ndarray:
         J = np.zeros((3, self.model.nv))
@@ -112,20 +127,28 @@ class Bodies:
     def accelerations(
         self, x: np.ndarray, speeds: np.ndarray, joints: np.ndarray, push: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Accelerations of MuJoCo's velocities, and the joint efforts (N m or N) that they take.
+        """Accelerations of MuJoCo's velocities, and the joint efforts (N m or N) that
+        they take.
 
         Args:
-            x: state. speeds: of the rotors, rad/s. joints: accelerations. push: force on the tip, N, world axes.
+            x: state. speeds: of the rotors, rad/s. joints: accelerations. push: force
+                on the tip, N, world axes.
         """
         self.place(x)
         R, at = self.data.xmat[self.base].reshape(3, 3), self.data.xpos[self.base]
         applied = self._tip_jacobian().T @ push
         for rotor, speed in zip(self.vehicle.rotors, speeds, strict=True):
-            thrust = float(rotor.thrust_coefficient) * speed**2 * np.array([*map(float, rotor.axis)])
+            thrust = (
+                float(rotor.thrust_coefficient)
+                * speed**2
+                * np.array([*map(float, rotor.axis)])
+            )
             drag = -float(rotor.direction) * float(rotor.moment_coefficient) * thrust
             place = R @ np.array([*map(float, rotor.position)])
             force, torque, out = R @ thrust, R @ drag, np.zeros(self.model.nv)
-            mujoco.mj_applyFT(self.model, self.data, force, torque, at + place, self.base, out)
+            mujoco.mj_applyFT(
+                self.model, self.data, force, torque, at + place, self.base, out
+            )
             applied = applied + out
         M = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.model, self.data, M)
@@ -136,22 +159,42 @@ class Bodies:
         a[free] = np.linalg.solve(M[np.ix_(free, free)], left[free])
         return a, (M @ a + self.data.qfrc_bias - applied)[self.v]
 
-    def step(self, x: np.ndarray, u: np.ndarray, push: np.ndarray, stage: Stage, dt: float) -> np.ndarray:
-        """State of a plan after a time: one Runge-Kutta step, its quaternion normalised at the end.
+    def step(
+        self, x: np.ndarray, u: np.ndarray, push: np.ndarray, stage: Stage, dt: float
+    ) -> np.ndarray:
+        """State of a plan after a time: one Runge-Kutta step, its quaternion normalised
+        at the end.
 
         Args:
-            x: state, as a plan has it. u: inputs. push: force on the tip, N, world axes. stage: of the plan. dt: s.
+            x: state, as a plan has it. u: inputs. push: force on the tip, N, world
+                axes. stage: of the plan. dt: s.
         """
         n, m = self.vehicle.n, len(self.vehicle.rotors)
-        speeds, rates = slice(13 + 2 * n, 13 + 2 * n + m), slice(13 + 2 * n + m, 13 + 3 * n + m)
+        speeds, rates = (
+            slice(13 + 2 * n, 13 + 2 * n + m),
+            slice(13 + 2 * n + m, 13 + 3 * n + m),
+        )
         spin, jerk = u[:m] * SPIN_UNIT, u[m : m + n] * (JERK_UNIT / ARM_UNIT)
 
         def slope(at: np.ndarray) -> np.ndarray:
             joints = at[rates] * ARM_UNIT
-            a, _ = self.accelerations(at, at[speeds] * np.array(stage.hover), joints, push)
+            a, _ = self.accelerations(
+                at, at[speeds] * np.array(stage.hover), joints, push
+            )
             turned = 0.5 * product(at[3:7], np.array([0.0, *at[10:13]]))
             rest = np.zeros(len(at) - rates.stop)
-            return np.concatenate([at[7:10], turned, a[:6], at[13 + n : 13 + 2 * n], joints, spin, jerk, rest])
+            return np.concatenate(
+                [
+                    at[7:10],
+                    turned,
+                    a[:6],
+                    at[13 + n : 13 + 2 * n],
+                    joints,
+                    spin,
+                    jerk,
+                    rest,
+                ]
+            )
 
         k1 = slope(x)
         k2 = slope(x + 0.5 * dt * k1)
@@ -164,12 +207,17 @@ class Bodies:
 
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Product of two quaternions, scalar first."""
-    w, v = a[0] * b[0] - a[1:] @ b[1:], a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
+    w, v = (
+        a[0] * b[0] - a[1:] @ b[1:],
+        a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:]),
+    )
     return np.array([w, *v])
 
 
 def between_nodes(found: Plan, bodies: Bodies, k: int, parts: int) -> list[np.ndarray]:
-    """States of stage ``k`` of a plan without contact, from node to node by small steps of MuJoCo's dynamics."""
+    """States of stage ``k`` of a plan without contact, from node to node by small steps
+    of MuJoCo's dynamics.
+    """
     rows, dt = [found.x[k]], (found.t[k + 1] - found.t[k]) / parts
     for _ in range(parts):
         rows.append(bodies.step(rows[-1], found.u[k], np.zeros(3), found.stage, dt))

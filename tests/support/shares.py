@@ -1,8 +1,11 @@
-"""Each worker of `make test` collects files of its own: collecting all of them took each some thirteenth of the run.
+"""Each worker of `make test` collects files of its own: collecting all of them took
+each some thirteenth of the run.
 
-Files are dealt in the order of their paths, so that a room stays in one process with the flights that it keeps; each
-share has as many seconds of ``tests/budget.json``. The last files are everyone's: who is ready first takes of them.
-What is named on the command line, another choice of marks, and a worker in place of one that died are collected whole.
+Files are dealt in the order of their paths, so that a room stays in one process with
+the flights that it keeps; each share has as many seconds of ``tests/budget.json``. The
+last files are everyone's: who is ready first takes of them. What is named on the
+command line, another choice of marks, and a worker in place of one that died are
+collected whole.
 """
 
 from __future__ import annotations
@@ -18,7 +21,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 EVERYONES = 0.12
-"""Part of the seconds that no worker owns: by so much the shares may be wrong before one waits for another."""
+"""Part of the seconds that no worker owns: by so much the shares may be wrong before
+one waits for another."""
 
 COLLECTED = 0.05
 """s, to import a file and to make its tests."""
@@ -37,14 +41,20 @@ def shares_of(seconds: dict[str, float], count: int) -> list[set[str]]:
 def seconds_of_files() -> dict[str, float]:
     """By path from the root; a file that was never measured takes the mean."""
     table = json.loads((ROOT / "tests/budget.json").read_text("utf-8"))
-    files = [each.relative_to(ROOT).as_posix() for each in (ROOT / "tests").rglob("test_*.py")]
+    files = [
+        each.relative_to(ROOT).as_posix()
+        for each in (ROOT / "tests").rglob("test_*.py")
+    ]
     mean = sum(each["seconds"] for each in table.values()) / len(table)
     return {file: table.get(file, {}).get("seconds", mean) for file in files}
 
 
 def is_shared(config: pytest.Config) -> bool:
     """Whether a run is of all that `make test` runs, by several workers."""
-    whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS and "not thorough" in config.option.markexpr
+    whole = (
+        config.args_source is pytest.Config.ArgsSource.TESTPATHS
+        and "not thorough" in config.option.markexpr
+    )
     return whole and config.option.dist == "worksteal" and len(config.option.tx) > 1
 
 
@@ -55,9 +65,11 @@ def others_of(worker: int, count: int) -> set[str]:
 
 
 class ShareScheduling:
-    """Gives each worker all tests that it alone has collected, then everyone's by and by; `Scheduling` of pytest-xdist.
+    """Gives each worker all tests that it alone has collected, then everyone's by and
+    by; `Scheduling` of pytest-xdist.
 
-    A worker begins a test when it knows the next one, so that two are with it until there are no more.
+    A worker begins a test when it knows the next one, so that two are with it until
+    there are no more.
     """
 
     def __init__(self, config: pytest.Config) -> None:
@@ -77,7 +89,9 @@ class ShareScheduling:
 
     @property
     def tests_finished(self) -> bool:
-        return self.pending == [] and all(len(given) < 2 for given in self.given.values())
+        return self.pending == [] and all(
+            len(given) < 2 for given in self.given.values()
+        )
 
     @property
     def has_pending(self) -> bool:
@@ -90,7 +104,9 @@ class ShareScheduling:
         self.collected[node] = list(collection)
 
     def schedule(self) -> None:
-        """Give what is owned, once; then, as whenever a test ended, what is everyone's."""
+        """Give what is owned, once; then, as whenever a test ended, what is
+        everyone's.
+        """
         if self.pending is None:
             times = Counter(each for ids in self.collected.values() for each in ids)
             self.pending = [each for each, n in times.items() if n > 1]
@@ -100,7 +116,9 @@ class ShareScheduling:
                 self._give(node, [each for each in ids if times[each] == 1])
         self._go_on()
 
-    def mark_test_complete(self, node: Any, item_index: int, duration: float = 0.0) -> None:
+    def mark_test_complete(
+        self, node: Any, item_index: int, duration: float = 0.0
+    ) -> None:
         self.given[node].remove(item_index)
         self._go_on()
 
@@ -113,7 +131,9 @@ class ShareScheduling:
         raise AssertionError("no test is asked back")
 
     def remove_node(self, node: Any) -> str | None:
-        """The test during which a worker died, or None; a worker in its place collects all and does the others."""
+        """The test during which a worker died, or None; a worker in its place collects
+        all and does the others.
+        """
         indices = self.given.pop(node)
         names = [self.collected[node][index] for index in indices]
         if self.pending is not None:
@@ -130,7 +150,11 @@ class ShareScheduling:
 
     def _go_on(self) -> None:
         assert self.pending is not None
-        for node in [each for each in self.given if each in self.collected and not each.shutting_down]:
+        for node in [
+            each
+            for each in self.given
+            if each in self.collected and not each.shutting_down
+        ]:
             if len(self.given[node]) >= 2:
                 continue
             known = set(self.collected[node])

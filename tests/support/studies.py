@@ -24,7 +24,9 @@ MASS, WIND = "plant.vehicle.base.mass", "environment.wind.force_W.x"
 
 
 def document(**fields: Any) -> dict[str, Any]:
-    """A study of short flights in which some crash; keywords replace its fields, None takes one out."""
+    """A study of short flights in which some crash; keywords replace its fields, None
+    takes one out.
+    """
     small: dict[str, Any] = {
         "schema": 1,
         "name": "small",
@@ -52,7 +54,9 @@ Columns = dict[str, np.ndarray]
 
 
 def flown(folder: Path, threads: int = 1, **fields: Any) -> dict[str, Columns]:
-    """Rows of a small study: controller -> column -> values in the order of the episodes."""
+    """Rows of a small study: controller -> column -> values in the order of the
+    episodes.
+    """
     run_sweep(small_study(**fields), folder, workers=threads)
     return read(folder)
 
@@ -63,7 +67,9 @@ def read(folder: Path) -> dict[str, Columns]:
     import pyarrow.parquet as pq
 
     tables = [pq.read_table(path) for path in sorted((folder / "rows").iterdir())]
-    data = pa.concat_tables([table.replace_schema_metadata(None) for table in tables]).to_pydict()
+    data = pa.concat_tables(
+        [table.replace_schema_metadata(None) for table in tables]
+    ).to_pydict()
     whole = {name: np.array(values) for name, values in data.items()}
     found = {}
     for controller in dict.fromkeys(data["controller"]):
@@ -76,7 +82,8 @@ def read(folder: Path) -> dict[str, Columns]:
 def same(a: Columns, b: Columns) -> bool:
     """Equal to the bit; NaN where the other is NaN."""
     return list(a) == list(b) and all(
-        np.array_equal(a[name], b[name], equal_nan=a[name].dtype.kind == "f") for name in a
+        np.array_equal(a[name], b[name], equal_nan=a[name].dtype.kind == "f")
+        for name in a
     )
 
 
@@ -103,7 +110,11 @@ def write_manifest(folder: Path, table: dict[str, Any]) -> None:
 
 def files_of(folder: Path) -> dict[str, bytes]:
     """Every file of a folder, hidden ones too, by its path."""
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
 
 
 def cell_of(flown: CellFlights | Work) -> Cell:
@@ -129,7 +140,12 @@ def point(error, *, lost=False, judged=None, largest=None):
 
 def axis(values, unit="m/s", **laws):
     """An axis with points of laws."""
-    facts = {"title": "a trial", "noisy": False, "judged": "tip, mean / largest", "window_s": [4.0, 20.0]}
+    facts = {
+        "title": "a trial",
+        "noisy": False,
+        "judged": "tip, mean / largest",
+        "window_s": [4.0, 20.0],
+    }
     return {**facts, "values": list(values), "unit": unit, "laws": laws}
 
 

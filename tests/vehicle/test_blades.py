@@ -1,4 +1,6 @@
-"""Rotors of LiftDrag blades in SDF files: their direction by the lift that gz-sim computes, and what is left open."""
+"""Rotors of LiftDrag blades in SDF files: their direction by the lift that gz-sim
+computes, and what is left open.
+"""
 
 import re
 
@@ -16,29 +18,44 @@ LIFTING = "gz::sim::systems::LiftDrag"
 
 def blade(cp, forward, upward, link="propeller"):
     words = f"<cp>{cp}</cp><forward>{forward}</forward><upward>{upward}</upward><link_name>{link}</link_name>"
-    return f'<plugin name="{LIFTING}" filename="l"><a0>0.3</a0><cla>4.25</cla>{words}</plugin>'
+    return (
+        f'<plugin name="{LIFTING}"'
+        f' filename="l"><a0>0.3</a0><cla>4.25</cla>{words}</plugin>'
+    )
 
 
 def craft(pose, axis, blades, control, upward="0 0 1"):
-    """A wing with a propeller of two blades and, where control has text, ArduPilot's plugin that turns its joint."""
-    turned = f"<control><jointName>spin</jointName>{control}</control>" if control else ""
+    """A wing with a propeller of two blades and, where control has text, ArduPilot's
+    plugin that turns its joint.
+    """
+    turned = (
+        f"<control><jointName>spin</jointName>{control}</control>" if control else ""
+    )
     return (
-        f'<model name="m"><link name="wing">{MASS}</link><link name="propeller"><pose>{pose}</pose>{MASS}</link>'
-        '<joint name="spin" type="revolute"><parent>wing</parent><child>propeller</child>'
+        f'<model name="m"><link name="wing">{MASS}</link><link'
+        f' name="propeller"><pose>{pose}</pose>{MASS}</link>'
+        '<joint name="spin"'
+        ' type="revolute"><parent>wing</parent><child>propeller</child>'
         f"<axis><xyz>{axis}</xyz></axis></joint>{''.join(blade(*each, upward) for each in blades)}"
         f'<plugin name="ArduPilotPlugin" filename="a">{turned}</plugin></model>'
     )
 
 
 def saved(folder, text, name="v.sdf"):
-    (folder / name).write_text(text if name != "v.sdf" else f'<sdf version="1.7">{text}</sdf>')
+    (folder / name).write_text(
+        text if name != "v.sdf" else f'<sdf version="1.7">{text}</sdf>'
+    )
     return folder / name
 
 
 X_BLADES = [("0.074 0 0", "0 1 0"), ("-0.074 0 0", "0 -1 0")]
 CRAFTS = {
     "zephyr": (
-        ("0 0.07 0.008 0 1.5708 0", "0 -1 0", [("0 0 0.074", "-1 0 0"), ("0 0 -0.074", "1 0 0")]),
+        (
+            "0 0.07 0.008 0 1.5708 0",
+            "0 -1 0",
+            [("0 0 0.074", "-1 0 0"), ("0 0 -0.074", "1 0 0")],
+        ),
         ("<multiplier>838</multiplier>", "0 -1 0"),
         (0, -1, 0),
     ),
@@ -66,7 +83,9 @@ CRAFTS = {
 
 
 def lift(cp, forward, upward, turning):
-    """Lift at rest, of a0 0.3 and cla 4.25, in axes of the link: LiftDrag.cc of gz-sim, from vel to cl * q * liftI."""
+    """Lift at rest, of a0 0.3 and cla 4.25, in axes of the link: LiftDrag.cc of gz-sim,
+    from vel to cl * q * liftI.
+    """
     vel = np.cross(turning, cp)
     spanwise = np.cross(forward, upward) / np.linalg.norm(np.cross(forward, upward))
     in_plane = vel - vel @ spanwise * spanwise
@@ -80,25 +99,47 @@ def lift(cp, forward, upward, turning):
 
 @pytest.mark.parametrize("nested", [False, True])
 @pytest.mark.parametrize("name", CRAFTS)
-def test_blades_push_to_the_side_of_their_lift_as_their_joint_is_turned(tmp_path, name, nested):
-    """Poses, axes, blades and multipliers of ArduPilot's ardupilot_gazebo and SITL_Models."""
+def test_blades_push_to_the_side_of_their_lift_as_their_joint_is_turned(
+    tmp_path, name, nested
+):
+    """Poses, axes, blades and multipliers of ArduPilot's ardupilot_gazebo and
+    SITL_Models.
+    """
     (pose, axis, blades), (control, upward), right = CRAFTS[name]
     text = craft(pose, axis, blades, control, upward)
-    (rotor,) = read_sdf(saved(tmp_path, f'<model name="outer">{text}</model>' if nested else text)).rotors
+    (rotor,) = read_sdf(
+        saved(tmp_path, f'<model name="outer">{text}</model>' if nested else text)
+    ).rotors
     words = re.sub("<.*?>", "", control).replace("cw", "-1")
     turning = np.array(axis.split(), float) * float(words)
-    total = sum(lift(*(np.array(each.split(), float) for each in (*two, upward)), turning) for two in blades)
-    np.testing.assert_allclose([*rotor.axis], total / np.linalg.norm(total), rtol=0, atol=1e-15)
+    total = sum(
+        lift(*(np.array(each.split(), float) for each in (*two, upward)), turning)
+        for two in blades
+    )
+    np.testing.assert_allclose(
+        [*rotor.axis], total / np.linalg.norm(total), rtol=0, atol=1e-15
+    )
     assert [*rotor.axis] == [*right]
 
 
 def test_a_pusher_behind_the_wing_pushes_forward(tmp_path):
-    """The motor_f of alti_transition_quad: its model has x forward, and its link stands on its pitch of -pi/2."""
+    """The motor_f of alti_transition_quad: its model has x forward, and its link stands
+    on its pitch of -pi/2.
+    """
     (pose, axis, blades), (control, upward), _ = CRAFTS["alti_transition_quad, behind"]
     saved(tmp_path, craft(pose, axis, blades, control, upward))
-    numbers = "thrust_coefficient = 1e-5\nmoment_coefficient = 0.02\nmax_speed = 900.0\ntime_constant_up = 0.01\n"
-    numbers += 'time_constant_down = 0.02\n[[rotors]]\nname = "propeller"\ndirection = "cw"\n'
-    toml = saved(tmp_path, f'schema = 1\nname = "t"\nsdf = "v.sdf"\n[rotor_defaults]\n{numbers}', "v.toml")
+    numbers = (
+        "thrust_coefficient = 1e-5\nmoment_coefficient = 0.02\nmax_speed ="
+        " 900.0\ntime_constant_up = 0.01\n"
+    )
+    numbers += (
+        'time_constant_down = 0.02\n[[rotors]]\nname = "propeller"\ndirection = "cw"\n'
+    )
+    toml = saved(
+        tmp_path,
+        f'schema = 1\nname = "t"\nsdf = "v.sdf"\n[rotor_defaults]\n{numbers}',
+        "v.toml",
+    )
     assert [*load_vehicle(toml).rotors[0].axis] == pytest.approx([1, 0, 0], abs=1e-5)
 
 
@@ -115,16 +156,31 @@ def test_lift_across_the_joint_leaves_the_direction_of_a_rotor_open(tmp_path, ca
     if case == "both sides":
         blades = [blades[0], (blades[0][0], "1 0 0")]
     upward = "0 1 0" if case == "both sides" else "0 -1 0.1"
-    path = saved(tmp_path, craft(pose, axis, blades, "<multiplier>838</multiplier>", upward))
+    path = saved(
+        tmp_path, craft(pose, axis, blades, "<multiplier>838</multiplier>", upward)
+    )
     (gap,) = load_vehicle(path).gaps
-    assert "axis (<upward> of its LiftDrag plugins is not along the joint, or to both sides)" in gap
-    with pytest.raises(VehicleError, match=r"--from = .*: must state the direction of each thrust; it lacks axis \(<"):
+    assert (
+        "axis (<upward> of its LiftDrag plugins is not along the joint, or to both"
+        " sides)" in gap
+    )
+    with pytest.raises(
+        VehicleError,
+        match=(
+            r"--from = .*: must state the direction of each thrust; it lacks axis \(<"
+        ),
+    ):
         own_vehicle_file(str(path), "mine")
-    rest = "".join(f"{word} = 0.02\n" for word in ("thrust_coefficient", "moment_coefficient", "max_speed"))
+    rest = "".join(
+        f"{word} = 0.02\n"
+        for word in ("thrust_coefficient", "moment_coefficient", "max_speed")
+    )
     rest += "time_constant_up = 0.02\ntime_constant_down = 0.02\n"
     own = '[[rotors]]\nname = "propeller"\ndirection = "cw"\n'
     head = f'schema = 1\nname = "t"\nsdf = "v.sdf"\n[rotor_defaults]\n{rest}{own}'
-    with pytest.raises(VehicleError, match=r"rotors propeller: the file states no axis \("):
+    with pytest.raises(
+        VehicleError, match=r"rotors propeller: the file states no axis \("
+    ):
         load_vehicle(saved(tmp_path, head, "v.toml"))
     whole = load_vehicle(saved(tmp_path, f"{head}axis = [0.0, -1.0, 0.0]\n", "w.toml"))
     assert [*whole.rotors[0].axis] == [0, -1, 0]
@@ -135,4 +191,6 @@ def test_lift_of_a_wing_is_noted_and_that_of_a_propeller_is_its_rotors(tmp_path)
     text = craft(pose, axis, blades, control, upward)
     wing = blade("0 -0.1 0", "0 -1 0", "0 0 1", "wing").replace(LIFTING, "Wing")
     vehicle = load_vehicle(saved(tmp_path, text.replace("</model>", f"{wing}</model>")))
-    assert [each for each in vehicle.notes if "plugin" in each] == ["plugins ArduPilotPlugin, Wing: not read"]
+    assert [each for each in vehicle.notes if "plugin" in each] == [
+        "plugins ArduPilotPlugin, Wing: not read"
+    ]

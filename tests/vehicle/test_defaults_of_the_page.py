@@ -1,4 +1,6 @@
-"""What a vehicle's file leaves out is what docs/vehicle_files.md says, and its published numbers are the published."""
+"""What a vehicle's file leaves out is what docs/vehicle_files.md says, and its
+published numbers are the published.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,14 @@ WORDS = {"no limit": math.inf, "`[0, 0, 1]`": (0, 0, 1), '`"revolute"`': "revolu
 
 
 def table(record):
-    """Field -> the text of its default, for every row of the page's table of a record."""
-    (block,) = re.findall(rf"<!-- generated: vehicle {BLOCKS[record]} -->\n(.*?)<!-- /generated -->", PAGE, re.DOTALL)
+    """Field -> the text of its default, for every row of the page's table of a
+    record.
+    """
+    (block,) = re.findall(
+        rf"<!-- generated: vehicle {BLOCKS[record]} -->\n(.*?)<!-- /generated -->",
+        PAGE,
+        re.DOTALL,
+    )
     return {row[0].strip("`"): row[2] for row in cells_of(block)}
 
 
@@ -34,8 +42,19 @@ def default(record, name):
 @pytest.mark.parametrize(
     ("record", "name"),
     [
-        *((Joint, name) for name in ("kind", "effort_limit", "damping", "coulomb", "coulomb_rate")),
-        *((Rotor, name) for name in ("axis", "drag_coefficient", "rolling_moment_coefficient", "max_speed")),
+        *(
+            (Joint, name)
+            for name in ("kind", "effort_limit", "damping", "coulomb", "coulomb_rate")
+        ),
+        *(
+            (Rotor, name)
+            for name in (
+                "axis",
+                "drag_coefficient",
+                "rolling_moment_coefficient",
+                "max_speed",
+            )
+        ),
         *((Rotor, name) for name in ("time_constant_up", "time_constant_down")),
         *((BodyDrag, name) for name in ("air_density",)),
     ],
@@ -53,7 +72,9 @@ def test_limits_of_a_joint_are_none_if_left_out():
 
 
 def test_the_rotors_lags_are_those_of_rotors_and_of_its_hummingbird():
-    """RotorS's motor model: default time constants 1/80 s up and 1/40 s down, which its xacro repeats."""
+    """RotorS's motor model: default time constants 1/80 s up and 1/40 s down, which its
+    xacro repeats.
+    """
     shipped = skyarm.load_vehicle("hummingbird").rotors[0]
     for name, rate in (("time_constant_up", 80.0), ("time_constant_down", 40.0)):
         assert default(Rotor, name) == getattr(shipped, name) == 1.0 / rate
@@ -91,9 +112,22 @@ def test_a_file_that_leaves_everything_out_has_the_defaults_of_the_records(tmp_p
     path.write_text(BARE, encoding="utf-8")
     found = load_vehicle(path)
     (link,), (rotor,) = found.links, found.rotors
-    for name in ("kind", "lower", "upper", "effort_limit", "damping", "coulomb", "coulomb_rate"):
+    for name in (
+        "kind",
+        "lower",
+        "upper",
+        "effort_limit",
+        "damping",
+        "coulomb",
+        "coulomb_rate",
+    ):
         assert getattr(link.joint, name) == default(Joint, name), name
-    for name in ("drag_coefficient", "rolling_moment_coefficient", "time_constant_up", "time_constant_down"):
+    for name in (
+        "drag_coefficient",
+        "rolling_moment_coefficient",
+        "time_constant_up",
+        "time_constant_down",
+    ):
         assert getattr(rotor, name) == default(Rotor, name), name
     assert (rotor.max_speed, tuple(rotor.axis)) == (math.inf, (0, 0, 1))
     assert (tuple(found.drag.area), found.drag.air_density) == ((0, 0, 0), 1.225)

@@ -1,4 +1,6 @@
-"""Links that form a ring are told as the ring they form, whoever hangs on it, in files of either kind."""
+"""Links that form a ring are told as the ring they form, whoever hangs on it, in files
+of either kind.
+"""
 
 from __future__ import annotations
 
@@ -24,11 +26,25 @@ from skyarm.vehicle.description import tree_order
 )
 def test_a_ring_is_told_link_by_link_and_without_its_tail(parents, ring):
     first, second = ring.split(" -> ")[:2]
-    message = f"parent of {first} = '{second}': closed chains are not supported ({ring})"
+    message = (
+        f"parent of {first} = '{second}': closed chains are not supported ({ring})"
+    )
     with pytest.raises(VehicleError, match=re.escape(message)):
         tree_order(parents, "base", "parent of {}")
 
 
 def test_a_tree_in_any_order_is_sorted_parents_first_and_else_as_given():
-    parents = {"hand": "wrist", "wrist": "arm", "camera": "base", "arm": "base", "finger": "hand"}
-    assert tree_order(parents, "base", "{}") == ["camera", "arm", "wrist", "hand", "finger"]
+    parents = {
+        "hand": "wrist",
+        "wrist": "arm",
+        "camera": "base",
+        "arm": "base",
+        "finger": "hand",
+    }
+    assert tree_order(parents, "base", "{}") == [
+        "camera",
+        "arm",
+        "wrist",
+        "hand",
+        "finger",
+    ]

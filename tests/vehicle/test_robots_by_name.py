@@ -1,4 +1,6 @@
-"""Robots of installed packages by name: files that come with a package, files that are fetched, and neither."""
+"""Robots of installed packages by name: files that come with a package, files that are
+fetched, and neither.
+"""
 
 from __future__ import annotations
 
@@ -29,17 +31,25 @@ def carried(folder, name="one_arm"):
 
 
 def test_without_the_packages_the_line_says_how_to_install_them(nothing_installed):
-    with pytest.raises(VehicleError, match=r"^robot:one_arm: robot = 'robot:one_arm': needs the extra 'robots': "):
+    with pytest.raises(
+        VehicleError,
+        match=r"^robot:one_arm: robot = 'robot:one_arm': needs the extra 'robots': ",
+    ):
         load_vehicle("robot:one_arm")
 
 
 def test_a_robot_whose_file_comes_with_its_package(nothing_installed):
     path = carried(nothing_installed)
     assert load_vehicle("robot:one_arm") == load_vehicle(path)
-    toml = 'schema = 1\nname = "v"\nairframe = "hummingbird"\n[[attach]]\narm = "robot:one_arm"\nprefix = "x_"\n'
+    toml = (
+        'schema = 1\nname = "v"\nairframe = "hummingbird"\n[[attach]]\narm ='
+        ' "robot:one_arm"\nprefix = "x_"\n'
+    )
     vehicle = load_vehicle(saved(nothing_installed, toml, "v.toml"))
     assert [each.name for each in vehicle.links] == ["x_a"]
-    with pytest.raises(VehicleError, match=r"did you mean 'one_arm'\? must be one of the 1 robots of"):
+    with pytest.raises(
+        VehicleError, match=r"did you mean 'one_arm'\? must be one of the 1 robots of"
+    ):
         load_vehicle("robot:one_arn")
 
 

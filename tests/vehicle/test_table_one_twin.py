@@ -1,4 +1,6 @@
-"""The paper's Table 1 and its physical twin: another distribution of inertia, the same equations of motion."""
+"""The paper's Table 1 and its physical twin: another distribution of inertia, the same
+equations of motion.
+"""
 
 import dataclasses
 
@@ -18,7 +20,10 @@ def accelerations(vehicle):
     rng = np.random.default_rng(3)
     q = rng.normal(size=(1000, 4))
     q /= np.linalg.norm(q, axis=1)[:, None]
-    joints, velocity = rng.uniform(-np.pi, np.pi, (1000, 2)), 3.0 * rng.normal(size=(1000, 8))
+    joints, velocity = (
+        rng.uniform(-np.pi, np.pi, (1000, 2)),
+        3.0 * rng.normal(size=(1000, 8)),
+    )
     force = rng.normal(size=(1000, 8)) * [5.0, 5.0, 5.0, 0.1, 0.1, 0.1, 0.1, 0.1]
     return forward_dynamics(vehicle, np.zeros((1000, 3)), q, joints, velocity, force)
 
@@ -34,10 +39,21 @@ def test_the_twin_is_a_body_and_moves_as_table_one_does():
 
 
 def test_a_share_of_the_inertia_that_is_not_moved_back_is_seen():
-    for index, moments in ((1, Sym3(7.5e-5, 7.5e-5, 7.6e-5)), (0, Sym3(7.4e-5, 7.5e-5, 7.5e-5))):
+    for index, moments in (
+        (1, Sym3(7.5e-5, 7.5e-5, 7.6e-5)),
+        (0, Sym3(7.4e-5, 7.5e-5, 7.5e-5)),
+    ):
         links = list(TWIN.links)
-        links[index] = dataclasses.replace(links[index], body=dataclasses.replace(links[index].body, inertia=moments))
-        assert apart(accelerations(TABLE_1), accelerations(dataclasses.replace(TWIN, links=tuple(links)))) > 1e-6
+        links[index] = dataclasses.replace(
+            links[index], body=dataclasses.replace(links[index].body, inertia=moments)
+        )
+        assert (
+            apart(
+                accelerations(TABLE_1),
+                accelerations(dataclasses.replace(TWIN, links=tuple(links))),
+            )
+            > 1e-6
+        )
 
 
 def test_mass_matrices_agree_at_any_joint_values():
@@ -45,7 +61,9 @@ def test_mass_matrices_agree_at_any_joint_values():
     q = rng.normal(size=(50, 4))
     q /= np.linalg.norm(q, axis=1)[:, None]
     joints = rng.uniform(-np.pi, np.pi, (50, 2))
-    ours, theirs = (mass_matrix(v, np.zeros((50, 3)), q, joints) for v in (TABLE_1, TWIN))
+    ours, theirs = (
+        mass_matrix(v, np.zeros((50, 3)), q, joints) for v in (TABLE_1, TWIN)
+    )
     assert ours == pytest.approx(theirs, abs=1e-17)
 
 

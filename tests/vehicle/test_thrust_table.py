@@ -1,4 +1,6 @@
-"""Thrust tables: the curve is SciPy's, its inverse is exact, laws know them exactly, wrong ones are refused."""
+"""Thrust tables: the curve is SciPy's, its inverse is exact, laws know them exactly,
+wrong ones are refused.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,11 @@ ROTOR = Rotor(
     table=TABLE,
 )
 
-COLUMNS = {"speed": list(SPEED), "thrust": [2.0 * each for each in THRUST], "torque": [2.0 * each for each in TORQUE]}
+COLUMNS = {
+    "speed": list(SPEED),
+    "thrust": [2.0 * each for each in THRUST],
+    "torque": [2.0 * each for each in TORQUE],
+}
 
 
 def tabled(tmp_path: Path, columns: dict[str, Any] = COLUMNS, head: str = "") -> Path:
@@ -67,34 +73,48 @@ def test_the_curve_is_scipys_over_the_squared_speed():
         force = rotor_force(ROTOR, speed, ZERO3)
         assert force.force.z == pytest.approx(theirs(speed**2), rel=1e-12, abs=1e-15)
         assert force.torque.z == pytest.approx(-torque(speed**2), rel=1e-12, abs=1e-15)
-        assert force.torque.y == pytest.approx(-0.2 * theirs(speed**2), rel=1e-12, abs=1e-15)
+        assert force.torque.y == pytest.approx(
+            -0.2 * theirs(speed**2), rel=1e-12, abs=1e-15
+        )
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_any_rising_points_give_scipys_curve_and_its_inverse_gives_them_back(seed):
     random = np.random.default_rng(seed)
     count = int(random.integers(2, 9))
-    xs, ys = (np.cumsum(random.exponential(size=count) + 0.05).tolist() for _ in range(2))
+    xs, ys = (
+        np.cumsum(random.exponential(size=count) + 0.05).tolist() for _ in range(2)
+    )
     theirs = PchipInterpolator(xs, ys)
     for x in np.linspace(xs[0], xs[-1], 40).tolist():
         value = curve(x, xs, ys)
         assert value == pytest.approx(float(theirs(x)), rel=1e-9, abs=1e-12)
-        assert curve(inverse_curve(value, xs, ys), xs, ys) == pytest.approx(value, rel=1e-9, abs=1e-9)
+        assert curve(inverse_curve(value, xs, ys), xs, ys) == pytest.approx(
+            value, rel=1e-9, abs=1e-9
+        )
     assert curve(xs[0] - 1.0, xs, ys) == ys[0]
     if float(theirs.derivative()(xs[-1])) > 1e-3:
         beyond = curve(xs[-1] + 0.3, xs, ys)
-        assert beyond == pytest.approx(ys[-1] + 0.3 * float(theirs.derivative()(xs[-1])), rel=1e-9)
+        assert beyond == pytest.approx(
+            ys[-1] + 0.3 * float(theirs.derivative()(xs[-1])), rel=1e-9
+        )
         assert inverse_curve(beyond, xs, ys) == pytest.approx(xs[-1] + 0.3, rel=1e-9)
 
 
 def test_a_program_evaluates_the_same_curve():
-    program = Quick(lambda w: (push(ROTOR, w[0]), speed_of_push(ROTOR, w[0] * w[0])), (0.0,))
+    program = Quick(
+        lambda w: (push(ROTOR, w[0]), speed_of_push(ROTOR, w[0] * w[0])), (0.0,)
+    )
     for speed in (0.0, 100.0, 431.0, 930.0, 990.0):
         program.inputs[0] = speed
         program.step()
-        assert program.outputs.tolist() == pytest.approx([push(ROTOR, speed), speed_of_push(ROTOR, speed**2)])
+        assert program.outputs.tolist() == pytest.approx(
+            [push(ROTOR, speed), speed_of_push(ROTOR, speed**2)]
+        )
     for value in np.linspace(0.0, push(ROTOR, 930.0), 25).tolist():
-        assert push(ROTOR, speed_of_push(ROTOR, value)) == pytest.approx(value, rel=1e-12, abs=1e-9)
+        assert push(ROTOR, speed_of_push(ROTOR, value)) == pytest.approx(
+            value, rel=1e-12, abs=1e-9
+        )
 
 
 def test_a_parabolas_table_is_the_parabola():
@@ -107,12 +127,17 @@ def test_a_parabolas_table_is_the_parabola():
 
 
 def test_a_vehicle_with_tables_hovers_where_it_should(tmp_path):
-    """Hover trim of the truth and a law that knows the table: it stays; one that knows the parabola alone sags."""
+    """Hover trim of the truth and a law that knows the table: it stays; one that knows
+    the parabola alone sags.
+    """
     vehicle = load_vehicle(tabled(tmp_path))
     assert all(rotor.max_speed == 930.0 for rotor in vehicle.rotors)
     assert highest_thrust(vehicle) == pytest.approx(6 * 2 * 5.72)
     trim = hover_trim(vehicle, (0.0, 0.0), 9.81)
-    total = sum(rotor_force(r, w, ZERO3).force.z for r, w in zip(vehicle.rotors, trim.speeds, strict=True))
+    total = sum(
+        rotor_force(r, w, ZERO3).force.z
+        for r, w in zip(vehicle.rotors, trim.speeds, strict=True)
+    )
     assert total == pytest.approx(vehicle.mass * 9.81, rel=1e-9)
     assert trim.speeds[0] ** 2 != pytest.approx(trim.squared[0], rel=1e-3)
     scenario = hovering(tmp_path, vehicle)
@@ -135,34 +160,77 @@ def test_a_thrust_coefficient_that_varies_scales_the_table(tmp_path):
     scenario = hovering(tmp_path, load_vehicle(tabled(tmp_path)))
     at = "plant.vehicle.rotors.0.thrust_coefficient"
     held = scenario.plant.vehicle.rotors[0]
-    weak = with_numbers(scenario, {at: 0.9 * held.thrust_coefficient}).plant.vehicle.rotors[0]
-    assert rotor_force(weak, 500.0, ZERO3).force.z == pytest.approx(0.9 * rotor_force(held, 500.0, ZERO3).force.z)
+    weak = with_numbers(
+        scenario, {at: 0.9 * held.thrust_coefficient}
+    ).plant.vehicle.rotors[0]
+    assert rotor_force(weak, 500.0, ZERO3).force.z == pytest.approx(
+        0.9 * rotor_force(held, 500.0, ZERO3).force.z
+    )
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"thrust": [*THRUST[:-1], 4.0]}, r"thrust_table\.thrust\[7\] = 4\.0: must be above the one before it, 4\.51"),
-        ({"speed": [210.0, 200.0, *SPEED[2:]]}, r"thrust_table\.speed\[1\] = 200\.0: must be above"),
-        ({"thrust": [0.1]}, r"thrust_table\.thrust = \(0\.1,\): must be at least two numbers"),
-        ({"torque": [0.1, 0.2]}, r"thrust_table\.torque = .*: must be 8 numbers, as many as speeds"),
-        ({"speed": [0.0, *SPEED[1:]]}, r"thrust_table\.thrust\[0\] = 0\.33: must be 0 at rest"),
+        (
+            {"thrust": [*THRUST[:-1], 4.0]},
+            r"thrust_table\.thrust\[7\] = 4\.0: must be above the one before it, 4\.51",
+        ),
+        (
+            {"speed": [210.0, 200.0, *SPEED[2:]]},
+            r"thrust_table\.speed\[1\] = 200\.0: must be above",
+        ),
+        (
+            {"thrust": [0.1]},
+            r"thrust_table\.thrust = \(0\.1,\): must be at least two numbers",
+        ),
+        (
+            {"torque": [0.1, 0.2]},
+            r"thrust_table\.torque = .*: must be 8 numbers, as many as speeds",
+        ),
+        (
+            {"speed": [0.0, *SPEED[1:]]},
+            r"thrust_table\.thrust\[0\] = 0\.33: must be 0 at rest",
+        ),
         ({"speed": None}, r"rotor_defaults\.thrust_table\.speed: is missing"),
-        ({"amps": [1.0]}, r"amps.*unknown field; allowed: speed, thrust, torque, current"),
-        ({"throttle": [0.1]}, r"throttle.*unknown field; allowed: speed, thrust, torque, current"),
-        ({"thrust": [float("nan"), *THRUST[1:]]}, r"thrust\[0\] = nan: must be a finite number"),
+        (
+            {"amps": [1.0]},
+            r"amps.*unknown field; allowed: speed, thrust, torque, current",
+        ),
+        (
+            {"throttle": [0.1]},
+            r"throttle.*unknown field; allowed: speed, thrust, torque, current",
+        ),
+        (
+            {"thrust": [float("nan"), *THRUST[1:]]},
+            r"thrust\[0\] = nan: must be a finite number",
+        ),
     ],
 )
 def test_a_table_that_is_none_is_refused_in_one_line(tmp_path, change, words):
-    columns = {"speed": list(SPEED), "thrust": list(THRUST), "torque": list(TORQUE)} | change
+    columns = {
+        "speed": list(SPEED),
+        "thrust": list(THRUST),
+        "torque": list(TORQUE),
+    } | change
     with pytest.raises(VehicleError, match=words) as found:
-        load_vehicle(tabled(tmp_path, {name: column for name, column in columns.items() if column is not None}))
+        load_vehicle(
+            tabled(
+                tmp_path,
+                {
+                    name: column
+                    for name, column in columns.items()
+                    if column is not None
+                },
+            )
+        )
     assert "\n" not in str(found.value)
     assert str(found.value).startswith(str(tmp_path))
 
 
 def test_a_law_thinks_in_k_f_and_its_rotors_turn_as_the_table_has_it(tmp_path):
-    """What it is told and what it asks for are speeds at which k_f W^2 is the table's thrust."""
+    """What it is told and what it asks for are speeds at which k_f W^2 is the table's
+    thrust.
+    """
     scenario = hovering(tmp_path, load_vehicle(tabled(tmp_path)))
     model = scenario.controller.par.model
     plain = plain_model(model)
@@ -174,14 +242,20 @@ def test_a_law_thinks_in_k_f_and_its_rotors_turn_as_the_table_has_it(tmp_path):
         seen.append((measurement.rotor_speeds, par.model))
         return memory, Command(rotor_speeds=(500.0,) * 6, efforts=(0.0, 0.0))
 
-    inner = dataclasses.replace(make_controller("decoupled_pd", plain), law=law, memory=())
+    inner = dataclasses.replace(
+        make_controller("decoupled_pd", plain), law=law, memory=()
+    )
     made = with_actuators(inner, model, 0.005)
     reading = dataclasses.replace(blank_measurement(2, 6), rotor_speeds=(705.0,) * 6)
-    _, command = made.law(made.memory, reading, scenario.reference.at(0.0), 0.005, par=made.par)
+    _, command = made.law(
+        made.memory, reading, scenario.reference.at(0.0), 0.005, par=made.par
+    )
     told, believed = seen[-1]
     assert believed.vehicle.rotors[0].table is None
     assert k * told[0] ** 2 == pytest.approx(2.0 * 3.52), "the row of 705 rad/s"
-    turned = rotor_force(model.vehicle.rotors[0], command.rotor_speeds[0], ZERO3).force.z
+    turned = rotor_force(
+        model.vehicle.rotors[0], command.rotor_speeds[0], ZERO3
+    ).force.z
     assert turned == pytest.approx(k * 500.0**2)
     assert command.rotor_speeds[0] != pytest.approx(500.0, rel=1e-3)
 
@@ -189,4 +263,6 @@ def test_a_law_thinks_in_k_f_and_its_rotors_turn_as_the_table_has_it(tmp_path):
 def test_the_mixers_limit_is_the_tables_highest_thrust(tmp_path):
     vehicle = load_vehicle(tabled(tmp_path))
     rotor = vehicle.rotors[0]
-    assert rotor.thrust_coefficient * make_mixer(vehicle).highest[0] == pytest.approx(2.0 * 5.72)
+    assert rotor.thrust_coefficient * make_mixer(vehicle).highest[0] == pytest.approx(
+        2.0 * 5.72
+    )

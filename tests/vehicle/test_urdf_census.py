@@ -1,9 +1,9 @@
-"""Every URDF file of the robot packages that are installed: it loads and equals Pinocchio's parse, or is refused for a
-reason that it states.
+"""Every URDF file of the robot packages that are installed: it loads and equals
+Pinocchio's parse, or is refused for a reason that it states.
 
-Looked at are example-robot-data, pybullet's data and drake's examples, wherever they are importable, and folders named
-by ``SKYARM_ROBOTS`` (several are parted as in PATH). ``python tests/vehicle/test_urdf_census.py FOLDER...`` prints the
-counts by reason.
+Looked at are example-robot-data, pybullet's data and drake's examples, wherever they
+are importable, and folders named by ``SKYARM_ROBOTS`` (several are parted as in PATH).
+``python tests/vehicle/test_urdf_census.py FOLDER...`` prints the counts by reason.
 """
 
 from __future__ import annotations
@@ -25,14 +25,21 @@ from skyarm.vehicle.vehicle_files import carried_robots, load_vehicle
 
 REASONS = {
     "equal to Pinocchio's parse": "",
-    "root weighs nothing: it cannot float": r"base\.mass = 0\.0: must be greater than 0; its root .*\[\[attach\]\]$",
+    "root weighs nothing: it cannot float": (
+        r"base\.mass = 0\.0: must be greater than 0; its root .*\[\[attach\]\]$"
+    ),
     "an axis without inertia": r"must leave no axis without inertia",
     "a joint moves no mass": r"must move mass outward of it",
-    "inertia far beyond the triangle": r"must obey the triangle inequality|principal moments .*: must not be negative",
+    "inertia far beyond the triangle": (
+        r"must obey the triangle inequality|principal moments .*: must not be negative"
+    ),
     "no link at all": r"must have at least one link",
-    "a kind of joint that URDF has not": r"type = .*: must be one of revolute, continuous, prismatic, fixed",
+    "a kind of joint that URDF has not": (
+        r"type = .*: must be one of revolute, continuous, prismatic, fixed"
+    ),
     "malformed: no XML, no number, two of one element": (
-        r"must be well-formed|must be a finite number|must be a number|must be three numbers|must be at most one"
+        r"must be well-formed|must be a finite number|must be a number|must be three"
+        r" numbers|must be at most one"
     ),
 }
 """What became of a file -> what its refusal says."""
@@ -43,8 +50,14 @@ TOLERANCE = 1e-9
 
 def folders() -> list[Path]:
     """Folders of robots that are there."""
-    found = [Path(each) for each in os.environ.get("SKYARM_ROBOTS", "").split(os.pathsep) if each]
-    found += [next(iter(carried_robots().values())).parents[2]] if carried_robots() else []
+    found = [
+        Path(each)
+        for each in os.environ.get("SKYARM_ROBOTS", "").split(os.pathsep)
+        if each
+    ]
+    found += (
+        [next(iter(carried_robots().values())).parents[2]] if carried_robots() else []
+    )
     for package, below in (("pybullet_data", "."), ("pydrake", "share/drake/examples")):
         spec = find_spec(package)
         if spec is not None and spec.submodule_search_locations:
@@ -53,7 +66,9 @@ def folders() -> list[Path]:
 
 
 def census(files: list[Path]) -> tuple[Counter[str], list[str]]:
-    """How many files came to what, and lines on those for which no reason of ``REASONS`` stands."""
+    """How many files came to what, and lines on those for which no reason of
+    ``REASONS`` stands.
+    """
     counts: Counter[str] = Counter()
     strange: list[str] = []
     for file in files:
@@ -72,7 +87,10 @@ def outcome(file: Path) -> str:
         said = str(error).removeprefix(f"{file}: ")
         if "\n" in said or not str(error).startswith(str(file)):
             return f"refused in another form: {said}"
-        return next((name for name, says in REASONS.items() if says and re.search(says, said)), f"refused: {said}")
+        return next(
+            (name for name, says in REASONS.items() if says and re.search(says, said)),
+            f"refused: {said}",
+        )
     if any("repaired" in note for note in vehicle.notes):
         return "equal to Pinocchio's parse"
     return difference(vehicle, file.read_bytes().lstrip())
@@ -86,9 +104,16 @@ def difference(vehicle: Vehicle, text: bytes) -> str:
         model = pin.buildModelFromXML(text.decode(), pin.JointModelFreeFlyer())
     except ValueError as error:
         # what we know and Pinocchio does not: a parent 'world' that no link is
-        return "equal to Pinocchio's parse" if "world" in str(error) else f"Pinocchio: {error}"
+        return (
+            "equal to Pinocchio's parse"
+            if "world" in str(error)
+            else f"Pinocchio: {error}"
+        )
     data, n, rng = model.createData(), vehicle.n, np.random.default_rng(1)
-    joints, v = rng.uniform(-1.0, 1.0, n), np.concatenate([np.zeros(6), rng.normal(size=n)])
+    joints, v = (
+        rng.uniform(-1.0, 1.0, n),
+        np.concatenate([np.zeros(6), rng.normal(size=n)]),
+    )
     place = {link.joint.name: (joints[i], i) for i, link in enumerate(vehicle.links)}
     held = resting_values(text)
     q, G = pin.neutral(model), np.zeros((model.nv, 6 + n))
@@ -96,7 +121,9 @@ def difference(vehicle: Vehicle, text: bytes) -> str:
     for each in list(model.joints)[2:]:
         name = model.names[each.id]
         value, index = place.get(name, (held.get(name, math.nan), -1))
-        q[each.idx_q : each.idx_q + each.nq] = [value] if each.nq == 1 else [math.cos(value), math.sin(value)]
+        q[each.idx_q : each.idx_q + each.nq] = (
+            [value] if each.nq == 1 else [math.cos(value), math.sin(value)]
+        )
         if index >= 0:
             G[each.idx_v, 6 + index] = 1.0
     M = pin.crba(model, data, q)
@@ -105,12 +132,17 @@ def difference(vehicle: Vehicle, text: bytes) -> str:
     still = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), joints)
     ours = arrays.mass_matrix(vehicle, *still)
     force = arrays.inverse_dynamics(vehicle, *still, v, np.zeros(6 + n), gravity=9.81)
-    off = max(np.abs(ours - M).max() / np.abs(M).max(), np.abs(force - bias).max() / np.abs(bias).max())
+    off = max(
+        np.abs(ours - M).max() / np.abs(M).max(),
+        np.abs(force - bias).max() / np.abs(bias).max(),
+    )
     return "equal to Pinocchio's parse" if off <= TOLERANCE else f"off by {off:.2g}"
 
 
 def resting_values(text: bytes) -> dict[str, float]:
-    """Where joints that cannot move, or follow others, stand: read once more, straight from the elements."""
+    """Where joints that cannot move, or follow others, stand: read once more, straight
+    from the elements.
+    """
     import xml.etree.ElementTree as ET
 
     rows = {}
@@ -127,7 +159,9 @@ def resting_values(text: bytes) -> dict[str, float]:
             return low
         if mimic is None:
             return max(0.0, low) if low > 0.0 else min(0.0, high) if high < 0.0 else 0.0
-        return float(mimic.get("multiplier", 1.0)) * value(mimic.get("joint", "")) + float(mimic.get("offset", 0.0))
+        return float(mimic.get("multiplier", 1.0)) * value(
+            mimic.get("joint", "")
+        ) + float(mimic.get("offset", 0.0))
 
     return {name: value(name) for name in rows}
 
@@ -136,7 +170,9 @@ def resting_values(text: bytes) -> dict[str, float]:
 def test_every_robot_loads_as_pinocchio_reads_it_or_is_refused_for_a_stated_reason():
     pytest.importorskip("pinocchio")
     if not folders():
-        pytest.skip("no package with robots is installed: example-robot-data, pybullet or drake")
+        pytest.skip(
+            "no package with robots is installed: example-robot-data, pybullet or drake"
+        )
     files = sorted({file for folder in folders() for file in folder.rglob("*.urdf")})
     counts, strange = census(files)
     assert not strange
@@ -145,7 +181,9 @@ def test_every_robot_loads_as_pinocchio_reads_it_or_is_refused_for_a_stated_reas
 
 if __name__ == "__main__":
     given = [Path(each) for each in sys.argv[1:]] or folders()
-    all_counts, lines = census(sorted({file for folder in given for file in folder.rglob("*.urdf")}))
+    all_counts, lines = census(
+        sorted({file for folder in given for file in folder.rglob("*.urdf")})
+    )
     for name, count in all_counts.most_common():
         print(f"{count:6d}  {name}")
     print("\n".join(lines))

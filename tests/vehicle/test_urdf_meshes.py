@@ -1,4 +1,6 @@
-"""Links of a URDF file as the meshes that it names: where they are, in which size, and what is drawn without them."""
+"""Links of a URDF file as the meshes that it names: where they are, in which size, and
+what is drawn without them.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,13 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.scene.shapes import mesh_of
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 
-INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-CORNERS = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [0.0, 200.0, 0.0], [0.0, 0.0, 300.0]])
+INERTIAL = (
+    '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0"'
+    ' iyz="0"/></inertial>'
+)
+CORNERS = np.array(
+    [[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [0.0, 200.0, 0.0], [0.0, 0.0, 300.0]]
+)
 
 
 def tetrahedron() -> str:
@@ -36,13 +43,20 @@ def tetrahedron() -> str:
     return f"solid x {facets} endsolid x"
 
 
-def visual(origin: str = "", scale: str = "0.001 0.001 0.001", name: str = "part.stl") -> str:
-    return f'<visual>{origin}<geometry><mesh filename="{name}" scale="{scale}"/></geometry></visual>'
+def visual(
+    origin: str = "", scale: str = "0.001 0.001 0.001", name: str = "part.stl"
+) -> str:
+    return (
+        f'<visual>{origin}<geometry><mesh filename="{name}"'
+        f' scale="{scale}"/></geometry></visual>'
+    )
 
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    """A base, a link of two meshes, one of which a fixed joint carries, and a link whose mesh is of another kind."""
+    """A base, a link of two meshes, one of which a fixed joint carries, and a link
+    whose mesh is of another kind.
+    """
     (tmp_path / "part.stl").write_text(tetrahedron())
     (tmp_path / "part.dae").write_text("")
     turned = '<origin xyz="0 0 0.1" rpy="0 0 1.5707963267948966"/>'
@@ -64,7 +78,9 @@ def file(tmp_path: Path) -> Path:
 def meshes(vehicle: Vehicle) -> dict[str, tuple[int, np.ndarray]]:
     """Body and vertices of the meshes that are drawn, by their links."""
     shapes = [shape for shape in vehicle_shapes(vehicle) if shape.kind == "mesh"]
-    return {shape.name.split("/")[1]: (shape.body, mesh_of(shape)[0]) for shape in shapes}
+    return {
+        shape.name.split("/")[1]: (shape.body, mesh_of(shape)[0]) for shape in shapes
+    }
 
 
 def corners(points: np.ndarray) -> set[tuple[float, ...]]:
@@ -74,22 +90,34 @@ def corners(points: np.ndarray) -> set[tuple[float, ...]]:
 def test_links_are_drawn_as_their_meshes_where_the_files_are(file: Path) -> None:
     vehicle = load_vehicle(file)
     found = meshes(vehicle)
-    assert {name: body for name, (body, _) in found.items()} == {"root": BASE, "upper": 0, "cover": 0}
+    assert {name: body for name, (body, _) in found.items()} == {
+        "root": BASE,
+        "upper": 0,
+        "cover": 0,
+    }
     assert corners(found["root"][1]) == corners(1e-3 * CORNERS)
     x, y, z = (1e-3 * CORNERS).T
     assert corners(found["upper"][1]) == corners(np.stack([-y, x, z + 0.1], axis=1))
-    assert corners(found["cover"][1]) == corners(np.stack([-y, 0.5 - 2.0 * x, z], axis=1))
+    assert corners(found["cover"][1]) == corners(
+        np.stack([-y, 0.5 - 2.0 * x, z], axis=1)
+    )
     names = [shape.name for shape in vehicle_shapes(vehicle)]
     assert "hull" not in names
     assert not [name for name in names if name.startswith("link/upper")]
-    assert "a mesh file is no .stl; it is drawn from its joints" in " ".join(vehicle.notes)
-    assert [name for name in names if name.startswith("link/lower")], "it has no mesh that can be drawn"
+    assert "a mesh file is no .stl; it is drawn from its joints" in " ".join(
+        vehicle.notes
+    )
+    assert [name for name in names if name.startswith("link/lower")], (
+        "it has no mesh that can be drawn"
+    )
     # who draws no meshes has the guesses
     assert "hull" in [shape.name for shape in vehicle_shapes(vehicle, meshes=False)]
     build_spec(vehicle, 9.81).compile()
 
 
-def test_where_its_meshes_lie_or_that_they_are_absent_changes_no_vehicle(file: Path, tmp_path: Path) -> None:
+def test_where_its_meshes_lie_or_that_they_are_absent_changes_no_vehicle(
+    file: Path, tmp_path: Path
+) -> None:
     other, bare = (tmp_path / name for name in ("other", "bare"))
     for folder in (other, bare):
         folder.mkdir()
@@ -117,11 +145,19 @@ WRONG = {
 
 
 @pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)
-def test_a_picture_that_cannot_be_drawn_is_noted_and_refuses_no_vehicle(file: Path, wrong: str) -> None:
-    file.write_text(file.read_text().replace(f"{INERTIAL}{visual()}", f"{INERTIAL}{wrong}"))
+def test_a_picture_that_cannot_be_drawn_is_noted_and_refuses_no_vehicle(
+    file: Path, wrong: str
+) -> None:
+    file.write_text(
+        file.read_text().replace(f"{INERTIAL}{visual()}", f"{INERTIAL}{wrong}")
+    )
     vehicle = load_vehicle(file)
     assert [look.name for look in vehicle.looks] == ["upper", "cover"]
-    assert [note for note in vehicle.notes if note.startswith("link root: a mesh cannot be drawn (")]
+    assert [
+        note
+        for note in vehicle.notes
+        if note.startswith("link root: a mesh cannot be drawn (")
+    ]
     build_spec(vehicle, 9.81).compile()
 
 
@@ -137,11 +173,16 @@ def test_a_mesh_in_millimetres_over_a_metre_is_drawn(file: Path) -> None:
     ("content", "reason"),
     [
         (tetrahedron().replace("300.0", "0.0"), "has all of its vertices in one plane"),
-        ("solid " + 3 * (MOST + 1) * "vertex " + "endsolid", f"has {MOST + 1} triangles"),
+        (
+            "solid " + 3 * (MOST + 1) * "vertex " + "endsolid",
+            f"has {MOST + 1} triangles",
+        ),
         ("", "must be an STL file"),
     ],
 )
-def test_the_notes_tell_why_a_mesh_file_is_not_drawn(file: Path, content: str, reason: str) -> None:
+def test_the_notes_tell_why_a_mesh_file_is_not_drawn(
+    file: Path, content: str, reason: str
+) -> None:
     file.with_name("part.stl").write_text(content)
     vehicle = load_vehicle(file)
     assert vehicle.looks == ()
@@ -162,17 +203,27 @@ def test_a_mirrored_mesh_keeps_its_outside(file: Path) -> None:
 def test_an_arm_on_an_airframe_takes_its_meshes_along(file: Path) -> None:
     own = file.with_name("own.toml")
     own.write_text(
-        'schema = 1\nname = "own"\nairframe = "hummingbird"\n'
-        '[[attach]]\narm = "r.urdf"\nto = "base"\nposition = [0.0, 0.0, -0.1]\nprefix = "p_"\n'
+        'schema = 1\nname = "own"\nairframe = "hummingbird"\n[[attach]]\narm ='
+        ' "r.urdf"\nto = "base"\nposition = [0.0, 0.0, -0.1]\nprefix = "p_"\n'
     )
     found, alone = meshes(load_vehicle(own)), meshes(load_vehicle(file))
-    assert {name: body for name, (body, _) in found.items()} == {"p_root": BASE, "p_upper": 0, "p_cover": 0}
+    assert {name: body for name, (body, _) in found.items()} == {
+        "p_root": BASE,
+        "p_upper": 0,
+        "p_cover": 0,
+    }
     assert corners(found["p_root"][1]) == corners(1e-3 * CORNERS - [0.0, 0.0, 0.1])
     assert corners(found["p_cover"][1]) == corners(alone["cover"][1])
-    assert "hull" in [shape.name for shape in vehicle_shapes(load_vehicle(own))], "the airframe has no mesh"
+    assert "hull" in [shape.name for shape in vehicle_shapes(load_vehicle(own))], (
+        "the airframe has no mesh"
+    )
 
 
 def test_a_file_that_has_gone_leaves_the_guesses(file: Path) -> None:
     vehicle = load_vehicle(file)
-    gone = tuple(dataclasses.replace(look, file=f"{look.file}.gone") for look in vehicle.looks)
-    assert vehicle_shapes(dataclasses.replace(vehicle, looks=gone)) == vehicle_shapes(vehicle, meshes=False)
+    gone = tuple(
+        dataclasses.replace(look, file=f"{look.file}.gone") for look in vehicle.looks
+    )
+    assert vehicle_shapes(dataclasses.replace(vehicle, looks=gone)) == vehicle_shapes(
+        vehicle, meshes=False
+    )

@@ -1,4 +1,6 @@
-"""Of several mistakes in a vehicle's file the misspelt field is told first; rotations off square about any axis."""
+"""Of several mistakes in a vehicle's file the misspelt field is told first; rotations
+off square about any axis.
+"""
 
 from __future__ import annotations
 
@@ -25,14 +27,29 @@ ROTOR = {
     "thrust_coefficient": 1e-5,
     "moment_coefficient": 0.01,
 }
-LINK = {"name": "arm", "parent": "base", **BODY, "joint": {"name": "j", "axis": [0.0, 1.0, 0.0]}}
-WHOLE = {"schema": 1, "name": "v", "base": BODY, "links": [LINK], "rotors": [ROTOR], "frames": [{"name": "tip"}]}
+LINK = {
+    "name": "arm",
+    "parent": "base",
+    **BODY,
+    "joint": {"name": "j", "axis": [0.0, 1.0, 0.0]},
+}
+WHOLE = {
+    "schema": 1,
+    "name": "v",
+    "base": BODY,
+    "links": [LINK],
+    "rotors": [ROTOR],
+    "frames": [{"name": "tip"}],
+}
 
 
 def renamed(table, old, new):
     """The table with a field under another name, in its old place and at the end."""
     swapped = {new if key == old else key: value for key, value in table.items()}
-    return swapped, {**{key: value for key, value in table.items() if key != old}, new: table[old]}
+    return swapped, {
+        **{key: value for key, value in table.items() if key != old},
+        new: table[old],
+    }
 
 
 @pytest.fixture(autouse=True)
@@ -69,13 +86,18 @@ def test_the_document_of_these_tests_is_right():
         (("frames", 0), "name", "names"),
     ],
 )
-def test_a_misspelt_field_is_told_before_the_one_that_is_missing_for_it(where, old, new):
+def test_a_misspelt_field_is_told_before_the_one_that_is_missing_for_it(
+    where, old, new
+):
     def placed(table, at, value):
         if not at:
             return value
         first, *rest = at
         if isinstance(table, list):
-            return [placed(each, rest, value) if i == first else each for i, each in enumerate(table)]
+            return [
+                placed(each, rest, value) if i == first else each
+                for i, each in enumerate(table)
+            ]
         return {**table, first: placed(table[first], rest, value)}
 
     inner = WHOLE
@@ -84,15 +106,21 @@ def test_a_misspelt_field_is_told_before_the_one_that_is_missing_for_it(where, o
     for table in renamed(inner, old, new):
         text = message(placed(WHOLE, where, table))
         place, words = text.split(": ", 1)
-        missing = place.split(".")[-1] == old and words.startswith(f"is missing; is it '{new}'? there are ")
-        assert missing or re.match(rf".*{new} = .*: unknown field; (did you mean '\w+'\? )?allowed: ", text)
+        missing = place.split(".")[-1] == old and words.startswith(
+            f"is missing; is it '{new}'? there are "
+        )
+        assert missing or re.match(
+            rf".*{new} = .*: unknown field; (did you mean '\w+'\? )?allowed: ", text
+        )
 
 
 def test_a_field_that_is_missing_is_said_to_be_so_and_shows_no_table():
     nameless = {key: value for key, value in WHOLE.items() if key != "name"}
     assert message(nameless).startswith("name: is missing; there are base, ")
     bare = {key: value for key, value in ROTOR.items() if key != "direction"}
-    assert message(WHOLE | {"rotors": [bare]}).startswith("rotors[front].direction: is missing; there are ")
+    assert message(WHOLE | {"rotors": [bare]}).startswith(
+        "rotors[front].direction: is missing; there are "
+    )
 
 
 SOLID = Body(mass=2.0, inertia=Sym3(0.02, 0.02, 0.02))
@@ -102,10 +130,16 @@ def fixed(R):
     """A vehicle with a joint, and one with a frame, that stand so."""
     rows = Mat3(*(Vec3(*map(float, row)) for row in R))
     yield lambda: Vehicle(
-        name="v", base=SOLID, links=(Link(name="a", parent=-1, joint=Joint(name="j", rotation=rows), body=SOLID),)
+        name="v",
+        base=SOLID,
+        links=(
+            Link(name="a", parent=-1, joint=Joint(name="j", rotation=rows), body=SOLID),
+        ),
     )
     yield lambda: Vehicle(
-        name="v", base=SOLID, frames=(Frame(name="tip", link=-1, position=Vec3(0, 0, 0), rotation=rows),)
+        name="v",
+        base=SOLID,
+        frames=(Frame(name="tip", link=-1, position=Vec3(0, 0, 0), rotation=rows),),
     )
 
 
@@ -116,12 +150,16 @@ PAIRS = list(itertools.permutations(range(3), 2))
 @pytest.mark.parametrize("turn", range(len(TURNS)))
 @pytest.mark.parametrize(("moved", "towards"), PAIRS)
 def test_rows_of_a_rotation_are_square_to_each_other_pair_by_pair(moved, towards, turn):
-    """One row leans towards another, either way, and keeps its length: three milliradians change the volume by 5e-6."""
+    """One row leans towards another, either way, and keeps its length: three
+    milliradians change the volume by 5e-6.
+    """
     for lean in (3e-3, -3e-3):
         R = TURNS[turn].copy()
         R[moved] = math.cos(lean) * R[moved] + math.sin(lean) * R[towards]
         for make in fixed(R):
-            with pytest.raises(VehicleError, match=r"\.rotation = .*must be a rotation"):
+            with pytest.raises(
+                VehicleError, match=r"\.rotation = .*must be a rotation"
+            ):
                 make()
     # within the rounding of published numbers it stands
     R = TURNS[turn].copy()
@@ -155,13 +193,17 @@ def test_rows_of_a_rotation_have_unit_length(row):
 
 
 def test_joints_are_tried_at_zero_and_at_two_values_apart_from_it_and_each_other():
-    """The search for joints without mass looks where symmetry hides none: no joint within 0.2 of zero or of another."""
+    """The search for joints without mass looks where symmetry hides none: no joint
+    within 0.2 of zero or of another.
+    """
     free = Joint(name="j")
     assert [mobility._joint_value(free, 0, index) for index in range(30)] == [0.0] * 30
     for turn in (1, 2):
         tried = [mobility._joint_value(free, turn, index) for index in range(30)]
         assert min(tried) >= 0.2
-        assert max(tried) <= 1.2 < 0.5 * math.pi, "beyond a right angle sines begin to repeat"
+        assert max(tried) <= 1.2 < 0.5 * math.pi, (
+            "beyond a right angle sines begin to repeat"
+        )
         assert len({round(value, 6) for value in tried}) == 30
         other = [mobility._joint_value(free, 3 - turn, index) for index in range(30)]
         assert min(abs(a - b) for a, b in zip(tried, other, strict=True)) > 0.1

@@ -1,4 +1,6 @@
-"""One example for each public name, as doctest: shown on its page of the API, and run by a test where it is cheap."""
+"""One example for each public name, as doctest: shown on its page of the API, and run
+by a test where it is cheap.
+"""
 
 from __future__ import annotations
 
@@ -493,7 +495,9 @@ True
 >>> heavier = skyarm.with_numbers(scenario, {"plant.payload.mass": 0.05})
 """
 
-EXAMPLES: dict[str, str] = dict(re.findall(r"^## (\w+)\n(.*?)\n(?=\n## |\Z)", TEXT, re.M | re.S))
+EXAMPLES: dict[str, str] = dict(
+    re.findall(r"^## (\w+)\n(.*?)\n(?=\n## |\Z)", TEXT, re.M | re.S)
+)
 """Public name -> its example."""
 
 

@@ -1,6 +1,8 @@
-"""Build the documentation site: lay the pages out, run the notebooks, build, check; a warning is an error.
+"""Build the documentation site: lay the pages out, run the notebooks, build, check; a
+warning is an error.
 
-python tests/website/build_site.py            what `make docs` does; the site is out/docs/site/index.html
+python tests/website/build_site.py            what `make docs` does; the site is
+                                              out/docs/site/index.html
 python tests/website/build_site.py pages      only lay the pages out, in out/docs/pages
 """
 
@@ -19,7 +21,15 @@ from percent_scripts import rendered, run_script
 from site_links import broken
 from site_recordings import asked_for, make_recordings
 from site_reference import reference_pages
-from staged_pages import DOCS, REPOSITORY, ROOT, example_page, examples_index, staged, staged_text
+from staged_pages import (
+    DOCS,
+    REPOSITORY,
+    ROOT,
+    example_page,
+    examples_index,
+    staged,
+    staged_text,
+)
 
 OUT = ROOT / "out" / "docs"
 PAGES, SITE, RECORDINGS = OUT / "pages", OUT / "site", OUT / "recordings"
@@ -27,7 +37,9 @@ ROLE = re.compile(r":(?:py:)?(?:func|class|mod|data|meth|attr):(?=<code>|`)")
 """Marks of cross references in docstrings, which are Sphinx's and mean nothing here."""
 
 
-def lay_out(pages: Path, *, recordings: Path | None = None, notebooks: bool = True) -> list[str]:
+def lay_out(
+    pages: Path, *, recordings: Path | None = None, notebooks: bool = True
+) -> list[str]:
     """Write every page of the site as Markdown, with what the pages show.
 
     Args:
@@ -49,8 +61,17 @@ def lay_out(pages: Path, *, recordings: Path | None = None, notebooks: bool = Tr
     texts |= reference_pages()
     if notebooks:
         texts |= notebook_pages(recordings)
-    for path in (path for folder in ("images", "theme") for path in (DOCS / folder).rglob("*") if path.is_file()):
-        taken[path.relative_to(DOCS / "theme" if "theme" in path.parts else DOCS).as_posix()] = path
+    for path in (
+        path
+        for folder in ("images", "theme")
+        for path in (DOCS / folder).rglob("*")
+        if path.is_file()
+    ):
+        taken[
+            path.relative_to(
+                DOCS / "theme" if "theme" in path.parts else DOCS
+            ).as_posix()
+        ] = path
     for name, text in texts.items():
         (pages / name).parent.mkdir(parents=True, exist_ok=True)
         (pages / name).write_text(text, "utf-8")
@@ -78,7 +99,9 @@ def notebook_pages(recordings: Path | None) -> dict[str, str]:
         for name, svg in pictures.items():
             drawn = svg[svg.index("<svg") :]
             text = re.sub(
-                rf"!\[([^\]]*)\]\({re.escape(name)}\)", lambda _, d=drawn: f'<div class="picture">\n{d}\n</div>', text
+                rf"!\[([^\]]*)\]\({re.escape(name)}\)",
+                lambda _, d=drawn: f'<div class="picture">\n{d}\n</div>',
+                text,
             )
         name = f"notebooks/{path.stem}.md"
         texts[name] = staged_text(text, path, name, recordings)
@@ -97,7 +120,9 @@ ENTRY = re.compile(r"^ *- (?:.*: )?([\w/]+\.md)\n", re.M)
 
 
 def menu_of(text: str, pages: Iterable[str]) -> str:
-    """The configuration without entries of pages that are not there, and without headings that are left empty."""
+    """The configuration without entries of pages that are not there, and without
+    headings that are left empty.
+    """
     there = set(pages)
     before, nav, menu = text.partition("nav:\n")
     menu = ENTRY.sub(lambda entry: entry[0] if entry[1] in there else "", menu)
@@ -107,7 +132,16 @@ def menu_of(text: str, pages: Iterable[str]) -> str:
 def build(config: Path) -> list[str]:
     """Build the site; returns the lines of warnings and errors, none if all is well."""
     done = subprocess.run(
-        [sys.executable, "-m", "zensical", "build", "--clean", "--strict", "-f", str(config)],
+        [
+            sys.executable,
+            "-m",
+            "zensical",
+            "build",
+            "--clean",
+            "--strict",
+            "-f",
+            str(config),
+        ],
         capture_output=True,
         text=True,
         check=False,
@@ -117,7 +151,8 @@ def build(config: Path) -> list[str]:
     wrong = [
         line
         for line in told
-        if re.search(r"\b(warning|error)s?\b", line, re.I) and not re.search(r"\bno (issues|warnings)", line, re.I)
+        if re.search(r"\b(warning|error)s?\b", line, re.I)
+        and not re.search(r"\bno (issues|warnings)", line, re.I)
     ]
     if done.returncode and not wrong:
         wrong = told or [f"zensical ended with exit code {done.returncode}"]
@@ -137,10 +172,20 @@ def make_site() -> int:
     """Recordings, pages, site, links; 0 if nothing is wrong."""
     began = time.perf_counter()
     shutil.rmtree(RECORDINGS, ignore_errors=True)
-    recorded = make_recordings(RECORDINGS, asked_for([path.read_text("utf-8") for path in DOCS.rglob("*.md")]))
-    print(f"{len(recorded)} recordings" + ("" if recorded else ", for want of the extra studio"), flush=True)
+    recorded = make_recordings(
+        RECORDINGS, asked_for([path.read_text("utf-8") for path in DOCS.rglob("*.md")])
+    )
+    print(
+        f"{len(recorded)} recordings"
+        + ("" if recorded else ", for want of the extra studio"),
+        flush=True,
+    )
     names = lay_out(PAGES, recordings=RECORDINGS if recorded else None)
-    print(f"{len(names)} pages in {PAGES.relative_to(ROOT)}, {time.perf_counter() - began:.1f} s", flush=True)
+    print(
+        f"{len(names)} pages in {PAGES.relative_to(ROOT)},"
+        f" {time.perf_counter() - began:.1f} s",
+        flush=True,
+    )
     if sys.argv[1:] == ["pages"]:
         return 0
     config = OUT / "mkdocs.yml"
@@ -151,7 +196,10 @@ def make_site() -> int:
         wrong = list(broken(SITE))
     for line in wrong:
         print(line, file=sys.stderr)
-    print(f"{len(wrong)} warnings; {(SITE / 'index.html').relative_to(ROOT)}, {time.perf_counter() - began:.1f} s")
+    print(
+        f"{len(wrong)} warnings; {(SITE / 'index.html').relative_to(ROOT)},"
+        f" {time.perf_counter() - began:.1f} s"
+    )
     return 1 if wrong else 0
 
 

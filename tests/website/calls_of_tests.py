@@ -1,9 +1,10 @@
-"""A pytest plugin that writes which functions each test calls, of skyarm and of the tests; of cases the first runs.
+"""A pytest plugin that writes which functions each test calls, of skyarm and of the
+tests; of cases the first runs.
 
     pytest -n 0 -p calls_of_tests --calls FILE TEST ...
 
-A call counts from the test's fixtures on to its end. FILE is JSON: test (without its case) -> ["file:line", ...], the
-first lines of the functions.
+A call counts from the test's fixtures on to its end. FILE is JSON: test (without its
+case) -> ["file:line", ...], the first lines of the functions.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ import pytest
 import skyarm
 
 ROOMS = (str(Path(skyarm.__file__).parent), str(Path(__file__).resolve().parents[1]))
-"""Folders whose functions count: a form of the paper that no flight needs is among the tests."""
+"""Folders whose functions count: a form of the paper that no flight needs is among the
+tests."""
 
 
 class Calls:
@@ -38,7 +40,9 @@ class Calls:
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Keep the first case of each test."""
         first = {item.nodeid.partition("[")[0]: item for item in reversed(items)}
-        items[:] = [item for item in items if first[item.nodeid.partition("[")[0]] is item]
+        items[:] = [
+            item for item in items if first[item.nodeid.partition("[")[0]] is item
+        ]
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
@@ -50,7 +54,9 @@ class Calls:
         finally:
             sys.setprofile(None)
             ours = (code for code in self.seen if code.co_filename.startswith(ROOMS))
-            self.of[item.nodeid.partition("[")[0]] = sorted(f"{c.co_filename}:{c.co_firstlineno}" for c in ours)
+            self.of[item.nodeid.partition("[")[0]] = sorted(
+                f"{c.co_filename}:{c.co_firstlineno}" for c in ours
+            )
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

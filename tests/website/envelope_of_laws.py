@@ -1,6 +1,8 @@
-"""The envelope in docs/results_envelope.md: tables, weakest points of the flagship and picture, from a folder.
+"""The envelope in docs/results_envelope.md: tables, weakest points of the flagship and
+picture, from a folder.
 
-python tests/website/envelope_of_laws.py out/envelope    writes the block into docs/results_envelope.md
+python tests/website/envelope_of_laws.py out/envelope    writes the block into
+                                                         docs/results_envelope.md
 and docs/images/envelope.png
 """
 
@@ -21,7 +23,8 @@ from skyarm.view.pages import markdown
 
 ROOT = Path(__file__).resolve().parents[2]
 FIRST, REST = "the envelope", "more of the envelope"
-"""Blocks of the page: how far the tip is within 10 mm, which the README repeats; and the other tables."""
+"""Blocks of the page: how far the tip is within 10 mm, which the README repeats; and
+the other tables."""
 LEFT_OUT = ("paper_pd", "l1_adaptive")
 """Laws that the figure shows and the page's table has no room for."""
 PAGE = "docs/results_envelope.md"
@@ -38,14 +41,17 @@ TABLES = {
 """Heading of a table of the page -> the group of `CELL` that it shows."""
 
 CELL = re.compile(
-    r"(?P<small>[\d.]+|-) / (?P<large>[\d.]+|-)(?:, lost (?P<lost>(?:from|at) [\d., ]*\d))?"
+    r"(?P<small>[\d.]+|-) / (?P<large>[\d.]+|-)(?:, lost (?P<lost>(?:from|at) [\d.,"
+    r" ]*\d))?"
     r"(?:; (?P<jitter>[\d.e+-]+)(?:, (?P<limited>[\d.e+-]+) %)?)?"
 )
 """A cell of the envelope's summary."""
 
 
 def value_of(cell: str, group: str) -> str:
-    """One value of a cell of the summary; a dash where there is none, and 0 for a limit that no rotor reached."""
+    """One value of a cell of the summary; a dash where there is none, and 0 for a limit
+    that no rotor reached.
+    """
     found = CELL.fullmatch(cell)
     if found is None:
         assert cell == DASH, cell
@@ -57,23 +63,33 @@ def value_of(cell: str, group: str) -> str:
 
 def table(rows: Sequence[Sequence[str]], group: str, laws: Sequence[str]) -> str:
     """One table of the page: a trial in each row, one value in each cell."""
-    lines = [[name, *(value_of(cell, group) for cell in found)] for name, *found in rows]
+    lines = [
+        [name, *(value_of(cell, group) for cell in found)] for name, *found in rows
+    ]
     return markdown(["trial", *(f">{law}" for law in laws)], lines)
 
 
 def headed(rows: Sequence[Sequence[str]], laws: Sequence[str]) -> list[str]:
     """Every table of the page under its heading, from the rows of the summary."""
-    return [f"### {title}\n\n{table(rows, group, laws)}\n" for title, group in TABLES.items()]
+    return [
+        f"### {title}\n\n{table(rows, group, laws)}\n"
+        for title, group in TABLES.items()
+    ]
 
 
 def written(found: Mapping[str, Any]) -> dict[str, str]:
-    """What stands between the marks of the page's blocks, from the content of ``envelope.json``."""
+    """What stands between the marks of the page's blocks, from the content of
+    ``envelope.json``.
+    """
     laws, axes = [law for law in found["laws"] if law not in LEFT_OUT], found["axes"]
-    weakest = ", ".join(words_of(row) for row in violation_rows(violations(axes, FLAGSHIP))) or "none"
+    weakest = (
+        ", ".join(words_of(row) for row in violation_rows(violations(axes, FLAGSHIP)))
+        or "none"
+    )
     first, *more = headed(summary_rows(axes, laws), laws)
     more.append(
-        f"Trials in which `{FLAGSHIP}` is lost and another law is not, or in which its error is over 10 %\n"
-        f"larger than that of the paper's law: {weakest}.\n"
+        f"Trials in which `{FLAGSHIP}` is lost and another law is not, or in which its"
+        f" error is over 10 %\nlarger than that of the paper's law: {weakest}.\n"
     )
     return {FIRST: first, REST: "\n".join(more)}
 
@@ -101,7 +117,9 @@ def main(folder: Path) -> None:
         put(ROOT / PAGE, name, text)
         print(text)
     # a palette: a third of the size, and nobody sees it in lines on white
-    Image.open(folder / "envelope.png").convert("RGB").quantize(128).save(ROOT / PICTURE, optimize=True)
+    Image.open(folder / "envelope.png").convert("RGB").quantize(128).save(
+        ROOT / PICTURE, optimize=True
+    )
 
 
 if __name__ == "__main__":

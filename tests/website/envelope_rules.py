@@ -16,40 +16,61 @@ PAPER_LAWS = ("paper_ct", "hybrid_computed_torque_tuned", "hybrid_computed_torqu
 """What it is measured against: the first of the paper's laws that flies."""
 
 WORSE = 1.1
-"""Times the error of the paper's law from which on the flagship violates the second rule."""
+"""Times the error of the paper's law from which on the flagship violates the second
+rule."""
 
 
-def violations(axes: Mapping[str, Any], flagship: str = FLAGSHIP) -> list[dict[str, Any]]:
-    """Trials in which the flagship is lost and another law is not, or is over 10 % worse than the paper's law.
+def violations(
+    axes: Mapping[str, Any], flagship: str = FLAGSHIP
+) -> list[dict[str, Any]]:
+    """Trials in which the flagship is lost and another law is not, or is over 10 %
+    worse than the paper's law.
 
-    Every plant of an axis of plants is a trial; those of a value that violate one rule are told together.
+    Every plant of an axis of plants is a trial; those of a value that violate one rule
+    are told together.
     """
     found = []
     for name, axis in axes.items():
         laws = axis["laws"]
         for k in range(len(laws.get(flagship, ()))):
             at = {"axis": name, "value": axis["values"][k], "unit": axis["unit"]}
-            found += [{**at, **each} for each in violations_at({law: laws[law][k] for law in laws}, flagship)]
+            found += [
+                {**at, **each}
+                for each in violations_at({law: laws[law][k] for law in laws}, flagship)
+            ]
     return found
 
 
 def violations_at(points: Mapping[str, Any], flagship: str) -> list[dict[str, Any]]:
     """Violations of one value: at most one of each rule."""
-    trials = {law: point["plants"]["each"] if "plants" in point else [point] for law, point in points.items()}
+    trials = {
+        law: point["plants"]["each"] if "plants" in point else [point]
+        for law, point in points.items()
+    }
     paper = next((law for law in PAPER_LAWS if law in points), None)
     kept: dict[str, None] = {}
     lost, worse = [], []
     for k, own in enumerate(trials[flagship]):
-        others = {law: flown[k] for law, flown in trials.items() if law != flagship and k < len(flown)}
+        others = {
+            law: flown[k]
+            for law, flown in trials.items()
+            if law != flagship and k < len(flown)
+        }
         if own["lost"]:
             survive = [law for law, other in others.items() if not other["lost"]]
             kept |= dict.fromkeys(survive)
             lost += [k] if survive else []
-        elif paper in others and not others[paper]["lost"] and own["judged"] > WORSE * others[paper]["judged"]:
+        elif (
+            paper in others
+            and not others[paper]["lost"]
+            and own["judged"] > WORSE * others[paper]["judged"]
+        ):
             worse.append((own["judged"] / others[paper]["judged"], k))
     found: list[dict[str, Any]] = []
     if lost:
-        found.append({"rule": "lost", "kept_by": list(kept), "own": None, "other": None})
+        found.append(
+            {"rule": "lost", "kept_by": list(kept), "own": None, "other": None}
+        )
     if worse:
         _, k = max(worse)
         own, other = (trials[law][k]["judged"] for law in (flagship, paper) if law)

@@ -1,8 +1,10 @@
-"""Drawing of one control period: the stages of the closed loop, what enters each, and the way back to the first.
+"""Drawing of one control period: the stages of the closed loop, what enters each, and
+the way back to the first.
 
     python tests/website/flight_drawing.py     writes docs/images/one_period.svg
 
-It is as narrow as a phone, so that its letters stay as large as the page's; lines and letters take the page's colour.
+It is as narrow as a phone, so that its letters stay as large as the page's; lines and
+letters take the page's colour.
 """
 
 from __future__ import annotations
@@ -11,8 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 DRAWING = Path(__file__).resolve().parents[2] / "docs" / "images" / "one_period.svg"
-STYLE = "<style>svg{color:#222}@media (prefers-color-scheme:dark){svg{color:#ddd}}</style>"
-TITLE = "One control period: surround, sense, decide, send, drive, advance, and back to surround"
+STYLE = (
+    "<style>svg{color:#222}@media (prefers-color-scheme:dark){svg{color:#ddd}}</style>"
+)
+TITLE = (
+    "One control period: surround, sense, decide, send, drive, advance, and back to"
+    " surround"
+)
 WIDTH, EDGE = 372, 8
 # of the column of stages: begin, width, height of a box, row to row, px
 LEFT, STAGE, HIGH, DOWN = 28, 190, 50, 80
@@ -45,13 +52,27 @@ STAGES = (
 """Stages of a period in their order."""
 
 
-def box(x: float, y: float, width: float, height: float, lines: tuple[str, ...], kind: str = "") -> list[str]:
-    """Rectangle with its lines of text, the first in bold letters where there are two."""
-    parts = [f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}" rx="5"{kind}/>']
+def box(
+    x: float,
+    y: float,
+    width: float,
+    height: float,
+    lines: tuple[str, ...],
+    kind: str = "",
+) -> list[str]:
+    """Rectangle with its lines of text, the first in bold letters where there are
+    two.
+    """
+    parts = [
+        f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}"'
+        f' rx="5"{kind}/>'
+    ]
     first = y + height / 2 + 5 - 9 * (len(lines) - 1)
     for i, words in enumerate(lines):
         name = ' font-weight="bold"' if i == 0 and len(lines) > 1 else ""
-        parts.append(f'<text{name} x="{x + width / 2:g}" y="{first + 18 * i:g}">{words}</text>')
+        parts.append(
+            f'<text{name} x="{x + width / 2:g}" y="{first + 18 * i:g}">{words}</text>'
+        )
     return parts
 
 
@@ -61,7 +82,9 @@ def arrow(path: str) -> str:
 
 
 def draw_inputs(stage: Stage, top: float) -> list[str]:
-    """Boxes of what enters and leaves a stage, one below the other around its middle."""
+    """Boxes of what enters and leaves a stage, one below the other around its
+    middle.
+    """
     parts = list[str]()
     for i, words in enumerate(stage.inputs):
         middle = top + HIGH / 2 + FLAT * (i - (len(stage.inputs) - 1) / 2)
@@ -69,7 +92,12 @@ def draw_inputs(stage: Stage, top: float) -> list[str]:
         at = min(max(middle, top + 10), top + HIGH - 10)
         leaves = words.startswith(">")
         parts += box(
-            ASIDE, middle - LOW / 2, INPUT, LOW, (words.lstrip(">"),), "" if leaves else ' stroke-dasharray="4 3"'
+            ASIDE,
+            middle - LOW / 2,
+            INPUT,
+            LOW,
+            (words.lstrip(">"),),
+            "" if leaves else ' stroke-dasharray="4 3"',
         )
         begin, end = (LEFT + STAGE, ASIDE) if leaves else (ASIDE, LEFT + STAGE)
         parts.append(arrow(f"M{begin:g} {at:g}H{end:g}"))
@@ -87,17 +115,33 @@ def drawing() -> str:
             parts.append(arrow(f"M{middle:g} {top - DOWN + HIGH:g}V{top:g}"))
     last = EDGE + DOWN * (len(STAGES) - 1)
     low = last + HIGH + 22
-    parts.append(arrow(f"M{middle:g} {last + HIGH:g}V{low:g}H{EDGE:g}V{EDGE + HIGH / 2:g}H{LEFT:g}"))
-    words = f'<text x="{middle + 8:g}" y="{low + 5:g}" text-anchor="start">true state, next period</text>'
+    parts.append(
+        arrow(
+            f"M{middle:g} {last + HIGH:g}V{low:g}H{EDGE:g}V{EDGE + HIGH / 2:g}H{LEFT:g}"
+        )
+    )
+    words = (
+        f'<text x="{middle + 8:g}" y="{low + 5:g}" text-anchor="start">true state, next'
+        " period</text>"
+    )
     height = low + EDGE + 6
-    head = '<marker id="head" markerWidth="8" markerHeight="8" refX="7" refY="4" orient="auto">'
+    head = (
+        '<marker id="head" markerWidth="8" markerHeight="8" refX="7" refY="4"'
+        ' orient="auto">'
+    )
     return "\n".join(
         [
-            f'<svg xmlns="http://www.w3.org/2000/svg" class="narrow" viewBox="0 0 {WIDTH} {height:g}" width="{WIDTH}" '
-            'font-family="sans-serif" font-size="14" text-anchor="middle">',
+            (
+                '<svg xmlns="http://www.w3.org/2000/svg" class="narrow" viewBox="0 0'
+                f' {WIDTH} {height:g}" width="{WIDTH}" font-family="sans-serif"'
+                ' font-size="14" text-anchor="middle">'
+            ),
             f"<title>{TITLE}</title>",
             STYLE,
-            f'<defs>{head}<path d="M0 0.5L8 4L0 7.5z" fill="currentColor"/></marker></defs>',
+            (
+                f'<defs>{head}<path d="M0 0.5L8 4L0 7.5z"'
+                ' fill="currentColor"/></marker></defs>'
+            ),
             '<g fill="none" stroke="currentColor" stroke-width="1.3">',
             *(part for part in parts if not part.startswith("<text")),
             '</g><g fill="currentColor">',

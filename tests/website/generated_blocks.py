@@ -1,7 +1,8 @@
 """Tables of the reference pages, generated from records, registries and signatures.
 
-A page holds ``<!-- generated: KIND WORDS -->``, the table, ``<!-- /generated -->``. ``--write`` fills every block of
-docs/*.md, or of the pages that are named; :func:`stale_blocks` finds those that differ from the program.
+A page holds ``<!-- generated: KIND WORDS -->``, the table, ``<!-- /generated -->``.
+``--write`` fills every block of docs/*.md, or of the pages that are named;
+:func:`stale_blocks` finds those that differ from the program.
 """
 
 from __future__ import annotations
@@ -53,18 +54,34 @@ from skyarm.records.units import Unit, declared_fields, units
 from skyarm.records.words import words_of_fields
 from skyarm.scenario import word_texts
 from skyarm.scenario.controller_table import option_words
-from skyarm.scenario.grammar import SIGNAL, GrammarRow, default_in_words, entry_in_words, grammar
+from skyarm.scenario.grammar import (
+    SIGNAL,
+    GrammarRow,
+    default_in_words,
+    entry_in_words,
+    grammar,
+)
 from skyarm.vehicle.attach import Mimic
 from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import BodyDrag, Rotor
 from support.check_list import CHECKS
-from website.python_names import arguments_of, classes_of, first_line, functions_of, modules_of
+from website.python_names import (
+    arguments_of,
+    classes_of,
+    first_line,
+    functions_of,
+    modules_of,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-DOCUMENTS = tomllib.loads(Path(__file__).with_name("document_keys.toml").read_text("utf-8"))
-BLOCK = re.compile(r"^<!-- generated: ([^\n]*?) -->\n(.*?)^<!-- /generated -->$", re.M | re.S)
+DOCUMENTS = tomllib.loads(
+    Path(__file__).with_name("document_keys.toml").read_text("utf-8")
+)
+BLOCK = re.compile(
+    r"^<!-- generated: ([^\n]*?) -->\n(.*?)^<!-- /generated -->$", re.M | re.S
+)
 
 Rows = Iterable[Sequence[str]]
 
@@ -102,7 +119,9 @@ def bounds(unit: Unit) -> str:
     """Allowed numbers in words; empty if any number is allowed."""
     low, high = unit.low, unit.high
     if math.isfinite(low) and math.isfinite(high):
-        return f"above {low:g}, below {high:g}" if unit.strict else f"{low:g} to {high:g}"
+        return (
+            f"above {low:g}, below {high:g}" if unit.strict else f"{low:g} to {high:g}"
+        )
     if math.isfinite(low):
         return f"above {low:g}" if unit.strict else f"at least {low:g}"
     if math.isfinite(high):
@@ -128,7 +147,9 @@ ON_TORQUE = ("decoupled_pd", "admittance_pd")
 
 
 def law_block(law: str, *left_out: str) -> str:
-    """Options of a law or of an autopilot, in the order of its maker; ``-NAME`` leaves out the fields of a table."""
+    """Options of a law or of an autopilot, in the order of its maker; ``-NAME`` leaves
+    out the fields of a table.
+    """
     assert law in (*LAWS, *AUTOPILOTS), f"no law {law}"
     rows: list[Sequence[str]] = []
     texts = option_texts(law)
@@ -141,20 +162,28 @@ def law_block(law: str, *left_out: str) -> str:
 
 
 def gains_block(option: str, law: str) -> str:
-    """Fields of an option that is a table, as a law has it: those that cards of several laws leave out."""
+    """Fields of an option that is a table, as a law has it: those that cards of several
+    laws leave out.
+    """
     rows = _table_rows(option, law, option_texts(law)[option])
     assert rows, f"{option} is no table"
     return table(OPTION_HEADS, rows)
 
 
 def _option_row(word: str, text: OptionText) -> Sequence[str]:
-    allowed = text.allowed if "`" in text.allowed else re.sub(r'("[^"]*")', r"`\1`", text.allowed)
+    allowed = (
+        text.allowed
+        if "`" in text.allowed
+        else re.sub(r'("[^"]*")', r"`\1`", text.allowed)
+    )
     default = text.usual or shown(text.default)
     return (
         f"`{word}`",
         typed(text.entry, text.unit.unit),
         default,
-        allowed or bounds(text.unit) or ("true or false" if text.entry == "true or false" else ""),
+        allowed
+        or bounds(text.unit)
+        or ("true or false" if text.entry == "true or false" else ""),
         text.unit.meaning,
         text.effect or text.unit.effect,
     )
@@ -168,7 +197,9 @@ def _table_rows(option: str, law: str, text: OptionText) -> list[Sequence[str]]:
     torque = TORQUE_GAINS if option == "joint_gains" and law in ON_TORQUE else {}
     for name, unit in units(kind).items():
         own = torque.get(name, unit)
-        entry = "three numbers" if kind is GeometricGains else "one number for each joint"
+        entry = (
+            "three numbers" if kind is GeometricGains else "one number for each joint"
+        )
         entry = entry if option in ("gains", "joint_gains") else "number"
         default = getattr(text.default, name, None)
         rows.append(
@@ -188,7 +219,9 @@ FIELD_HEADS = ("field", "type and unit", "default", "allowed", "meaning", "effec
 
 
 def coded(text: str, *, whole: bool = False) -> str:
-    """Text with values of a file in code: quoted words, numbers and lists; the whole of a single one."""
+    """Text with values of a file in code: quoted words, numbers and lists; the whole of
+    a single one.
+    """
     if "`" in text:
         return text
     if whole and re.fullmatch(r"-?[\d.]+(e[-+]?\d+)?|true|false|\[[^\]]*\]", text):
@@ -199,20 +232,33 @@ def coded(text: str, *, whole: bool = False) -> str:
 def either(entry: str) -> str:
     """Type in words, with a choice of texts as such."""
     quoted = re.findall(r"'([^']*)'", entry)
-    return "text" if quoted and re.fullmatch(r"'[^']*'( or '[^']*')*( \(.* if left out\))?", entry) else entry
+    return (
+        "text"
+        if quoted
+        and re.fullmatch(r"'[^']*'( or '[^']*')*( \(.* if left out\))?", entry)
+        else entry
+    )
 
 
 def choices(entry: str) -> str:
     """Texts that an entry may be, if it is a choice of few."""
     quoted = re.findall(r"'([^']*)'", entry)
-    return ", ".join(f'`"{each}"`' for each in quoted) if either(entry) == "text" and len(quoted) <= 4 else ""
+    return (
+        ", ".join(f'`"{each}"`' for each in quoted)
+        if either(entry) == "text" and len(quoted) <= 4
+        else ""
+    )
 
 
 def required_first(rows: list[Sequence[str]]) -> list[Sequence[str]]:
-    """Rows of required fields before the others, whose order is kept; rows of a table stay below it."""
+    """Rows of required fields before the others, whose order is kept; rows of a table
+    stay below it.
+    """
     groups: list[list[Sequence[str]]] = []
     for row in rows:
-        inside = groups and row[0].strip("`").startswith(groups[-1][0][0].strip("`") + ".")
+        inside = groups and row[0].strip("`").startswith(
+            groups[-1][0][0].strip("`") + "."
+        )
         groups[-1].append(row) if inside else groups.append([row])
     groups.sort(key=lambda group: not group[0][2].startswith("required"))
     return [row for group in groups for row in group]
@@ -242,22 +288,35 @@ def loaded(path: str) -> Any:
 
 
 def record_block(path: str, *more: str) -> str:
-    """Fields of records, required ones first; ``-NAME`` leaves a field out, further paths add records.
+    """Fields of records, required ones first; ``-NAME`` leaves a field out, further
+    paths add records.
 
     Of several records a column tells of which each field is.
     """
-    kinds = [loaded(each) for each in (path, *(word for word in more if not word.startswith("-")))]
+    kinds = [
+        loaded(each)
+        for each in (path, *(word for word in more if not word.startswith("-")))
+    ]
     left_out = {word[1:] for word in more if word.startswith("-")}
     if len(kinds) == 1:
-        rows = [field_row(kinds[0], name) for name in declared_fields(kinds[0]) if name not in left_out]
+        rows = [
+            field_row(kinds[0], name)
+            for name in declared_fields(kinds[0])
+            if name not in left_out
+        ]
         return table(FIELD_HEADS, required_first(rows))
     listed: dict[str, tuple[list[str], Sequence[str]]] = {}
     for kind in kinds:
         for name in declared_fields(kind):
             if name not in left_out:
-                listed.setdefault(name, ([], field_row(kind, name)))[0].append(registered_name(kind))
+                listed.setdefault(name, ([], field_row(kind, name)))[0].append(
+                    registered_name(kind)
+                )
     every = len(kinds)
-    cells = [(row[0], "all" if len(of) == every else ", ".join(of), *row[1:]) for of, row in listed.values()]
+    cells = [
+        (row[0], "all" if len(of) == every else ", ".join(of), *row[1:])
+        for of, row in listed.values()
+    ]
     cells.sort(key=lambda row: not row[3].startswith("required"))
     return table(("field", "of", *FIELD_HEADS[1:]), cells)
 
@@ -265,21 +324,36 @@ def record_block(path: str, *more: str) -> str:
 def registered_name(kind: type) -> str:
     """Name of a class in the registry, in code."""
     of = getattr(kind, "registered_as", "")
-    return next((f"`{name}`" for name in names(of) if find(of, name) is kind), f"`{kind.__name__}`")
+    return next(
+        (f"`{name}`" for name in names(of) if find(of, name) is kind),
+        f"`{kind.__name__}`",
+    )
 
 
 def grammar_row(row: GrammarRow, prefix: str) -> Sequence[str]:
     """Row of a key of a scenario file, named below a table."""
     text = word_texts.of_path(row.path) if not row.of else word_texts.WordText()
-    name = row.path.removeprefix(prefix).removeprefix("[]").removeprefix(".").replace("[]", "")
+    name = (
+        row.path.removeprefix(prefix)
+        .removeprefix("[]")
+        .removeprefix(".")
+        .replace("[]", "")
+    )
     # a star would be emphasis; it stands for a name
     name = name.replace("*", "NAME")
-    allowed = text.allowed or choices(row.entry) or re.sub("^at least (.*), at most ", r"\1 to ", row.bounds)
+    allowed = (
+        text.allowed
+        or choices(row.entry)
+        or re.sub("^at least (.*), at most ", r"\1 to ", row.bounds)
+    )
     return (
         f"`{name}`",
-        typed(either(row.entry).replace("list of tables", "tables").replace(SIGNAL, "signal"), row.unit).replace(
-            "list of signal,", "list of signals,"
-        ),
+        typed(
+            either(row.entry)
+            .replace("list of tables", "tables")
+            .replace(SIGNAL, "signal"),
+            row.unit,
+        ).replace("list of signal,", "list of signals,"),
         coded(row.default, whole=True),
         coded(allowed),
         row.meaning,
@@ -288,17 +362,28 @@ def grammar_row(row: GrammarRow, prefix: str) -> Sequence[str]:
 
 
 def words_block(prefix: str, *kinds: str) -> str:
-    """Keys of a scenario file below a table, or of the top; of some kinds, one after the other with their name.
+    """Keys of a scenario file below a table, or of the top; of some kinds, one after
+    the other with their name.
 
-    ``-NAME`` leaves a key, and what is below it, out. ``+`` shows keys of tables inside, too. ``=A,B`` are the first.
+    ``-NAME`` leaves a key, and what is below it, out. ``+`` shows keys of tables
+    inside, too. ``=A,B`` are the first.
     """
     left_out = [word[1:] for word in kinds if word.startswith("-")]
     chosen = [word for word in kinds if word[0] not in "-+="]
     order = [name for word in kinds if word[0] == "=" for name in word[1:].split(",")]
-    rows = [row for row in grammar() if _is_below(row.path.replace("[]", ""), prefix, deep="+" in kinds)]
+    rows = [
+        row
+        for row in grammar()
+        if _is_below(row.path.replace("[]", ""), prefix, deep="+" in kinds)
+    ]
     found: list[Sequence[str]] = []
     for row in rows:
-        name = row.path.replace("[]", "").removeprefix(prefix).removeprefix(".").replace("*", "NAME")
+        name = (
+            row.path.replace("[]", "")
+            .removeprefix(prefix)
+            .removeprefix(".")
+            .replace("*", "NAME")
+        )
         if any(name == each or name.startswith(f"{each}.") for each in left_out):
             continue
         if row.of in chosen or (not row.of and not chosen):
@@ -307,17 +392,25 @@ def words_block(prefix: str, *kinds: str) -> str:
     assert found, f"no keys below {prefix}"
     if len(chosen) > 1:
         return table(("kind", *FIELD_HEADS), found)
-    found.sort(key=lambda row: order.index(name) if (name := row[0].strip("`")) in order else len(order))
+    found.sort(
+        key=lambda row: (
+            order.index(name) if (name := row[0].strip("`")) in order else len(order)
+        )
+    )
     return table(FIELD_HEADS, required_first(found))
 
 
 def _is_below(path: str, prefix: str, *, deep: bool) -> bool:
     if prefix == "top":
         return "." not in path
-    return path.startswith(f"{prefix}.") and (deep or path.count(".") == prefix.count(".") + 1)
+    return path.startswith(f"{prefix}.") and (
+        deep or path.count(".") == prefix.count(".") + 1
+    )
 
 
-def hand_rows(words: Iterable[word_texts.HandWord], *, kinds: bool) -> list[Sequence[str]]:
+def hand_rows(
+    words: Iterable[word_texts.HandWord], *, kinds: bool
+) -> list[Sequence[str]]:
     """Rows of keys that functions read."""
     return [
         (
@@ -334,16 +427,33 @@ def hand_rows(words: Iterable[word_texts.HandWord], *, kinds: bool) -> list[Sequ
 
 
 def kinds_of_keys(kind: str, at: str) -> str:
-    """Keys of all signals, or of the motions that are no tasks, one kind after the other."""
-    rows = [row for row in grammar() if row.of and row.path.startswith(f"{at}.") and row.of in names(kind)]
+    """Keys of all signals, or of the motions that are no tasks, one kind after the
+    other.
+    """
+    rows = [
+        row
+        for row in grammar()
+        if row.of and row.path.startswith(f"{at}.") and row.of in names(kind)
+    ]
     assert rows
-    return table(("kind", *FIELD_HEADS), [(f"`{row.of}`", *_short_entry(grammar_row(row, at))) for row in rows])
+    return table(
+        ("kind", *FIELD_HEADS),
+        [(f"`{row.of}`", *_short_entry(grammar_row(row, at))) for row in rows],
+    )
 
 
 def _short_entry(cells: Sequence[str]) -> Sequence[str]:
-    entry = re.sub("number, list or table: a signal|list of signals?", "signal", cells[1])
+    entry = re.sub(
+        "number, list or table: a signal|list of signals?", "signal", cells[1]
+    )
     quoted = '"' in entry
-    return (cells[0], "text" if quoted else entry, cells[2], coded(entry) if quoted else cells[3], *cells[4:])
+    return (
+        cells[0],
+        "text" if quoted else entry,
+        cells[2],
+        coded(entry) if quoted else cells[3],
+        *cells[4:],
+    )
 
 
 VEHICLE_PARTS: dict[str, tuple[type, tuple[str, ...]]] = {
@@ -360,7 +470,9 @@ VEHICLE_PARTS: dict[str, tuple[type, tuple[str, ...]]] = {
 
 def vehicle_block(part: str) -> str:
     """Keys of a table of a vehicle file."""
-    rows = hand_rows((each for each in word_texts.VEHICLE if each.kind == part), kinds=False)
+    rows = hand_rows(
+        (each for each in word_texts.VEHICLE if each.kind == part), kinds=False
+    )
     kind, left_out = VEHICLE_PARTS.get(part, (None, ()))
     for name in declared_fields(kind) if kind else ():
         if kind is not None and name not in left_out:
@@ -373,17 +485,26 @@ def vehicle_block(part: str) -> str:
 
 def kinds_block(kind: str) -> str:
     """Names of a kind of the registry that ship, each with its title."""
-    return table(("kind", "meaning"), [(f"`{name}`", row.title) for name, row in registrations(kind).items()])
+    return table(
+        ("kind", "meaning"),
+        [(f"`{name}`", row.title) for name, row in registrations(kind).items()],
+    )
 
 
 def presets_block() -> str:
     """Presets and the laws that they are of."""
-    return table(("preset", "law", "meaning"), [(f"`{n}`", f"`{p.law}`", p.title) for n, p in PRESETS.items()])
+    return table(
+        ("preset", "law", "meaning"),
+        [(f"`{n}`", f"`{p.law}`", p.title) for n, p in PRESETS.items()],
+    )
 
 
 def laws_block() -> str:
     """Laws with their titles, and whether tuned gains ship."""
-    rows = [(f"`{name}`", "yes" if name in tuned_factors() else "no", each.title) for name, each in LAWS.items()]
+    rows = [
+        (f"`{name}`", "yes" if name in tuned_factors() else "no", each.title)
+        for name, each in LAWS.items()
+    ]
     return table(("law", "tuned gains", "meaning"), rows)
 
 
@@ -391,14 +512,23 @@ WINDOWED = {"whole": "the whole flight"}
 
 
 def metrics_block(group: str) -> str:
-    """Metrics of a group, with unit and window; ``groups`` lists the groups, ``others`` what no group has.
+    """Metrics of a group, with unit and window; ``groups`` lists the groups, ``others``
+    what no group has.
 
-    The pages say which groups have a ``_continuous`` version: all metrics of a group have one, or none has.
+    The pages say which groups have a ``_continuous`` version: all metrics of a group
+    have one, or none has.
     """
     every = measures(1)
     if group == "groups":
-        listed = [(f"`{name}`", ", ".join(f"`{each}`" for each in GROUPS[name])) for name in GROUPS if name != "all"]
-        return table(("group", "metrics"), [*listed, ("`all`", "all below, without those of contact and of teams")])
+        listed = [
+            (f"`{name}`", ", ".join(f"`{each}`" for each in GROUPS[name]))
+            for name in GROUPS
+            if name != "all"
+        ]
+        return table(
+            ("group", "metrics"),
+            [*listed, ("`all`", "all below, without those of contact and of teams")],
+        )
     twins = {name for name in every if name.endswith(CONTINUOUS)}
     chosen = {
         "tracking": (*TRACKING, *PAPER),
@@ -409,26 +539,62 @@ def metrics_block(group: str) -> str:
         "registered": tuple(name for name in names("metric")),
     }[group]
     if 0 < sum(f"{name}{CONTINUOUS}" in twins for name in chosen) < len(chosen):
-        raise ValueError(f"metrics {group}: some have a version with the suffix {CONTINUOUS}, some have none")
+        raise ValueError(
+            f"metrics {group}: some have a version with the suffix {CONTINUOUS}, some"
+            " have none"
+        )
     rows: list[Sequence[str]] = []
     for name in chosen:
         each = every[name]
         rows.append((f"`{name}`", each.unit, each.window, each.words))
     if group == "free":
         torque = every["tau1_rms"]
-        rows.append(("`tauN_rms`, `efforts` for all", torque.unit, torque.window, "RMS torque of joint N"))
+        rows.append(
+            (
+                "`tauN_rms`, `efforts` for all",
+                torque.unit,
+                torque.window,
+                "RMS torque of joint N",
+            )
+        )
     return table(("metric", "unit", "window", "meaning"), rows)
 
 
-SHAPES = {"joints": "N, joints", "rotors": "N, rotors", "tilting": "N, tilting rotors", "loops": "N, 2"}
-SCALARS = ("time", "yaw_held", "yaw_reference", "path_time", "phase", "load_mass_found", "push_deviation")
-NAMES = {"joints": "_JOINT", "rotors": "_ROTOR", "tilting": "_ROTOR", "loops": "_rotors, _joints"}
+SHAPES = {
+    "joints": "N, joints",
+    "rotors": "N, rotors",
+    "tilting": "N, tilting rotors",
+    "loops": "N, 2",
+}
+SCALARS = (
+    "time",
+    "yaw_held",
+    "yaw_reference",
+    "path_time",
+    "phase",
+    "load_mass_found",
+    "push_deviation",
+)
+NAMES = {
+    "joints": "_JOINT",
+    "rotors": "_ROTOR",
+    "tilting": "_ROTOR",
+    "loops": "_rotors, _joints",
+}
 
 
 def shape_of(array: str) -> str:
     """Shape of an array of a log in words, N its instants."""
     group = COLUMNS.get(array, ("", ""))[1]
-    return SHAPES[group] if group else "N" if array in SCALARS else "N, 4" if array == "quaternion" else "N, 3"
+    return (
+        SHAPES[group]
+        if group
+        else "N"
+        if array in SCALARS
+        else "N, 4"
+        if array == "quaternion"
+        else "N, 3"
+    )
 
 
 def columns_of(array: str) -> str:
@@ -436,7 +602,9 @@ def columns_of(array: str) -> str:
     begin, group = COLUMNS.get(array, (array, ""))
     if group:
         return ", ".join(f"`{begin}{end}`" for end in NAMES[group].split(", "))
-    axes = {"N": ("",), "N, 3": ("_x", "_y", "_z"), "N, 4": ("_w", "_x", "_y", "_z")}[shape_of(array)]
+    axes = {"N": ("",), "N, 3": ("_x", "_y", "_z"), "N, 4": ("_w", "_x", "_y", "_z")}[
+        shape_of(array)
+    ]
     return ", ".join(f"`{begin}{axis}`" for axis in axes)
 
 
@@ -444,16 +612,33 @@ def log_block(part: str) -> str:
     """Arrays of a log: those of every flight, or those that only some flights have."""
     listed = [name for name in units(Log) if (name in IF_ANY) == (part == "optional")]
     assert part in ("arrays", "optional")
-    rows = [(f"`{n}`", shape_of(n), units(Log)[n].unit, units(Log)[n].meaning, columns_of(n)) for n in listed]
+    rows = [
+        (
+            f"`{n}`",
+            shape_of(n),
+            units(Log)[n].unit,
+            units(Log)[n].meaning,
+            columns_of(n),
+        )
+        for n in listed
+    ]
     return table(("array", "shape", "unit", "meaning", "columns in CSV and MCAP"), rows)
 
 
 def command_block(*words: str) -> str:
-    """Arguments and options of a command, or of a command behind a word; those that every command has are left out."""
+    """Arguments and options of a command, or of a command behind a word; those that
+    every command has are left out.
+    """
     every: Any = typer.main.get_command(program([words[0]]))
     command = every.commands[" ".join(words)]
     parts = (
-        [each for name, each in every.commands.items() if name.startswith(f"{words[0]} ")] if len(words) == 1 else []
+        [
+            each
+            for name, each in every.commands.items()
+            if name.startswith(f"{words[0]} ")
+        ]
+        if len(words) == 1
+        else []
     )
     shared = [{each.name for each in part.params} for part in parts]
     rows: list[Sequence[str]] = []
@@ -464,8 +649,16 @@ def command_block(*words: str) -> str:
             continue
         is_option = each.param_type_name == "option"
         value = f"`{each.metavar}`" if each.metavar else ""
-        name = ", ".join(f"`{word}`" for word in each.opts) if is_option else f"`{each.metavar}`"
-        default = "" if each.default in (None, False, ()) or callable(each.default) else f"`{each.default}`"
+        name = (
+            ", ".join(f"`{word}`" for word in each.opts)
+            if is_option
+            else f"`{each.metavar}`"
+        )
+        default = (
+            ""
+            if each.default in (None, False, ()) or callable(each.default)
+            else f"`{each.default}`"
+        )
         needed = "required" if each.required else default
         rows.append((name, value if is_option else "", needed, each.help or ""))
     return table(("argument or option", "value", "default", "meaning"), rows)
@@ -474,7 +667,9 @@ def command_block(*words: str) -> str:
 def commands_block() -> str:
     """All commands with the lines of their help, section by section."""
     rows = [
-        (s, f"[`skyarm {name}`](#skyarm-{name})", t) for s, part in SECTIONS.items() for name, (_, t) in part.items()
+        (s, f"[`skyarm {name}`](#skyarm-{name})", t)
+        for s, part in SECTIONS.items()
+        for name, (_, t) in part.items()
     ]
     return table(("section", "command", "what it does"), rows)
 
@@ -483,7 +678,11 @@ def common_block() -> str:
     """Options that every command has."""
     every: Any = typer.main.get_command(program(["show"]))
     rows = [
-        (", ".join(f"`{word}`" for word in each.opts), f"`{each.metavar}`" if each.metavar else "", each.help)
+        (
+            ", ".join(f"`{word}`" for word in each.opts),
+            f"`{each.metavar}`" if each.metavar else "",
+            each.help,
+        )
         for each in every.commands["show"].params
         if each.name in EVERY
     ]
@@ -493,14 +692,20 @@ def common_block() -> str:
 def keys_block(command: str) -> str:
     """Keys of the JSON document of a command."""
     rows = [
-        (f"`{name.rstrip('?')}`", "sometimes" if name.endswith("?") else "always", meaning)
+        (
+            f"`{name.rstrip('?')}`",
+            "sometimes" if name.endswith("?") else "always",
+            meaning,
+        )
         for name, meaning in DOCUMENTS[command].items()
     ]
     return table(("key", "present", "meaning"), rows)
 
 
 def methods_block(path: str) -> str:
-    """Public methods and properties of a class of skyarm, with their signature and first line."""
+    """Public methods and properties of a class of skyarm, with their signature and
+    first line.
+    """
     kind = loaded(path)
     rows: list[Sequence[str]] = []
     for name, each in inspect.getmembers(kind):
@@ -511,20 +716,34 @@ def methods_block(path: str) -> str:
         if isinstance(held, property):
             rows.append((f"`{name}`", "property", first_line(held)))
         elif callable(each):
-            given = [word for word in inspect.signature(each).parameters if word not in ("self", "cls")]
+            given = [
+                word
+                for word in inspect.signature(each).parameters
+                if word not in ("self", "cls")
+            ]
             rows.append((f"`{name}({', '.join(given)})`", "method", first_line(each)))
     return table(("name", "is a", "meaning"), rows)
 
 
 def python_block(kind: str, job: str = "") -> str:
-    """Public names of skyarm of a job: functions, their arguments, classes; or modules."""
-    made_by = {"functions": functions_of, "arguments": arguments_of, "classes": classes_of}
+    """Public names of skyarm of a job: functions, their arguments, classes; or
+    modules.
+    """
+    made_by = {
+        "functions": functions_of,
+        "arguments": arguments_of,
+        "classes": classes_of,
+    }
     return table(*(made_by[kind](job) if job else modules_of()))
 
 
 def checks_block(part: str) -> str:
     """Questions of ``skyarm check``: of a vehicle, or of a scenario."""
-    rows = [(each.question, each.levels, each.looks_at, each.remedy) for each in CHECKS if each.of == part]
+    rows = [
+        (each.question, each.levels, each.looks_at, each.remedy)
+        for each in CHECKS
+        if each.of == part
+    ]
     assert rows, f"no checks of {part}"
     return table(("question", "may end as", "what is computed", "usual remedy"), rows)
 
@@ -567,17 +786,30 @@ def made(head: str) -> str:
 
 def filled(text: str) -> str:
     """Page with all its blocks as the program has them."""
-    return BLOCK.sub(lambda found: f"<!-- generated: {found[1]} -->\n{made(found[1])}<!-- /generated -->", text)
+    return BLOCK.sub(
+        lambda found: (
+            f"<!-- generated: {found[1]} -->\n{made(found[1])}<!-- /generated -->"
+        ),
+        text,
+    )
 
 
 def pages() -> list[Path]:
     """Pages with a block."""
-    return [path for path in sorted(DOCS.glob("*.md")) if "<!-- generated: " in path.read_text("utf-8")]
+    return [
+        path
+        for path in sorted(DOCS.glob("*.md"))
+        if "<!-- generated: " in path.read_text("utf-8")
+    ]
 
 
 def heads() -> dict[str, str]:
     """First line of each block of the pages, with the name of its page."""
-    return {found[1]: path.name for path in pages() for found in BLOCK.finditer(path.read_text("utf-8"))}
+    return {
+        found[1]: path.name
+        for path in pages()
+        for found in BLOCK.finditer(path.read_text("utf-8"))
+    }
 
 
 def stale_blocks(path: Path) -> list[str]:
@@ -585,13 +817,21 @@ def stale_blocks(path: Path) -> list[str]:
     text = path.read_text("utf-8")
     opened = len(re.findall(r"^<!-- generated: ", text, re.M))
     found = list(BLOCK.finditer(text))
-    wrong = [] if len(found) == opened else ["a block that is not closed by <!-- /generated -->"]
+    wrong = (
+        []
+        if len(found) == opened
+        else ["a block that is not closed by <!-- /generated -->"]
+    )
     return wrong + [each[1] for each in found if each[2] != made(each[1])]
 
 
 def main(arguments: Sequence[str]) -> Any:
-    """Fill the blocks of the named pages, or of all; without ``--write`` name the stale ones."""
-    chosen = [Path(name).resolve() for name in arguments if name != "--write"] or pages()
+    """Fill the blocks of the named pages, or of all; without ``--write`` name the stale
+    ones.
+    """
+    chosen = [
+        Path(name).resolve() for name in arguments if name != "--write"
+    ] or pages()
     for path in chosen:
         for head in stale_blocks(path):
             print(f"{path.name}: {head}")

@@ -1,10 +1,13 @@
-"""Map of the house: every room of ``src/skyarm`` with one sentence, its imports, and the file to read first.
+"""Map of the house: every room of ``src/skyarm`` with one sentence, its imports, and
+the file to read first.
 
-    python tests/website/house_map.py     writes docs/images/house.svg and the table of CONTRIBUTING.md
+    python tests/website/house_map.py     writes docs/images/house.svg and the table of
+                                          CONTRIBUTING.md
 
-Rooms and their order are those of the import contract in ``pyproject.toml``, the arrows are the imports of the source.
-An arrow that a longer way along others implies is not drawn. Rooms are ranked by their longest way down; a long arrow
-takes a narrow place in each row that it passes, and the rows are put in order by the mean of their neighbours.
+Rooms and their order are those of the import contract in ``pyproject.toml``, the arrows
+are the imports of the source. An arrow that a longer way along others implies is not
+drawn. Rooms are ranked by their longest way down; a long arrow takes a narrow place in
+each row that it passes, and the rows are put in order by the mean of their neighbours.
 
 Source: Sugiyama, Tagawa, Toda 1981 (layered drawings).
 """
@@ -22,7 +25,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE, DRAWING = ROOT / "src", ROOT / "docs" / "images" / "house.svg"
 PAGE = ROOT / "CONTRIBUTING.md"
-STYLE = "<style>svg{color:#222}@media (prefers-color-scheme:dark){svg{color:#ddd}}</style>"
+STYLE = (
+    "<style>svg{color:#222}@media (prefers-color-scheme:dark){svg{color:#ddd}}</style>"
+)
 WIDTH, HEIGHT = 186, 62  # of a room, px
 PASSAGE = 14  # of a long arrow, px
 BETWEEN, DOWN = 16, 92  # from side to side of neighbours, from row to row
@@ -118,10 +123,17 @@ class Place:
 
 
 def floors() -> list[list[str]]:
-    """Names of the rooms of each floor without the package's, from the top down, as the import contract has them."""
+    """Names of the rooms of each floor without the package's, from the top down, as the
+    import contract has them.
+    """
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    contract = next(c for c in settings["tool"]["importlinter"]["contracts"] if c["id"] == "house")
-    return [[each.strip().removeprefix("skyarm.") for each in row.split("|")] for row in contract["layers"]]
+    contract = next(
+        c for c in settings["tool"]["importlinter"]["contracts"] if c["id"] == "house"
+    )
+    return [
+        [each.strip().removeprefix("skyarm.") for each in row.split("|")]
+        for row in contract["layers"]
+    ]
 
 
 def rooms() -> list[str]:
@@ -144,7 +156,11 @@ def imports() -> dict[str, set[str]]:
         room = room_of(".".join(path.relative_to(SOURCE).with_suffix("").parts), names)
         for node in ast.walk(ast.parse(path.read_text())):
             modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            modules += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            modules += (
+                [alias.name for alias in node.names]
+                if isinstance(node, ast.Import)
+                else []
+            )
             for other in {room_of(module, names) for module in modules} - {room, None}:
                 if room is not None and other is not None:
                     arrows[room].add(other)
@@ -166,7 +182,10 @@ def reachable(arrows: dict[str, set[str]], room: str) -> set[str]:
 def essential(arrows: dict[str, set[str]]) -> dict[str, set[str]]:
     """Arrows that no longer way implies."""
     below = {room: reachable(arrows, room) for room in arrows}
-    return {room: {b for b in ends if not any(b in below[c] for c in ends - {b})} for room, ends in arrows.items()}
+    return {
+        room: {b for b in ends if not any(b in below[c] for c in ends - {b})}
+        for room, ends in arrows.items()
+    }
 
 
 def in_rows(arrows: dict[str, set[str]]) -> list[list[Place]]:
@@ -200,14 +219,20 @@ def connect(above: Place, below: Place) -> None:
 
 
 def spread(rows: list[list[Place]], rounds: int = 60) -> float:
-    """Order and place each row near the mean of its neighbours; returns the width of all, px."""
+    """Order and place each row near the mean of its neighbours; returns the width of
+    all, px.
+    """
     for row in rows:
         pack(row)
     for turn in range(rounds):
         downwards = turn % 2 == 0
         for row in rows if downwards else rows[::-1]:
             for place in row:
-                near = (place.above if downwards else place.below) or place.above or place.below
+                near = (
+                    (place.above if downwards else place.below)
+                    or place.above
+                    or place.below
+                )
                 place.x = sum(each.x for each in near) / len(near) if near else place.x
             row.sort(key=lambda place: place.x)
             pack(row)
@@ -225,7 +250,11 @@ def pack(row: list[Place]) -> None:
         for one, two in pairwise(row):
             short = (one.width + two.width) / 2 + BETWEEN - (two.x - one.x)
             if short > 1e-6:
-                one.x, two.x, worst = one.x - short / 2, two.x + short / 2, max(worst, short)
+                one.x, two.x, worst = (
+                    one.x - short / 2,
+                    two.x + short / 2,
+                    max(worst, short),
+                )
         if worst < 0.01:
             return
 
@@ -233,16 +262,27 @@ def pack(row: list[Place]) -> None:
 def draw_room(place: Place, top: float) -> list[str]:
     """Box of a room with its name and its sentence."""
     words = textwrap.wrap(SENTENCES[place.name], LETTERS)
-    parts = [f'<rect x="{place.x - WIDTH / 2:.0f}" y="{top:g}" width="{WIDTH}" height="{HEIGHT}" rx="5"/>']
-    parts.append(f'<text class="name" x="{place.x:.0f}" y="{top + 19:g}">{place.name}</text>')
-    return parts + [f'<text x="{place.x:.0f}" y="{top + 36 + 14 * i:g}">{line}</text>' for i, line in enumerate(words)]
+    parts = [
+        f'<rect x="{place.x - WIDTH / 2:.0f}" y="{top:g}" width="{WIDTH}"'
+        f' height="{HEIGHT}" rx="5"/>'
+    ]
+    parts.append(
+        f'<text class="name" x="{place.x:.0f}" y="{top + 19:g}">{place.name}</text>'
+    )
+    return parts + [
+        f'<text x="{place.x:.0f}" y="{top + 36 + 14 * i:g}">{line}</text>'
+        for i, line in enumerate(words)
+    ]
 
 
 def draw_line(above: Place, below: Place, top: float) -> str:
     """Line from a place to one of the next row, with a head where it ends at a room."""
     begin, end = top + HEIGHT, top + DOWN
     bend = (end - begin) / 2
-    path = f"M{above.x:.0f} {begin:g}C{above.x:.0f} {begin + bend:g} {below.x:.0f} {end - bend:g} {below.x:.0f} {end:g}"
+    path = (
+        f"M{above.x:.0f} {begin:g}C{above.x:.0f} {begin + bend:g} {below.x:.0f}"
+        f" {end - bend:g} {below.x:.0f} {end:g}"
+    )
     if not below.name:
         return f'<path d="{path}v{HEIGHT}"/>'
     return f'<path d="{path}" marker-end="url(#head)"/>'
@@ -258,14 +298,23 @@ def drawing() -> str:
         for place in row:
             parts += draw_room(place, top) if place.name else []
             parts += [draw_line(place, below, top) for below in place.below]
-    head = '<marker id="head" markerWidth="7" markerHeight="7" refX="6" refY="3.5" orient="auto">'
+    head = (
+        '<marker id="head" markerWidth="7" markerHeight="7" refX="6" refY="3.5"'
+        ' orient="auto">'
+    )
     return "\n".join(
         [
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height}" width="{width:.0f}" '
-            'font-family="sans-serif" font-size="11" text-anchor="middle">',
+            (
+                f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f}'
+                f' {height}" width="{width:.0f}" font-family="sans-serif"'
+                ' font-size="11" text-anchor="middle">'
+            ),
             "<title>Rooms of skyarm and their imports</title>",
             f"{STYLE}<style>.name{{font-weight:bold;font-size:14px}}</style>",
-            f'<defs>{head}<path d="M0 0L7 3.5L0 7z" fill="currentColor"/></marker></defs>',
+            (
+                f'<defs>{head}<path d="M0 0L7 3.5L0 7z"'
+                ' fill="currentColor"/></marker></defs>'
+            ),
             '<g fill="none" stroke="currentColor">',
             *(part for part in parts if not part.startswith("<text")),
             '</g><g fill="currentColor">',
@@ -281,7 +330,8 @@ HEAD = "| floor | room | what is in it | begin to read |\n"
 def table() -> str:
     """The house as a table of Markdown, the top floor first."""
     rows = [
-        f"| {len(floors()) - 1 - i} | `{room}` | {SENTENCES[room]} | `{FIRST[room]}` |\n"
+        f"| {len(floors()) - 1 - i} | `{room}` | {SENTENCES[room]} |"
+        f" `{FIRST[room]}` |\n"
         for i, floor in enumerate(floors())
         for room in floor
     ]

@@ -1,12 +1,18 @@
-"""Run the commands behind the measured tables of the pages, and write what they print into the pages.
+"""Run the commands behind the measured tables of the pages, and write what they print
+into the pages.
 
-    python tests/website/measured_numbers.py                 every command that was not run for this tree yet: hours
+    python tests/website/measured_numbers.py                 every command that was not
+                                                             run for this tree yet:
+                                                             hours
     python tests/website/measured_numbers.py --only delays   these only, by their names
-    python tests/website/measured_numbers.py --list          state, minutes and command of every table; runs nothing
+    python tests/website/measured_numbers.py --list          state, minutes and command
+                                                             of every table; runs
+                                                             nothing
 
-A page holds ``<!-- measured: NAME -->``, tables, a line "skyarm VERSION, PROCESSOR, `COMMAND`." and
-``<!-- /measured -->``. ``numbers.toml`` has the command of every name. A command that ended is kept in out/numbers
-with the digest of the tree that it measured; Ctrl-C and ``kill -9`` lose the one that runs.
+A page holds ``<!-- measured: NAME -->``, tables, a line "skyarm VERSION, PROCESSOR,
+`COMMAND`." and ``<!-- /measured -->``. ``numbers.toml`` has the command of every name.
+A command that ended is kept in out/numbers with the digest of the tree that it
+measured; Ctrl-C and ``kill -9`` lose the one that runs.
 """
 
 from __future__ import annotations
@@ -37,8 +43,14 @@ KEPT = ROOT / "out" / "numbers"
 WIDTH = 100
 """Letters of a line of a page."""
 
-BLOCK = re.compile(r"^<!-- measured: ([\w-]+) -->\n(.*?)^<!-- /measured -->$", re.M | re.S)
-LAST = re.compile(r"^skyarm (?P<version>\S+), (?P<machine>[^`]+), (?:`(?P<command>[^`]+)`|no command)\.\n\Z", re.M)
+BLOCK = re.compile(
+    r"^<!-- measured: ([\w-]+) -->\n(.*?)^<!-- /measured -->$", re.M | re.S
+)
+LAST = re.compile(
+    r"^skyarm (?P<version>\S+), (?P<machine>[^`]+), (?:`(?P<command>[^`]+)`|no"
+    r" command)\.\n\Z",
+    re.M,
+)
 SCRIPT = re.compile(r"\b(?:tests|examples|research)/[\w/.-]+\.py\b")
 RULE = re.compile(r"\|[\s:|-]+\|$")
 ROOMS = (TESTS, TESTS / "website", TESTS / "studies" / "bench", TESTS / "identify")
@@ -50,15 +62,17 @@ class Entry:
     """A measured block of a page.
 
     Attributes:
-        name: of the block. page, section: where it stands. command: makes it, from the root of a clone; empty if none
-            was kept.
+        name: of the block. page, section: where it stands. command: makes it, from the
+            root of a clone; empty if none was kept.
         minutes: about, on one machine. small: the same command at a size of seconds.
-        gate: "site" or "thorough": the mark under which ``test_measured_numbers.py`` runs ``small``; or the test file
-            that flies rows of the table itself.
-        way: "prints" (Markdown tables on the standard output), "writes" (its part of the page) or "compares" (a test
-            that fails if fresh flights differ from the page).
+        gate: "site" or "thorough": the mark under which ``test_measured_numbers.py``
+            runs ``small``; or the test file that flies rows of the table itself.
+        way: "prints" (Markdown tables on the standard output), "writes" (its part of
+            the page) or "compares" (a test that fails if fresh flights differ from the
+            page).
         elsewhere: why this command is not run by ``make numbers``; empty if it is.
-        continues: file or folder with which an interrupted command continues itself; of another tree it is removed.
+        continues: file or folder with which an interrupted command continues itself; of
+            another tree it is removed.
     """
 
     name: str
@@ -76,7 +90,10 @@ class Entry:
 @cache
 def entries() -> Mapping[str, Entry]:
     """Every measured block by its name."""
-    return {name: Entry(name=name, **row) for name, row in tomllib.loads(TABLES.read_text("utf-8")).items()}
+    return {
+        name: Entry(name=name, **row)
+        for name, row in tomllib.loads(TABLES.read_text("utf-8")).items()
+    }
 
 
 def blocks(text: str) -> dict[str, str]:
@@ -107,7 +124,9 @@ def heads(text: str) -> list[str]:
 
 
 def modules(script: Path) -> set[Path]:
-    """A script and the modules beside it and of the tests that it imports, at any depth."""
+    """A script and the modules beside it and of the tests that it imports, at any
+    depth.
+    """
     found, left = set[Path](), [script]
     while left:
         path = left.pop()
@@ -115,10 +134,26 @@ def modules(script: Path) -> set[Path]:
             continue
         found.add(path)
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            names = [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
-            names += [f"{node.module}.{each.name}" for each in node.names] if isinstance(node, ast.ImportFrom) else []
-            names += [each.name for each in node.names] if isinstance(node, ast.Import) else []
-            places = [room / Path(*name.split(".")) for name in names for room in (path.parent, *ROOMS)]
+            names = (
+                [node.module]
+                if isinstance(node, ast.ImportFrom) and node.module
+                else []
+            )
+            names += (
+                [f"{node.module}.{each.name}" for each in node.names]
+                if isinstance(node, ast.ImportFrom)
+                else []
+            )
+            names += (
+                [each.name for each in node.names]
+                if isinstance(node, ast.Import)
+                else []
+            )
+            places = [
+                room / Path(*name.split("."))
+                for name in names
+                for room in (path.parent, *ROOMS)
+            ]
             left += [place.with_suffix(".py") for place in places]
     return found
 
@@ -126,7 +161,11 @@ def modules(script: Path) -> set[Path]:
 @cache
 def source_digest() -> str:
     """Digest of the library's source."""
-    return digest_of(path for path in (ROOT / "src").rglob("*") if "__pycache__" not in path.parts and path.is_file())
+    return digest_of(
+        path
+        for path in (ROOT / "src").rglob("*")
+        if "__pycache__" not in path.parts and path.is_file()
+    )
 
 
 def digest_of(paths: Iterable[Path]) -> str:
@@ -134,33 +173,50 @@ def digest_of(paths: Iterable[Path]) -> str:
     whole = hashlib.sha256()
     for path in sorted(paths):
         content = path.read_bytes()
-        whole.update(f"{path.relative_to(ROOT).as_posix()}\n{len(content)}\n".encode() + content)
+        whole.update(
+            f"{path.relative_to(ROOT).as_posix()}\n{len(content)}\n".encode() + content
+        )
     return whole.hexdigest()[:16]
 
 
 def digest(entry: Entry) -> str:
-    """Digest of what an entry's numbers depend on: the library, its scripts and the command."""
-    scripts = {path for name in SCRIPT.findall(entry.command) for path in modules(ROOT / name)}
+    """Digest of what an entry's numbers depend on: the library, its scripts and the
+    command.
+    """
+    scripts = {
+        path for name in SCRIPT.findall(entry.command) for path in modules(ROOT / name)
+    }
     if entry.way == "writes":
         scripts |= modules(TESTS / "website" / "envelope_of_laws.py")
-    return hashlib.sha256(f"{source_digest()} {digest_of(scripts)} {entry.command}".encode()).hexdigest()[:16]
+    return hashlib.sha256(
+        f"{source_digest()} {digest_of(scripts)} {entry.command}".encode()
+    ).hexdigest()[:16]
 
 
 def record(entry: Entry) -> dict[str, Any] | None:
-    """What was kept of the last run of an entry; None if it is of another tree, or there is none."""
+    """What was kept of the last run of an entry; None if it is of another tree, or
+    there is none.
+    """
     file = KEPT / f"{entry.name}.json"
-    found: dict[str, Any] | None = json.loads(file.read_text("utf-8")) if file.is_file() else None
+    found: dict[str, Any] | None = (
+        json.loads(file.read_text("utf-8")) if file.is_file() else None
+    )
     return found if found is not None and found["digest"] == digest(entry) else None
 
 
 def last_line(version: str, machine: str, command: str) -> str:
     """Last paragraph of a block: who measured it, where, and how."""
     line = f"skyarm {version}, {machine}, `{command}`."
-    return textwrap.fill(line, WIDTH, break_long_words=False, break_on_hyphens=False) + "\n"
+    return (
+        textwrap.fill(line, WIDTH, break_long_words=False, break_on_hyphens=False)
+        + "\n"
+    )
 
 
 def with_tables(body: str, fresh: str) -> str:
-    """Text with its tables replaced, in order, by those of another; comments stay, by which tests find the tables."""
+    """Text with its tables replaced, in order, by those of another; comments stay, by
+    which tests find the tables.
+    """
     new = ["\n".join(each) for each in tables(fresh)]
     rows = re.split(r"((?:^\|.*\n)+)", body, flags=re.M)
     if len(rows[1::2]) != len(new):
@@ -191,20 +247,35 @@ def write_page(entry: Entry, kept: Mapping[str, Any]) -> None:
 
 
 def arguments(command: str) -> list[str]:
-    """Words of a command, with this Python for ``python``, ``skyarm`` and ``pytest``."""
+    """Words of a command, with this Python for ``python``, ``skyarm`` and
+    ``pytest``.
+    """
     first, *rest = shlex.split(command)
     python = [sys.executable]
-    return {"python": python, "skyarm": [*python, "-m", "skyarm"], "pytest": [*python, "-m", "pytest", "-n", "0"]}.get(
-        first, [first]
-    ) + rest
+    return {
+        "python": python,
+        "skyarm": [*python, "-m", "skyarm"],
+        "pytest": [*python, "-m", "pytest", "-n", "0"],
+    }.get(first, [first]) + rest
 
 
 def run(command: str, timeout: float | None = None) -> subprocess.CompletedProcess[str]:
-    """Run a command in the root of the clone; the standard error is shown as it comes."""
+    """Run a command in the root of the clone; the standard error is shown as it
+    comes.
+    """
     paths = [str(ROOT / "src"), *filter(None, [os.environ.get("PYTHONPATH", "")])]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "PYTHONUNBUFFERED": "1"}
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(paths),
+        "PYTHONUNBUFFERED": "1",
+    }
     return subprocess.run(
-        arguments(command), cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True, check=False, timeout=timeout
+        arguments(command),
+        cwd=ROOT,
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+        check=False,
+        timeout=timeout,
     )
 
 
@@ -230,7 +301,8 @@ def prepare(entry: Entry) -> None:
 
 
 def measure(group: Sequence[Entry]) -> str:
-    """Run the command of these entries and write their blocks; what went wrong, or nothing.
+    """Run the command of these entries and write their blocks; what went wrong, or
+    nothing.
 
     Only entries of other ways than "prints" share a command.
     """
@@ -256,7 +328,9 @@ def measure(group: Sequence[Entry]) -> str:
     }
     for entry in group:
         own = kept | {"digest": before[entry.name]}
-        write_atomically(KEPT / f"{entry.name}.json", (json.dumps(own, indent=1) + "\n").encode())
+        write_atomically(
+            KEPT / f"{entry.name}.json", (json.dumps(own, indent=1) + "\n").encode()
+        )
         write_page(entry, own)
     return ""
 
@@ -272,7 +346,11 @@ def chosen(only: Sequence[str]) -> list[Entry]:
             raise SystemExit(f"--only {name}: must be one of {', '.join(entries())}")
         if entries()[name].elsewhere:
             raise SystemExit(f"--only {name}: {entries()[name].elsewhere}")
-    return [each for each in entries().values() if not each.elsewhere and (not only or each.name in only)]
+    return [
+        each
+        for each in entries().values()
+        if not each.elsewhere and (not only or each.name in only)
+    ]
 
 
 def show(state: str, entry: Entry) -> None:
@@ -282,14 +360,33 @@ def show(state: str, entry: Entry) -> None:
 
 def main(words: Sequence[str] | None = None) -> int:
     """Measure what is stale; exit code 1 if a command failed."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="these tables")
-    parser.add_argument("--list", action="store_true", help="show the state of every table, and run nothing")
-    parser.add_argument("--again", action="store_true", help="run also what was run for this tree")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--only", nargs="+", default=[], metavar="NAME", help="these tables"
+    )
+    parser.add_argument(
+        "--list",
+        action="store_true",
+        help="show the state of every table, and run nothing",
+    )
+    parser.add_argument(
+        "--again", action="store_true", help="run also what was run for this tree"
+    )
     given = parser.parse_args(words)
     if given.list:
         for entry in entries().values():
-            show("elsewhere" if entry.elsewhere else "fresh" if record(entry) else "stale", entry)
+            show(
+                (
+                    "elsewhere"
+                    if entry.elsewhere
+                    else "fresh"
+                    if record(entry)
+                    else "stale"
+                ),
+                entry,
+            )
         return 0
     KEPT.mkdir(parents=True, exist_ok=True)
     groups: dict[str, list[Entry]] = {}
@@ -298,14 +395,26 @@ def main(words: Sequence[str] | None = None) -> int:
             write_page(entry, kept)  # a kill may have come between record and page
         else:
             groups.setdefault(entry.command, []).append(entry)
-    print(f"{len(groups)} commands, about {sum(each[0].minutes for each in groups.values()):g} minutes", flush=True)
+    print(
+        f"{len(groups)} commands, about"
+        f" {sum(each[0].minutes for each in groups.values()):g} minutes",
+        flush=True,
+    )
     failed = []
     for at, (command, group) in enumerate(groups.items(), 1):
         names, begin = ", ".join(each.name for each in group), time.monotonic()
-        print(f"{at} of {len(groups)}  {names}: {command}, about {group[0].minutes:g} minutes", flush=True)
+        print(
+            f"{at} of {len(groups)}  {names}: {command}, about {group[0].minutes:g}"
+            " minutes",
+            flush=True,
+        )
         wrong = measure(group)
         failed += [names] if wrong else []
-        print(f"    {'FAILED: ' + wrong if wrong else 'done'} after {time.monotonic() - begin:.0f} s", flush=True)
+        print(
+            f"    {'FAILED: ' + wrong if wrong else 'done'} after"
+            f" {time.monotonic() - begin:.0f} s",
+            flush=True,
+        )
     if failed:
         print(f"failed: {'; '.join(failed)}")
     return int(bool(failed))

@@ -1,9 +1,13 @@
-"""What can be counted of a page's prose: a report of sentences, cells, tables and commands that a reader stumbles over.
+"""What can be counted of a page's prose: a report of sentences, cells, tables and
+commands that a reader stumbles over.
 
-    python tests/website/page_gates.py                       every page of docs and the README
-    python tests/website/page_gates.py docs/pressing.md      one page, each fault with its line
+    python tests/website/page_gates.py                       every page of docs and the
+                                                             README
+    python tests/website/page_gates.py docs/pressing.md      one page, each fault with
+                                                             its line
 
-The reader is the judge; this only counts what tires a reader's eye. Blocks that a script writes are passed over.
+The reader is the judge; this only counts what tires a reader's eye. Blocks that a
+script writes are passed over.
 """
 
 from __future__ import annotations
@@ -27,11 +31,19 @@ CELL = 120
 """Most letters of a table's cell."""
 SHELL = ("sh", "bash", "console", "shell")
 OUTPUT = ("text", "output", "")
-RESULTS = ("results_", "performance", "the_paper", "mathematics", "centroidal_law_specification")
+RESULTS = (
+    "results_",
+    "performance",
+    "the_paper",
+    "mathematics",
+    "centroidal_law_specification",
+)
 """Beginnings of the names of pages whose sentences may carry numbers."""
 
 GENERATED = re.compile(r"<!-- generated: .*?<!-- /generated.*?-->", re.S)
-MEASURED = re.compile(r"^skyarm [^`]*?, (?:`[^`]+`|no command)\.\n(?=<!-- /measured -->)", re.M)
+MEASURED = re.compile(
+    r"^skyarm [^`]*?, (?:`[^`]+`|no command)\.\n(?=<!-- /measured -->)", re.M
+)
 """Last line of a measured block: version, machine and command."""
 LINK = re.compile(r"!?\[([^\]]*)\]\([^)]*\)")
 CODE = re.compile(r"`[^`]*`")
@@ -79,10 +91,14 @@ class Block:
 
 
 def blocks_of(text: str) -> list[Block]:
-    """Cut a page into prose, lists, headings, tables and code; what a script writes is emptied first."""
+    """Cut a page into prose, lists, headings, tables and code; what a script writes is
+    emptied first.
+    """
     text = GENERATED.sub(lambda found: "\n" * found[0].count("\n"), text)
     text = MEASURED.sub(lambda found: "\n" * found[0].count("\n"), text)
-    text = re.sub(r"<!--.*?-->", lambda found: "\n" * found[0].count("\n"), text, flags=re.S)
+    text = re.sub(
+        r"<!--.*?-->", lambda found: "\n" * found[0].count("\n"), text, flags=re.S
+    )
     found: list[Block] = []
     lines, row = text.splitlines(), 0
     while row < len(lines):
@@ -91,28 +107,58 @@ def blocks_of(text: str) -> list[Block]:
         begin = row
         if fence := re.match(r"(?:> ?)*\s*(`{3,}|~{3,})\s*([\w-]*)", line):
             row += 1
-            while row < len(lines) and not re.match(rf"(?:> ?)*\s*{fence[1]}", lines[row]):
+            while row < len(lines) and not re.match(
+                rf"(?:> ?)*\s*{fence[1]}", lines[row]
+            ):
                 row += 1
-            found.append(Block(kind="code", line=begin + 1, lines=lines[begin + 1 : row], language=fence[2]))
+            found.append(
+                Block(
+                    kind="code",
+                    line=begin + 1,
+                    lines=lines[begin + 1 : row],
+                    language=fence[2],
+                )
+            )
             row += 1
         elif bare.startswith("|"):
-            while row < len(lines) and re.sub(r"^(?:> ?)+", "", lines[row]).strip().startswith("|"):
+            while row < len(lines) and re.sub(
+                r"^(?:> ?)+", "", lines[row]
+            ).strip().startswith("|"):
                 row += 1
-            found.append(Block(kind="table", line=begin + 1, lines=[each.strip() for each in lines[begin:row]]))
+            found.append(
+                Block(
+                    kind="table",
+                    line=begin + 1,
+                    lines=[each.strip() for each in lines[begin:row]],
+                )
+            )
         elif not bare or HEADING.match(bare):
             kind = "heading" if bare else "empty"
             found.append(Block(kind=kind, line=begin + 1, lines=[bare]))
             row += 1
-        elif line.startswith("    ") and (not found or found[-1].kind in ("empty", "code")):
-            while row < len(lines) and (lines[row].startswith("    ") or not lines[row].strip()):
+        elif line.startswith("    ") and (
+            not found or found[-1].kind in ("empty", "code")
+        ):
+            while row < len(lines) and (
+                lines[row].startswith("    ") or not lines[row].strip()
+            ):
                 row += 1
-            found.append(Block(kind="code", line=begin + 1, lines=lines[begin:row], language="indented"))
+            found.append(
+                Block(
+                    kind="code",
+                    line=begin + 1,
+                    lines=lines[begin:row],
+                    language="indented",
+                )
+            )
         else:
             parts = [re.sub(r"^(?:[*+-]|\d+\.) +", "", bare)]
             row += 1
             while row < len(lines):
                 after = re.sub(r"^(?:> ?)+", "", lines[row]).strip()
-                if not after or re.match(r"(?:[*+-]|\d+\.) |`{3}|~{3}|\||#{1,6} ", after):
+                if not after or re.match(
+                    r"(?:[*+-]|\d+\.) |`{3}|~{3}|\||#{1,6} ", after
+                ):
                     break
                 parts.append(after)
                 row += 1
@@ -126,13 +172,21 @@ def sentences(block: Block) -> list[str]:
     text = CODE.sub("CODE", text)
     text = re.sub(r"\$[^$]*\$", "SYMBOL", text)
     text = ABBREVIATION.sub(lambda found: found[0].replace(".", ""), text)
-    return [each.strip() for each in SENTENCE.split(text) if each.strip() and not each.startswith("[!")]
+    return [
+        each.strip()
+        for each in SENTENCE.split(text)
+        if each.strip() and not each.startswith("[!")
+    ]
 
 
 def cells(row: str) -> list[str]:
-    """Cells of a row of a table; a bar in code or behind a backslash does not part them."""
+    """Cells of a row of a table; a bar in code or behind a backslash does not part
+    them.
+    """
     hidden = CODE.sub(lambda code: code[0].replace("|", "\0"), row.replace("\\|", "\0"))
-    return [each.strip().replace("\0", "|") for each in hidden.strip().strip("|").split("|")]
+    return [
+        each.strip().replace("\0", "|") for each in hidden.strip().strip("|").split("|")
+    ]
 
 
 @cache
@@ -142,20 +196,33 @@ def glossary() -> dict[str, str]:
         return {}
     found = {}
     for anchor, heading in ANCHOR.findall(GLOSSARY.read_text("utf-8")):
-        name = anchor or re.sub(r"[^\w -]", "", heading).strip().lower().replace(" ", "-")
+        name = anchor or re.sub(r"[^\w -]", "", heading).strip().lower().replace(
+            " ", "-"
+        )
         word = name.replace("-", " ")
-        if len(word) > 2 and word not in COMMON and "glossary" not in word and not re.search(r"\d", word):
+        if (
+            len(word) > 2
+            and word not in COMMON
+            and "glossary" not in word
+            and not re.search(r"\d", word)
+        ):
             found[word] = name
     return found
 
 
 def unlinked(text: str) -> list[Fault]:
     """Words of the glossary that a page uses and links nowhere."""
-    prose = " ".join(" ".join(block.lines) for block in blocks_of(text) if block.kind in ("prose", "table"))
+    prose = " ".join(
+        " ".join(block.lines)
+        for block in blocks_of(text)
+        if block.kind in ("prose", "table")
+    )
     plain = CODE.sub("", LINK.sub(" ", prose))
     wrong = []
     for word, anchor in glossary().items():
-        if f"glossary.md#{anchor}" not in text and re.search(rf"\b{re.escape(word)}s?\b", plain):
+        if f"glossary.md#{anchor}" not in text and re.search(
+            rf"\b{re.escape(word)}s?\b", plain
+        ):
             wrong.append(Fault(line=0, kind="not linked", text=word))
     return wrong
 
@@ -165,30 +232,54 @@ def faults(page: Path) -> list[Fault]:
     text = page.read_text("utf-8")
     blocks = blocks_of(text)
     numbers = not page.name.startswith(RESULTS)
-    found = [] if page.name in ("glossary.md", "README.md", "decisions.md") else unlinked(text)
+    found = (
+        []
+        if page.name in ("glossary.md", "README.md", "decisions.md")
+        else unlinked(text)
+    )
     for at, block in enumerate(blocks):
         if block.kind == "prose":
             for sentence in sentences(block):
                 count = len(sentence.split())
                 if count > WORDS:
-                    found.append(Fault(line=block.line, kind=f"{count} words", text=sentence))
+                    found.append(
+                        Fault(line=block.line, kind=f"{count} words", text=sentence)
+                    )
                 many = len(NUMBER.findall(sentence))
                 if numbers and many >= NUMBERS:
-                    found.append(Fault(line=block.line, kind=f"{many} numbers", text=sentence))
+                    found.append(
+                        Fault(line=block.line, kind=f"{many} numbers", text=sentence)
+                    )
         elif block.kind == "table":
             headed = len(block.lines) > 1 and RULE.match(block.lines[1]) is not None
             if not headed or not any(cells(block.lines[0])):
-                found.append(Fault(line=block.line, kind="table without heads", text=block.lines[0]))
+                found.append(
+                    Fault(
+                        line=block.line, kind="table without heads", text=block.lines[0]
+                    )
+                )
             for row in block.lines[2:]:
                 for cell in cells(row):
                     shown = LINK.sub(lambda link: link[1], cell)
                     if len(shown) > CELL:
-                        found.append(Fault(line=block.line, kind=f"cell of {len(shown)} letters", text=shown))
+                        found.append(
+                            Fault(
+                                line=block.line,
+                                kind=f"cell of {len(shown)} letters",
+                                text=shown,
+                            )
+                        )
         elif block.kind == "code" and block.language in SHELL:
             after = blocks[at + 1] if at + 1 < len(blocks) else None
             shown = after is not None and after.kind in ("code", "prose", "table")
             if not shown:
-                found.append(Fault(line=block.line, kind="command without output or a reason", text=block.lines[0]))
+                found.append(
+                    Fault(
+                        line=block.line,
+                        kind="command without output or a reason",
+                        text=block.lines[0],
+                    )
+                )
     return sorted(found, key=lambda fault: fault.line)
 
 

@@ -1,10 +1,16 @@
-"""Marks that readers who did not know a page gave it, and how much of the page that they read is still there.
+"""Marks that readers who did not know a page gave it, and how much of the page that
+they read is still there.
 
-    python tests/website/page_marks.py                           every page, its marks, what is left of the text read
-    python tests/website/page_marks.py docs/sweeps.md 8.75 8.5   note the marks of readers for a page as it is now
+    python tests/website/page_marks.py                           every page, its marks,
+                                                                 what is left of the
+                                                                 text read
+    python tests/website/page_marks.py docs/sweeps.md 8.75 8.5   note the marks of
+                                                                 readers for a page as
+                                                                 it is now
 
-A mark is the sum of five answers, each 0 to 2, less 0.25 for each sentence read twice, at most 2. That of a page is the
-lowest. A page that changed by more than a third since it was read has lost its marks: it is read anew.
+A mark is the sum of five answers, each 0 to 2, less 0.25 for each sentence read twice,
+at most 2. That of a page is the lowest. A page that changed by more than a third since
+it was read has lost its marks: it is read anew.
 """
 
 from __future__ import annotations
@@ -30,13 +36,19 @@ SHORT = 20
 
 
 def hashes(text: str) -> set[str]:
-    """Hashes of the lines of a page, four hexadecimal digits each; short lines are left out."""
+    """Hashes of the lines of a page, four hexadecimal digits each; short lines are left
+    out.
+    """
     lines = (" ".join(line.split()) for line in text.splitlines())
-    return {f"{crc32(line.encode()) & 0xFFFF:04x}" for line in lines if len(line) >= SHORT}
+    return {
+        f"{crc32(line.encode()) & 0xFFFF:04x}" for line in lines if len(line) >= SHORT
+    }
 
 
 def sketch(text: str) -> str:
-    """Sketch of a page: the smallest hashes of its lines, in place of a random sample."""
+    """Sketch of a page: the smallest hashes of its lines, in place of a random
+    sample.
+    """
     return "".join(sorted(hashes(text))[:LINES])
 
 
@@ -54,9 +66,14 @@ def marked() -> Mapping[str, Mapping[str, Any]]:
 def note(page: str, marks: Sequence[float], text: str) -> None:
     """Write the marks of a page, in the order of the pages."""
     pages = {name: dict(entry) for name, entry in marked().items()}
-    pages[page] = {"marks": [float(mark) for mark in marks], "date": datetime.date.today(), "sketch": sketch(text)}
+    pages[page] = {
+        "marks": [float(mark) for mark in marks],
+        "date": datetime.date.today(),
+        "sketch": sketch(text),
+    }
     tables = (
-        f'["{name}"]\nmarks = {entry["marks"]}\ndate = {entry["date"]}\nsketch = "{entry["sketch"]}"\n'
+        f'["{name}"]\nmarks = {entry["marks"]}\ndate = {entry["date"]}\nsketch ='
+        f' "{entry["sketch"]}"\n'
         for name, entry in sorted(pages.items())
     )
     MARKS.write_text("# Written by page_marks.py.\n\n" + "\n".join(tables), "utf-8")
@@ -70,7 +87,10 @@ def main(words: Sequence[str]) -> int:
         return 0
     for name, entry in sorted(marked().items(), key=lambda row: min(row[1]["marks"])):
         there = left(entry["sketch"], (ROOT / name).read_text("utf-8"))
-        print(f"{min(entry['marks']):5.2f}  {name:42} {entry['date']}  {there:4.0%} of the lines read")
+        print(
+            f"{min(entry['marks']):5.2f}  {name:42} {entry['date']}  {there:4.0%} of"
+            " the lines read"
+        )
     return 0
 
 

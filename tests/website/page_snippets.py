@@ -1,9 +1,12 @@
-"""What a page shows as code, and how it is run: block after block, in one namespace and one folder.
+"""What a page shows as code, and how it is run: block after block, in one namespace and
+one folder.
 
-A fence is ``python`` (run), ``sh`` (commands, run), ``bash`` (a script for other machines: its syntax is checked), a
-file (any language with a title: written), or ``text``: lines that the last block printed, in their order, to the digit.
-A comment behind a ``print`` of the outermost level is the line that it prints. ``<!-- varies: REASON -->`` before a
-fence leaves its numbers out of the comparison, ``<!-- not printed: REASON -->`` the whole fence.
+A fence is ``python`` (run), ``sh`` (commands, run), ``bash`` (a script for other
+machines: its syntax is checked), a file (any language with a title: written), or
+``text``: lines that the last block printed, in their order, to the digit. A comment
+behind a ``print`` of the outermost level is the line that it prints. ``<!-- varies:
+REASON -->`` before a fence leaves its numbers out of the comparison, ``<!-- not
+printed: REASON -->`` the whole fence.
 """
 
 from __future__ import annotations
@@ -22,7 +25,9 @@ from shown_commands import run_shown
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 FENCE = re.compile(
-    r"(?:^<!-- (varies|not printed): \S[^\n]* -->\n)?^```(\w+)(?: title=\"([^\"]+)\")?\n(.*?)^```$", re.M | re.S
+    r"(?:^<!-- (varies|not printed): \S[^\n]* -->\n)?^```(\w+)(?:"
+    r" title=\"([^\"]+)\")?\n(.*?)^```$",
+    re.M | re.S,
 )
 INDENTED = re.compile(r"(?:\A|\n\n)((?:    \S.*\n?)+)")
 
@@ -42,7 +47,9 @@ class Block:
 
 @dataclass
 class Ran:
-    """Names that a page's blocks left, output of the last one, and lines shown with those printed in their place."""
+    """Names that a page's blocks left, output of the last one, and lines shown with
+    those printed in their place.
+    """
 
     names: dict[str, Any] = field(default_factory=dict)
     printed: str = ""
@@ -53,7 +60,10 @@ class Ran:
 
 def blocks(text: str) -> list[Block]:
     """Fences of a page, but for formulas."""
-    found = [Block(language, title, body, mark) for mark, language, title, body in FENCE.findall(text)]
+    found = [
+        Block(language, title, body, mark)
+        for mark, language, title, body in FENCE.findall(text)
+    ]
     return [block for block in found if block.language != "math"]
 
 
@@ -66,7 +76,13 @@ def indented(text: str) -> list[str]:
 
 def commands(block: Block) -> list[str]:
     """Commands of a fence of shell, comments taken off."""
-    return [line for line in (re.sub(r"(^|\s)#.*$", "", each).strip() for each in block.text.splitlines()) if line]
+    return [
+        line
+        for line in (
+            re.sub(r"(^|\s)#.*$", "", each).strip() for each in block.text.splitlines()
+        )
+        if line
+    ]
 
 
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?")
@@ -78,9 +94,11 @@ def masked(text: str) -> str:
 
 
 def wrong_answers(shown: str, printed: str, mark: str = "") -> list[tuple[str, str]]:
-    """Lines shown that were not printed, each with the printed line of the same words; "" where there is none.
+    """Lines shown that were not printed, each with the printed line of the same words;
+    "" where there is none.
 
-    Lines are compared word by word, in their order; "..." stands for any number of lines.
+    Lines are compared word by word, in their order; "..." stands for any number of
+    lines.
     """
     if mark == "not printed":
         return []
@@ -90,7 +108,9 @@ def wrong_answers(shown: str, printed: str, mark: str = "") -> list[tuple[str, s
         if line.strip() in ("", "..."):
             continue
         same = [i for i in range(at, len(lines)) if key(lines[i]) == key(line)]
-        near = same or [i for i in range(at, len(lines)) if masked(lines[i]) == masked(line)]
+        near = same or [
+            i for i in range(at, len(lines)) if masked(lines[i]) == masked(line)
+        ]
         if not same:
             wrong.append((line, lines[near[0]].rstrip() if near else ""))
         at = near[0] + 1 if near else at
@@ -98,10 +118,12 @@ def wrong_answers(shown: str, printed: str, mark: str = "") -> list[tuple[str, s
 
 
 def rewritten(page: str, answers: list[tuple[str, str]]) -> str:
-    """A page with the lines that were printed in place of those shown; answers are in the page's order.
+    """A page with the lines that were printed in place of those shown; answers are in
+    the page's order.
 
     Raises:
-        AssertionError: a line for which no line of the same words was printed: a person must write it.
+        AssertionError: a line for which no line of the same words was printed: a person
+            must write it.
     """
     at = 0
     for shown, printed in answers:
@@ -113,7 +135,9 @@ def rewritten(page: str, answers: list[tuple[str, str]]) -> str:
 
 
 def run_python(text: str, ran: Ran) -> None:
-    """Run a block statement by statement; compare comments behind its prints with what they print."""
+    """Run a block statement by statement; compare comments behind its prints with what
+    they print.
+    """
     source, told = text.splitlines(), io.StringIO()
     for node in ast.parse(text).body:
         before = len(told.getvalue())
@@ -126,16 +150,20 @@ def run_python(text: str, ran: Ran) -> None:
 
 
 def run_page(page: list[Block], ran: Ran, *, seconds: float | None) -> None:
-    """Run a page's blocks in this folder; ``ran.answers`` has what they print otherwise than shown.
+    """Run a page's blocks in this folder; ``ran.answers`` has what they print otherwise
+    than shown.
 
     Raises:
-        AssertionError: a command that ends with another exit code than 0, a file that nothing uses.
+        AssertionError: a command that ends with another exit code than 0, a file that
+            nothing uses.
     """
     for i, block in enumerate(page):
         later = "\n".join(each.text for each in page[i + 1 :])
         if block.title:
             stem = block.title.rpartition(".")[0]
-            assert block.title in later or re.search(rf"\b{stem}\b", later), f"{block.title}: nothing uses this file"
+            assert block.title in later or re.search(rf"\b{stem}\b", later), (
+                f"{block.title}: nothing uses this file"
+            )
             Path(block.title).write_text(block.text, "utf-8")
         elif block.language == "python":
             run_python(block.text, ran)
@@ -146,14 +174,26 @@ def run_page(page: list[Block], ran: Ran, *, seconds: float | None) -> None:
             for line in commands(block):
                 ran.commands += 1
                 if line.startswith("skyarm "):
-                    cut = seconds is not None and not shown and line.startswith("skyarm run ")
-                    code, told = run_shown(f"{line} --duration {seconds:g}" if cut else line)
+                    cut = (
+                        seconds is not None
+                        and not shown
+                        and line.startswith("skyarm run ")
+                    )
+                    code, told = run_shown(
+                        f"{line} --duration {seconds:g}" if cut else line
+                    )
                     assert code == 0, f"{line}: {told[-800:]}"
                     ran.printed += told
                 else:
                     assert line.startswith(KNOWN_ELSEWHERE), f"{line}: nobody runs this"
         elif block.language == "bash":
-            done = subprocess.run(["bash", "-n"], input=block.text, text=True, capture_output=True, check=False)
+            done = subprocess.run(
+                ["bash", "-n"],
+                input=block.text,
+                text=True,
+                capture_output=True,
+                check=False,
+            )
             assert done.returncode == 0, done.stderr
             ran.blocks += 1
         elif block.language == "text":

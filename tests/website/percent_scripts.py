@@ -1,7 +1,8 @@
-"""Notebooks as Python files: cells begin with ``# %%``, those of text with ``# %% [markdown]``.
+"""Notebooks as Python files: cells begin with ``# %%``, those of text with ``# %%
+[markdown]``.
 
-A file is run cell by cell in one namespace, as a notebook is: what a cell prints, the value of its last line and a
-figure stand below it.
+A file is run cell by cell in one namespace, as a notebook is: what a cell prints, the
+value of its last line and a figure stand below it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ HEAD = re.compile(r"^# %%(?: \[(\w+)\])?[ \t]*$", re.M)
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell: its text, whether it is words or code, and the line of the file at which the text begins."""
+    """A cell: its text, whether it is words or code, and the line of the file at which
+    the text begins.
+    """
 
     text: str
     words: bool
@@ -46,14 +49,20 @@ def cells(source: str) -> list[Cell]:
             lines = [re.sub(r"^# ?", "", line) for line in body.splitlines()]
             found.append(Cell("\n".join(lines).strip(), True, 0))
         else:
-            found.append(Cell(body.strip("\n"), False, source[: head.end()].count("\n") + 2))
+            found.append(
+                Cell(body.strip("\n"), False, source[: head.end()].count("\n") + 2)
+            )
     return found
 
 
 def run_cell(cell: Cell, names: dict[str, Any], file: str) -> Shown:
-    """Run a cell of code; the value of a last line that is an expression is shown, a figure as a picture."""
+    """Run a cell of code; the value of a last line that is an expression is shown, a
+    figure as a picture.
+    """
     tree = ast.parse("\n" * (cell.line - 1) + cell.text, file)
-    last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
+    last = (
+        tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
+    )
     told = io.StringIO()
     value = None
     with contextlib.redirect_stdout(told):
@@ -67,7 +76,9 @@ def run_cell(cell: Cell, names: dict[str, Any], file: str) -> Shown:
 
 
 def svg_of(figure: Any) -> str:
-    """A Matplotlib figure as SVG, letters as outlines, with the same text from run to run."""
+    """A Matplotlib figure as SVG, letters as outlines, with the same text from run to
+    run.
+    """
     import matplotlib
 
     with io.StringIO() as file, matplotlib.rc_context({"svg.hashsalt": "skyarm"}):
@@ -79,7 +90,8 @@ def run_script(path: Path) -> list[tuple[Cell, Shown]]:
     """Run a file; each of its cells and what it leaves."""
     names: dict[str, Any] = {"__name__": "__main__"}
     return [
-        (cell, Shown() if cell.words else run_cell(cell, names, str(path))) for cell in cells(path.read_text("utf-8"))
+        (cell, Shown() if cell.words else run_cell(cell, names, str(path)))
+        for cell in cells(path.read_text("utf-8"))
     ]
 
 

@@ -1,4 +1,5 @@
-"""Largest differences between the two plants over the paper's five experiments, as rows of docs/the_paper.md.
+"""Largest differences between the two plants over the paper's five experiments, as rows
+of docs/the_paper.md.
 
 python tests/website/plants_compared.py            print the table; a minute
 python tests/website/plants_compared.py --small    one experiment under one integrator
@@ -25,8 +26,12 @@ LAWS = ("paper_ct", "paper_pd")
 INTEGRATORS = ("rk4", "rk4_staged", "euler")
 
 
-def compared(integrator: str, cases: Sequence[str] = CASES) -> tuple[float, float, float]:
-    """Largest differences of base (m) and joints (rad) between the plants, and processor time of MuJoCo's, s."""
+def compared(
+    integrator: str, cases: Sequence[str] = CASES
+) -> tuple[float, float, float]:
+    """Largest differences of base (m) and joints (rad) between the plants, and
+    processor time of MuJoCo's, s.
+    """
     base = joints = spent = 0.0
     for case in cases:
         for law in LAWS:
@@ -34,7 +39,9 @@ def compared(integrator: str, cases: Sequence[str] = CASES) -> tuple[float, floa
             for kind in ("rigid_body", "mujoco"):
                 planned = skyarm.load_scenario(case, controller=law, plant=kind)
                 begun = time.process_time()
-                logs.append(skyarm.run(dataclasses.replace(planned, integrator=integrator)))
+                logs.append(
+                    skyarm.run(dataclasses.replace(planned, integrator=integrator))
+                )
                 spent += time.process_time() - begun if kind == "mujoco" else 0.0
             base = max(base, float(np.abs(logs[0].position - logs[1].position).max()))
             joints = max(joints, float(np.abs(logs[0].joints - logs[1].joints).max()))
@@ -43,7 +50,10 @@ def compared(integrator: str, cases: Sequence[str] = CASES) -> tuple[float, floa
 
 def row(integrator: str, base: float, joints: float) -> str:
     """Row of the page without the processor time."""
-    cells = ["0 (rounding)" if each < 1e-9 else f"{1e3 * each:.1g}" for each in (base, joints)]
+    cells = [
+        "0 (rounding)" if each < 1e-9 else f"{1e3 * each:.1g}"
+        for each in (base, joints)
+    ]
     return f"| `{integrator}` | {cells[0]} | {cells[1]} |"
 
 
@@ -53,7 +63,10 @@ def rows(integrators: Sequence[str], cases: Sequence[str]) -> Iterator[list[str]
     for name in integrators:
         base, joints, spent = compared(name, cases)
         usual = usual or spent
-        yield [*row(name, base, joints).strip("| ").split(" | "), f"{spent / usual:.1f}"]
+        yield [
+            *row(name, base, joints).strip("| ").split(" | "),
+            f"{spent / usual:.1f}",
+        ]
 
 
 HEADS = (
@@ -65,4 +78,7 @@ HEADS = (
 
 if __name__ == "__main__":
     small = "--small" in sys.argv[1:]
-    print_table(HEADS, rows(INTEGRATORS[:1] if small else INTEGRATORS, CASES[2:3] if small else CASES))
+    print_table(
+        HEADS,
+        rows(INTEGRATORS[:1] if small else INTEGRATORS, CASES[2:3] if small else CASES),
+    )

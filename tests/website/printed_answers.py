@@ -1,8 +1,10 @@
-"""Run what README and docs show, print the lines that came out otherwise than shown, and write them into the pages.
+"""Run what README and docs show, print the lines that came out otherwise than shown,
+and write them into the pages.
 
     python tests/website/printed_answers.py [--write] [PAGE ...]
 
-PAGE is a path below docs, as ``delays.md`` or ``../README.md``; all if left out. Minutes.
+PAGE is a path below docs, as ``delays.md`` or ``../README.md``; all if left out.
+Minutes.
 """
 
 from __future__ import annotations
@@ -20,8 +22,12 @@ def main() -> int:
     import shown_pages as pages
     from page_snippets import rewritten
 
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", action="store_true", help="write the printed lines into the pages")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--write", action="store_true", help="write the printed lines into the pages"
+    )
     parser.add_argument("pages", nargs="*", default=pages.WITH_CODE, metavar="PAGE")
     given, left = parser.parse_args(), 0
     for name in given.pages:

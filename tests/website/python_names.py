@@ -1,4 +1,6 @@
-"""Tables of the public names of skyarm: by job, with call, result, errors and guide; arguments of its functions."""
+"""Tables of the public names of skyarm: by job, with call, result, errors and guide;
+arguments of its functions.
+"""
 
 from __future__ import annotations
 
@@ -142,7 +144,11 @@ CLASSES = {
         "Team": "carry_together.md",
         "LogFormat": "add_a_log_format.md",
     },
-    "numbers": {"Vec3": "mathematics.md", "Quaternion": "mathematics.md", "Mat3": "mathematics.md"},
+    "numbers": {
+        "Vec3": "mathematics.md",
+        "Quaternion": "mathematics.md",
+        "Mat3": "mathematics.md",
+    },
     "errors": {"ScenarioError": "", "VehicleError": "", "StudyError": ""},
 }
 """Job -> classes with the page that explains each."""
@@ -152,7 +158,9 @@ PUBLIC = "__all__"
 
 
 def first_line(thing: object) -> str:
-    """Summary of a docstring, its first paragraph as one line, without markup of Sphinx."""
+    """Summary of a docstring, its first paragraph as one line, without markup of
+    Sphinx.
+    """
     summary = (inspect.getdoc(thing) or "").partition("\n\n")[0]
     return without_markup(" ".join(summary.split()))
 
@@ -167,20 +175,33 @@ def names_by_kind() -> dict[str, list[str]]:
     found: dict[str, list[str]] = {"functions": [], "classes": [], "modules": []}
     for name in sorted(set(getattr(skyarm, PUBLIC)) - {"__version__"}):
         thing = getattr(skyarm, name)
-        kind = "classes" if inspect.isclass(thing) else "modules" if inspect.ismodule(thing) else "functions"
+        kind = (
+            "classes"
+            if inspect.isclass(thing)
+            else "modules"
+            if inspect.ismodule(thing)
+            else "functions"
+        )
         found[kind].append(name)
     return found
 
 
 def require_all(kind: str, jobs: dict[str, dict[str, str]]) -> None:
-    """Raise ValueError if a public name has no job, or a job has a name that is not public."""
+    """Raise ValueError if a public name has no job, or a job has a name that is not
+    public.
+    """
     listed = [name for job in jobs.values() for name in job]
     if wrong := set(listed) ^ set(names_by_kind()[kind]):
-        raise ValueError(f"python_names: {kind}: without a job, or not public: {', '.join(sorted(wrong))}")
+        raise ValueError(
+            f"python_names: {kind}: without a job, or not public:"
+            f" {', '.join(sorted(wrong))}"
+        )
 
 
 def call_of(name: str) -> str:
-    """Call of a function: its arguments, those that may be left out with "=", those that need a name after "*"."""
+    """Call of a function: its arguments, those that may be left out with "=", those
+    that need a name after "*".
+    """
     thing = getattr(skyarm, name)
     if not inspect.isfunction(thing):
         return name
@@ -193,16 +214,24 @@ def call_of(name: str) -> str:
 
 
 def argument_in_call(argument: inspect.Parameter) -> str:
-    """Name of an argument, with "=" if it may be left out and "**" if it stands for several."""
+    """Name of an argument, with "=" if it may be left out and "**" if it stands for
+    several.
+    """
     if argument.kind is inspect.Parameter.VAR_KEYWORD:
         return f"**{argument.name}"
-    return argument.name if argument.default is inspect.Parameter.empty else f"{argument.name}="
+    return (
+        argument.name
+        if argument.default is inspect.Parameter.empty
+        else f"{argument.name}="
+    )
 
 
 def errors_of(thing: object) -> str:
     """Names of the errors that a docstring lists."""
     _, _, listed = (inspect.getdoc(thing) or "").partition("Raises:")
-    return ", ".join(f"`{name}`" for name in dict.fromkeys(re.findall(r"\b(\w+Error):", listed)))
+    return ", ".join(
+        f"`{name}`" for name in dict.fromkeys(re.findall(r"\b(\w+Error):", listed))
+    )
 
 
 def type_in_words(annotation: object) -> str:
@@ -210,7 +239,11 @@ def type_in_words(annotation: object) -> str:
     if annotation is inspect.Parameter.empty:
         return ""
     text = str(annotation).strip("'")
-    for ours, word in (("PathLike", "path"), ("ArrayLike", "array"), ("Array", "array")):
+    for ours, word in (
+        ("PathLike", "path"),
+        ("ArrayLike", "array"),
+        ("Array", "array"),
+    ):
         text = text.replace(ours, word)
     text = re.sub(r"\bstr \| Path\b", "path", text)
     return f"`{text}`" if text == "None" else f"`{text.replace(' | None', '')}`"
@@ -240,7 +273,9 @@ def words_of_arguments(thing: object) -> dict[str, str]:
             words[name] = begun[2]
         elif inside and name:
             words[name] += f" {line.strip()}"
-    return {name: without_markup(text).removesuffix(".") for name, text in words.items()}
+    return {
+        name: without_markup(text).removesuffix(".") for name, text in words.items()
+    }
 
 
 def functions_of(job: str) -> tuple[Row, list[Row]]:
@@ -249,8 +284,20 @@ def functions_of(job: str) -> tuple[Row, list[Row]]:
     rows: list[Row] = []
     for name, page in FUNCTIONS[job].items():
         thing = getattr(skyarm, name)
-        result = type_in_words(inspect.signature(thing).return_annotation) if inspect.isfunction(thing) else ""
-        rows.append((f"`{call_of(name)}`", first_line(thing), result, errors_of(thing), guide(page)))
+        result = (
+            type_in_words(inspect.signature(thing).return_annotation)
+            if inspect.isfunction(thing)
+            else ""
+        )
+        rows.append(
+            (
+                f"`{call_of(name)}`",
+                first_line(thing),
+                result,
+                errors_of(thing),
+                guide(page),
+            )
+        )
     return ("call", "meaning", "returns", "raises", "guide"), rows
 
 
@@ -263,7 +310,11 @@ def arguments_of(job: str) -> tuple[Row, list[Row]]:
             continue
         words = words_of_arguments(thing)
         for argument in inspect.signature(thing).parameters.values():
-            shown = (type_in_words(argument.annotation), default_in_words(argument), words.get(argument.name, ""))
+            shown = (
+                type_in_words(argument.annotation),
+                default_in_words(argument),
+                words.get(argument.name, ""),
+            )
             rows.append((f"`{name}`", f"`{argument.name}`", *shown))
     return ("function", "argument", "type", "default", "meaning"), rows
 
@@ -272,7 +323,8 @@ def classes_of(job: str) -> tuple[Row, list[Row]]:
     """Heads and rows: classes of a job with their guide."""
     require_all("classes", CLASSES)
     rows: list[Row] = [
-        (f"`skyarm.{name}`", first_line(getattr(skyarm, name)), guide(page)) for name, page in CLASSES[job].items()
+        (f"`skyarm.{name}`", first_line(getattr(skyarm, name)), guide(page))
+        for name, page in CLASSES[job].items()
     ]
     return ("name", "meaning", "guide"), rows
 
@@ -280,7 +332,8 @@ def classes_of(job: str) -> tuple[Row, list[Row]]:
 def modules_of() -> tuple[Row, list[Row]]:
     """Heads and rows: modules whose names are used with that of the module."""
     return ("name", "meaning"), [
-        (f"`skyarm.{name}`", first_line(getattr(skyarm, name))) for name in names_by_kind()["modules"]
+        (f"`skyarm.{name}`", first_line(getattr(skyarm, name)))
+        for name in names_by_kind()["modules"]
     ]
 
 

@@ -12,7 +12,9 @@ import skyarm
 from support.components import registry_kept
 
 FRONT = "../README.md"
-FILES = {path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))} | {FRONT: ROOT / "README.md"}
+FILES = {
+    path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))
+} | {FRONT: ROOT / "README.md"}
 PAGES = {name: path.read_text("utf-8") for name, path in FILES.items()}
 SECONDS = 0.5
 """Length of a flight whose numbers the page does not show."""
@@ -20,20 +22,37 @@ SECONDS = 0.5
 
 def whole_example(name: str) -> str:
     """The complete example of a reference page."""
-    (found,) = (block.text for block in blocks(PAGES[name]) if 'name = "example"' in block.text)
+    (found,) = (
+        block.text for block in blocks(PAGES[name]) if 'name = "example"' in block.text
+    )
     return found
 
 
 def prepared(name: str) -> dict[str, str]:
     """Files that a page takes for granted."""
-    vehicle, flight = whole_example("vehicle_files.md"), whole_example("scenario_files.md")
-    files = {"my/vehicle.toml": vehicle, "my/flight.toml": flight, "flight.toml": flight}
+    vehicle, flight = (
+        whole_example("vehicle_files.md"),
+        whole_example("scenario_files.md"),
+    )
+    files = {
+        "my/vehicle.toml": vehicle,
+        "my/flight.toml": flight,
+        "flight.toml": flight,
+    }
     if "my_law.py:make" in PAGES[name] and "skyarm new law" not in PAGES[name]:
-        files["my_law.py"] = (Path(skyarm.__file__).parent / "cli/starters/law.py.txt").read_text("utf-8")
-    for example in re.findall(r"[ \"](examples/(?:\w+\.(?:urdf|py)|loads_and_gusts\.toml))", PAGES[name]):
+        files["my_law.py"] = (
+            Path(skyarm.__file__).parent / "cli/starters/law.py.txt"
+        ).read_text("utf-8")
+    for example in re.findall(
+        r"[ \"](examples/(?:\w+\.(?:urdf|py)|loads_and_gusts\.toml))", PAGES[name]
+    ):
         files[example] = (ROOT / example).read_text("utf-8")
     if name == "export_c.md":
-        files["tuned.toml"] = next(block.text for block in blocks(PAGES["tuning.md"]) if "[gains]" in block.text)
+        files["tuned.toml"] = next(
+            block.text
+            for block in blocks(PAGES["tuning.md"])
+            if "[gains]" in block.text
+        )
     return files
 
 
@@ -50,18 +69,26 @@ def own_blocks(name: str) -> list[Block]:
     if name == "export_c.md":
         return [block for block in found if block.language != "c"]
     if name == "clusters.md":  # its scripts run on Ray: tests/test_docs_clusters.py
-        return [block for block in found if block.language == "bash" and not block.title]
+        return [
+            block for block in found if block.language == "bash" and not block.title
+        ]
     return found
 
 
-WITH_CODE = [name for name in PAGES if any(block.language in ("python", "sh", "bash") for block in own_blocks(name))]
+WITH_CODE = [
+    name
+    for name in PAGES
+    if any(block.language in ("python", "sh", "bash") for block in own_blocks(name))
+]
 PROGRAMS = {"autopilots.md": ("SKYARM_PX4", "SKYARM_ARDUPILOT")}
 """Page -> environment variables of the programs that its commands fly."""
 
 
 def missing_programs(name: str) -> list[str]:
     """Variables that a page's commands need and that are not set."""
-    return [variable for variable in PROGRAMS.get(name, ()) if variable not in os.environ]
+    return [
+        variable for variable in PROGRAMS.get(name, ()) if variable not in os.environ
+    ]
 
 
 def flown(name: str, folder: Path) -> Ran:

@@ -1,7 +1,9 @@
-"""Every link of the built site leads somewhere on it, and nothing is loaded from another host.
+"""Every link of the built site leads somewhere on it, and nothing is loaded from
+another host.
 
-What a browser would follow or load is read from the pages themselves: files, anchors, style sheets, scripts, pictures.
-Addresses of other hosts are looked at only as text: nothing here asks the network.
+What a browser would follow or load is read from the pages themselves: files, anchors,
+style sheets, scripts, pictures. Addresses of other hosts are looked at only as text:
+nothing here asks the network.
 """
 
 from __future__ import annotations
@@ -48,7 +50,12 @@ class Page(HTMLParser):
         self.anchors |= {str(found[key]) for key in ("id", "name") if found.get(key)}
         if tag in FOLLOWED and found.get(FOLLOWED[tag]):
             self.followed.append(str(found[FOLLOWED[tag]]))
-        if tag == "link" and found.get("rel") in ("canonical", "prev", "next", "alternate"):
+        if tag == "link" and found.get("rel") in (
+            "canonical",
+            "prev",
+            "next",
+            "alternate",
+        ):
             return
         if tag in LOADED and found.get(LOADED[tag]):
             self.loaded.append(str(found[LOADED[tag]]))
@@ -63,9 +70,14 @@ def read_page(path: Path) -> Page:
 
 
 def is_address(text: str) -> bool:
-    """Whether an address of another host is well formed: a host with a dot, no blank, no bracket left over."""
+    """Whether an address of another host is well formed: a host with a dot, no blank,
+    no bracket left over.
+    """
     parts = urlsplit(text)
-    return parts.scheme in ("http", "https") and re.fullmatch(r"[\w-]+(\.[\w-]+)+(:\d+)?", parts.netloc) is not None
+    return (
+        parts.scheme in ("http", "https")
+        and re.fullmatch(r"[\w-]+(\.[\w-]+)+(:\d+)?", parts.netloc) is not None
+    )
 
 
 def wrong_link(site: Path, page: Path, link: str) -> str | None:
@@ -81,13 +93,20 @@ def wrong_link(site: Path, page: Path, link: str) -> str | None:
     if not target.is_relative_to(site.resolve()) or not target.is_file():
         return "leads to no file of the site"
     anchor = unquote(parts.fragment)
-    if anchor and target.suffix == ".html" and anchor not in read_page(target).anchors and not anchor.startswith(":~:"):
+    if (
+        anchor
+        and target.suffix == ".html"
+        and anchor not in read_page(target).anchors
+        and not anchor.startswith(":~:")
+    ):
         return f"{target.name} has no such anchor"
     return None
 
 
 def broken(site: Path) -> Iterator[str]:
-    """One line for each link that leads nowhere and for each thing that would be loaded from another host."""
+    """One line for each link that leads nowhere and for each thing that would be loaded
+    from another host.
+    """
     site = site.resolve()
     for path in sorted(site.rglob("*.html")):
         if "recordings" in path.relative_to(site).parts[:1] or path.name == "404.html":

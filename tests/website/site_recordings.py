@@ -1,6 +1,8 @@
-"""Recordings of flights for the pages of the site: which there are, and how they are made.
+"""Recordings of flights for the pages of the site: which there are, and how they are
+made.
 
-They are made with the site and not kept. Each is one page that holds player and flight, so that it plays from a file.
+They are made with the site and not kept. Each is one page that holds player and flight,
+so that it plays from a file.
 """
 
 from __future__ import annotations
@@ -13,7 +15,9 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Planned:
-    """A recording: a scenario, the laws that fly it beside each other, and which seconds of it are shown."""
+    """A recording: a scenario, the laws that fly it beside each other, and which
+    seconds of it are shown.
+    """
 
     scenario: str
     laws: Sequence[str]
@@ -23,9 +27,13 @@ class Planned:
 
 RECORDINGS = {
     "case3": Planned("case3", ("paper_ct",), 5.0, 20.0),
-    "case3_wind": Planned("case3_wind", ("paper_pd", "paper_ct", "centroidal_tip"), 5.0, 17.0),
+    "case3_wind": Planned(
+        "case3_wind", ("paper_pd", "paper_ct", "centroidal_tip"), 5.0, 17.0
+    ),
     "gust": Planned("case2_gust", ("paper_ct", "centroidal_joint"), 6.0, 14.0),
-    "centroidal_modes": Planned("case3_wind", ("centroidal_joint", "centroidal_tip"), 5.0, 17.0),
+    "centroidal_modes": Planned(
+        "case3_wind", ("centroidal_joint", "centroidal_tip"), 5.0, 17.0
+    ),
 }
 """Name, as pages ask for it -> what is recorded."""
 
@@ -49,7 +57,11 @@ def make_recordings(folder: Path, names: Sequence[str]) -> list[Path]:
     for name in names:
         planned = RECORDINGS[name]
         logs = [
-            skyarm.run(skyarm.load_scenario(planned.scenario, controller=law, duration=planned.stop))
+            skyarm.run(
+                skyarm.load_scenario(
+                    planned.scenario, controller=law, duration=planned.stop
+                )
+            )
             for law in planned.laws
         ]
         settings = FilmSettings(start=planned.start, stop=planned.stop, fps=FRAMES)
@@ -66,5 +78,7 @@ def asked_for(texts: Sequence[str]) -> list[str]:
     names = sorted({name for text in texts for name, _ in ASKED.findall(text)})
     for name in names:
         if name not in RECORDINGS:
-            raise ValueError(f"recording {name!r}: must be one of {', '.join(RECORDINGS)}")
+            raise ValueError(
+                f"recording {name!r}: must be one of {', '.join(RECORDINGS)}"
+            )
     return names

@@ -1,4 +1,6 @@
-"""The pages of the API, one for each room that has public names, written by the site's builder from docstrings."""
+"""The pages of the API, one for each room that has public names, written by the site's
+builder from docstrings.
+"""
 
 from __future__ import annotations
 
@@ -40,13 +42,17 @@ def homes() -> dict[str, tuple[str, ...]]:
         thing = getattr(skyarm, name)
         if inspect.ismodule(thing):
             # a room whose functions are named with it, as their names are taken
-            found.setdefault(name, []).extend(f"{thing.__name__}.{each}" for each in thing.__all__)
+            found.setdefault(name, []).extend(
+                f"{thing.__name__}.{each}" for each in thing.__all__
+            )
             continue
         module, called = thing.__module__, getattr(thing, "__qualname__", name)
         if name == "register":
             module, called = "skyarm.records.registry.registrations", "register"
         found.setdefault(module.split(".")[1], []).append(f"{module}.{called}")
-    return {room: tuple(sorted(set(paths), key=str.lower)) for room, paths in found.items()}
+    return {
+        room: tuple(sorted(set(paths), key=str.lower)) for room, paths in found.items()
+    }
 
 
 def reference_pages() -> dict[str, str]:
@@ -54,20 +60,36 @@ def reference_pages() -> dict[str, str]:
     rooms = homes()
     strangers = set(rooms) - set(ROOMS)
     if strangers:
-        raise ValueError(f"rooms without a heading in site_reference.ROOMS: {', '.join(sorted(strangers))}")
+        raise ValueError(
+            "rooms without a heading in site_reference.ROOMS:"
+            f" {', '.join(sorted(strangers))}"
+        )
     pages = {}
-    listed = ["# API", "", "Every public name of `skyarm`, by room. Arrays in, arrays out; SI units and radians;", ""]
+    listed = [
+        "# API",
+        "",
+        (
+            "Every public name of `skyarm`, by room. Arrays in, arrays out; SI units"
+            " and radians;"
+        ),
+        "",
+    ]
     listed[2] += " quaternions wxyz, body to world."
     for room, title in ROOMS.items():
         if room not in rooms:
             continue
-        names = ", ".join(f"[`{path.rpartition('.')[2]}`]({room}.md#{path})" for path in rooms[room])
+        names = ", ".join(
+            f"[`{path.rpartition('.')[2]}`]({room}.md#{path})" for path in rooms[room]
+        )
         listed.append(f"* [{title}]({room}.md): {names}")
         parts = [f"# {title}", shown_example(room)]
         for path in rooms[room]:
             # named with its room, and shown in the room's example
             of_room = path.count(".") == 2
-            parts += [f"::: {path}", "" if of_room else shown_example(path.rpartition(".")[2])]
+            parts += [
+                f"::: {path}",
+                "" if of_room else shown_example(path.rpartition(".")[2]),
+            ]
         pages[f"api/{room}.md"] = "\n\n".join(part for part in parts if part) + "\n"
     pages["api/index.md"] = "\n".join(listed) + "\n"
     return pages

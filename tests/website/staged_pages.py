@@ -1,7 +1,9 @@
-"""Pages of docs as the site's builder takes them: links out of docs lead to copies, drawings and formulas are inside.
+"""Pages of docs as the site's builder takes them: links out of docs lead to copies,
+drawings and formulas are inside.
 
-A page stays readable where it lies: what is changed here is changed in a copy. Taken from outside of docs are the pages
-of the repository (``REPOSITORY``), the examples, and single files that a page links to.
+A page stays readable where it lies: what is changed here is changed in a copy. Taken
+from outside of docs are the pages of the repository (``REPOSITORY``), the examples, and
+single files that a page links to.
 """
 
 from __future__ import annotations
@@ -33,7 +35,9 @@ FENCE = re.compile(r"^( *)(`{3,}|~{3,}).*?^\1\2[ \t]*$", re.M | re.S)
 DRAWING = re.compile(r"^!\[([^\]]*)\]\(([^)\s]+\.svg)\)$", re.M)
 """A drawing that has a line of its own."""
 
-ALERT = re.compile(r"^> \[!(NOTE|TIP|IMPORTANT|WARNING|CAUTION)\]\n((?:>.*(?:\n|\Z))+)", re.M)
+ALERT = re.compile(
+    r"^> \[!(NOTE|TIP|IMPORTANT|WARNING|CAUTION)\]\n((?:>.*(?:\n|\Z))+)", re.M
+)
 """A warning as GitHub shows it: a quotation whose first line is its kind."""
 
 
@@ -56,11 +60,17 @@ def outside_spans(text: str, change: Callable[[str], str]) -> str:
         kept.append(span[0])
         return f"\0{len(kept) - 1}\0"
 
-    return re.sub(r"\0(\d+)\0", lambda found: kept[int(found[1])], change(re.sub(r"`[^`\n]*`", hide, text)))
+    return re.sub(
+        r"\0(\d+)\0",
+        lambda found: kept[int(found[1])],
+        change(re.sub(r"`[^`\n]*`", hide, text)),
+    )
 
 
 def site_name(path: Path) -> str | None:
-    """Where a file of the repository stands on the site, from its root; None for what has no place there."""
+    """Where a file of the repository stands on the site, from its root; None for what
+    has no place there.
+    """
     inside = path.relative_to(ROOT).as_posix()
     if inside in REPOSITORY:
         return REPOSITORY[inside]
@@ -68,7 +78,11 @@ def site_name(path: Path) -> str | None:
         name = path.relative_to(DOCS).as_posix()
         if name.startswith("notebooks/") and name.endswith(".py"):
             return name.replace(".py", ".md")
-        return re.sub(r"(^|/)README\.md$", r"\1index.md", name) if path.is_file() else f"{name}/index.md"
+        return (
+            re.sub(r"(^|/)README\.md$", r"\1index.md", name)
+            if path.is_file()
+            else f"{name}/index.md"
+        )
     if inside == "examples":
         return "examples/index.md"
     if inside.startswith("examples/") and path.suffix == ".py":
@@ -81,10 +95,12 @@ def relink(text: str, page: Path, name: str, taken: dict[str, Path]) -> str:
 
     Args:
         page: the file that the text is of. name: of the page on the site.
-        taken: files that have to be copied, by their name on the site; what is found is added.
+        taken: files that have to be copied, by their name on the site; what is found is
+            added.
 
     Raises:
-        ValueError: a link that leads to no file, or to a folder that the site does not have.
+        ValueError: a link that leads to no file, or to a folder that the site does not
+            have.
     """
     up = "../" * name.count("/")
 
@@ -94,19 +110,29 @@ def relink(text: str, page: Path, name: str, taken: dict[str, Path]) -> str:
             return link[0]
         path = (page.parent / target).resolve()
         if not path.exists() or not path.is_relative_to(ROOT):
-            raise ValueError(f"{page.relative_to(ROOT)}: link '{link[2]}': must lead to a file of the repository")
+            raise ValueError(
+                f"{page.relative_to(ROOT)}: link '{link[2]}': must lead to a file of"
+                " the repository"
+            )
         there = site_name(path)
         if there is None:
-            raise ValueError(f"{page.relative_to(ROOT)}: link '{link[2]}': the site has no such folder")
+            raise ValueError(
+                f"{page.relative_to(ROOT)}: link '{link[2]}': the site has no such"
+                " folder"
+            )
         if path.is_file() and not there.endswith(".md"):
             taken[there] = path
         return f"{link[1]}{up}{there}{hash_}{anchor}{link[3]}"
 
-    return outside_fences(text, lambda part: outside_spans(part, lambda words: LINK.sub(one, words)))
+    return outside_fences(
+        text, lambda part: outside_spans(part, lambda words: LINK.sub(one, words))
+    )
 
 
 def with_drawings(text: str, page: Path) -> str:
-    """Text with its drawings inside, so that they take the colours of the page around them."""
+    """Text with its drawings inside, so that they take the colours of the page around
+    them.
+    """
 
     def one(found: re.Match[str]) -> str:
         svg = (page.parent / found[2]).read_text("utf-8")
@@ -133,7 +159,8 @@ def with_recordings(text: str, name: str, recordings: Path | None) -> str:
     """Text with each recording in a frame of its own; without one that was not made.
 
     Args:
-        name: of the page on the site. recordings: folder of ``NAME.html``; None if there is none.
+        name: of the page on the site. recordings: folder of ``NAME.html``; None if
+            there is none.
     """
     up = "../" * name.count("/")
 
@@ -141,24 +168,38 @@ def with_recordings(text: str, name: str, recordings: Path | None) -> str:
         if recordings is None or not (recordings / f"{found[1]}.html").is_file():
             return ""
         source = f"{up}recordings/{found[1]}.html"
-        frame = f'<iframe class="recording" loading="lazy" title="{found[2]}" src="{source}"></iframe>'
-        return f'<figure markdown="0">{frame}<figcaption>{found[2]}</figcaption></figure>'
+        frame = (
+            f'<iframe class="recording" loading="lazy" title="{found[2]}"'
+            f' src="{source}"></iframe>'
+        )
+        return (
+            f'<figure markdown="0">{frame}<figcaption>{found[2]}</figcaption></figure>'
+        )
 
     return ASKED.sub(one, text)
 
 
-def staged(page: Path, recordings: Path | None, taken: dict[str, Path]) -> tuple[str, str]:
+def staged(
+    page: Path, recordings: Path | None, taken: dict[str, Path]
+) -> tuple[str, str]:
     """Name on the site and text of a page."""
     name = site_name(page)
     assert name is not None
-    text = relink(page.read_text("utf-8"), page, name, taken) if page.suffix == ".md" else page.read_text("utf-8")
+    text = (
+        relink(page.read_text("utf-8"), page, name, taken)
+        if page.suffix == ".md"
+        else page.read_text("utf-8")
+    )
     return name, staged_text(text, page, name, recordings)
 
 
 def staged_text(text: str, page: Path, name: str, recordings: Path | None) -> str:
-    """A page's text with drawings, warnings, recordings and formulas in their places."""
+    """A page's text with drawings, warnings, recordings and formulas in their
+    places.
+    """
     if "![" in text and ".svg" in text:
-        # the link was already turned to the site's name, which a drawing inside docs shares with its file
+        # the link was already turned to the site's name, which a drawing inside docs
+        # shares with its file
         text = with_drawings(text, DOCS / name)
     return with_mathml(with_recordings(with_admonitions(text), name, recordings))
 
@@ -173,7 +214,17 @@ def examples_index(paths: list[Path]) -> str:
     """The page that lists the examples by what their first lines say."""
     rows = []
     for path in paths:
-        first = path.read_text("utf-8").split('"""')[1].strip().splitlines()[0].rstrip(".")
+        first = (
+            path.read_text("utf-8").split('"""')[1].strip().splitlines()[0].rstrip(".")
+        )
         rows.append(f"| [{path.name}]({path.stem}.md) | {first.replace('|', '')} |")
-    head = "# Examples\n\nEach is one file of at most forty lines, in the folder `examples` of the repository.\n\n"
-    return head + "| file | what it adds or does |\n| --- | --- |\n" + "\n".join(rows) + "\n"
+    head = (
+        "# Examples\n\nEach is one file of at most forty lines, in the folder"
+        " `examples` of the repository.\n\n"
+    )
+    return (
+        head
+        + "| file | what it adds or does |\n| --- | --- |\n"
+        + "\n".join(rows)
+        + "\n"
+    )

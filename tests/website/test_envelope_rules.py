@@ -13,7 +13,11 @@ def test_violations_are_a_loss_that_another_law_survives_and_10_percent_over_pap
         ("circle", 3.0, "worse"),
         ("turning_wind", 5.0, "lost"),
     ]
-    assert (found[0]["own"], found[0]["other"], found[0]["kept_by"]) == (0.5, 0.4, ["paper_ct"])
+    assert (found[0]["own"], found[0]["other"], found[0]["kept_by"]) == (
+        0.5,
+        0.4,
+        ["paper_ct"],
+    )
     assert found[1]["kept_by"] == ["l1_adaptive"]
     assert violation_rows(found) == [
         ["circle 3 m/s", "worse than paper_ct", "500", "400"],
@@ -22,17 +26,32 @@ def test_violations_are_a_loss_that_another_law_survives_and_10_percent_over_pap
 
 
 def test_what_every_law_loses_and_what_is_nine_per_cent_worse_is_no_violation():
-    both = {"circle": axis((1.0, 2.0), paper_ct=[LOST, point(0.1)], centroidal_tip=[LOST, point(0.109)])}
+    both = {
+        "circle": axis(
+            (1.0, 2.0), paper_ct=[LOST, point(0.1)], centroidal_tip=[LOST, point(0.109)]
+        )
+    }
     assert violations(both) == []
     alone = {"circle": axis((1.0,), centroidal_tip=[LOST])}
     assert violations(alone) == []
     # the paper's law is lost: nothing to be worse than
-    assert violations({"circle": axis((1.0,), paper_ct=[LOST], centroidal_tip=[point(0.9)])}) == []
+    assert (
+        violations(
+            {"circle": axis((1.0,), paper_ct=[LOST], centroidal_tip=[point(0.9)])}
+        )
+        == []
+    )
 
 
 def test_on_another_vehicle_the_tuned_form_of_the_paper_s_law_is_the_measure():
     found = violations(
-        {"circle": axis((1.0,), hybrid_computed_torque_tuned=[point(0.1)], centroidal_tip=[point(0.12)])}
+        {
+            "circle": axis(
+                (1.0,),
+                hybrid_computed_torque_tuned=[point(0.1)],
+                centroidal_tip=[point(0.12)],
+            )
+        }
     )
     assert found[0]["kept_by"] == ["hybrid_computed_torque_tuned"]
 
@@ -43,7 +62,9 @@ def test_every_plant_is_a_trial_of_the_rules():
     few = plants(point(0.2), point(0.2), point(0.3))
     laws = {"centroidal_tip": [own], "paper_ct": [paper], "nmpc": [few]}
     found = violations({"wrong_plants": axis((1.0,), "times", **laws)})
-    assert [(each["rule"], each["plants"], sorted(each["kept_by"])) for each in found] == [
+    assert [
+        (each["rule"], each["plants"], sorted(each["kept_by"])) for each in found
+    ] == [
         ("lost", 2, ["nmpc", "paper_ct"]),
         ("worse", 1, ["paper_ct"]),
     ]

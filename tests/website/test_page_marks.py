@@ -12,7 +12,12 @@ def test_a_text_keeps_its_sketch_and_a_changed_one_loses_as_much_as_changed() ->
     known = page_marks.sketch(TEXT)
     assert len(known) == 4 * page_marks.LINES
     assert page_marks.left(known, TEXT) == 1.0
-    assert page_marks.left(known, TEXT.replace("  ", " ") + "\nmore of it, further down the page") == 1.0
+    assert (
+        page_marks.left(
+            known, TEXT.replace("  ", " ") + "\nmore of it, further down the page"
+        )
+        == 1.0
+    )
     changed = TEXT.replace("1", "one")
     rows = TEXT.splitlines()
     same = sum(row in changed.splitlines() for row in rows) / len(rows)
@@ -34,4 +39,6 @@ def test_a_page_that_changed_by_a_third_has_no_mark(page: str) -> None:
     entry = page_marks.marked()[page]
     assert all(0.0 <= mark <= 10.0 for mark in entry["marks"])
     text = (page_marks.ROOT / page).read_text("utf-8")
-    assert page_marks.left(entry["sketch"], text) >= page_marks.LEAST, f"{page}: read it anew, or remove its mark"
+    assert page_marks.left(entry["sketch"], text) >= page_marks.LEAST, (
+        f"{page}: read it anew, or remove its mark"
+    )

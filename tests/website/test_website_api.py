@@ -1,4 +1,6 @@
-"""Every public name has an example on its page of the API; the cheap ones run and print what they show."""
+"""Every public name has an example on its page of the API; the cheap ones run and print
+what they show.
+"""
 
 from __future__ import annotations
 
@@ -33,16 +35,28 @@ def prepared() -> dict[str, object]:
 
 
 def wrong_lines(name: str, text: str, names: dict[str, object]) -> str:
-    """Report of an example that prints otherwise than it shows; empty for a true one."""
-    options = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE | doctest.IGNORE_EXCEPTION_DETAIL
+    """Report of an example that prints otherwise than it shows; empty for a true
+    one.
+    """
+    options = (
+        doctest.ELLIPSIS
+        | doctest.NORMALIZE_WHITESPACE
+        | doctest.IGNORE_EXCEPTION_DETAIL
+    )
     runner, told = doctest.DocTestRunner(optionflags=options), list[str]()
-    runner.run(doctest.DocTestParser().get_doctest(text, dict(names), name, None, 0), out=told.append)
+    runner.run(
+        doctest.DocTestParser().get_doctest(text, dict(names), name, None, 0),
+        out=told.append,
+    )
     return "".join(told)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_an_example_prints_what_it_shows(
-    name: str, prepared: dict[str, object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str,
+    prepared: dict[str, object],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert wrong_lines(name, EXAMPLES[name] + "\n", prepared) == ""

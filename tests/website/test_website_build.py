@@ -1,4 +1,6 @@
-"""The site: its menu names every page, broken links are found, nothing is loaded from elsewhere."""
+"""The site: its menu names every page, broken links are found, nothing is loaded from
+elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,16 @@ from site_links import broken, is_address, read_page
 from site_maths import formulas, mathml, rows_of, with_mathml
 from site_recordings import RECORDINGS, asked_for, make_recordings
 from site_reference import ROOMS, homes, reference_pages
-from staged_pages import DOCS, ROOT, relink, site_name, staged, with_admonitions, with_drawings, with_recordings
+from staged_pages import (
+    DOCS,
+    ROOT,
+    relink,
+    site_name,
+    staged,
+    with_admonitions,
+    with_drawings,
+    with_recordings,
+)
 
 import skyarm
 
@@ -33,23 +44,44 @@ def named(menu: Any) -> list[str]:
     """Pages of a menu."""
     if isinstance(menu, str):
         return [menu]
-    return [page for entry in (menu if isinstance(menu, list) else menu.values()) for page in named(entry)]
+    return [
+        page
+        for entry in (menu if isinstance(menu, list) else menu.values())
+        for page in named(entry)
+    ]
 
 
 def test_the_menu_names_every_page_once_and_no_other() -> None:
     menu = named(CONFIG["nav"])
     assert len(menu) == len(set(menu))
-    here = {str(site_name(path)) for path in (*TEXTS, *(DOCS / "notebooks").glob("*.py"))}
-    made = {"readme.md", "contributing.md", "changelog.md", "security.md", "examples/index.md", "api/index.md"}
+    here = {
+        str(site_name(path)) for path in (*TEXTS, *(DOCS / "notebooks").glob("*.py"))
+    }
+    made = {
+        "readme.md",
+        "contributing.md",
+        "changelog.md",
+        "security.md",
+        "examples/index.md",
+        "api/index.md",
+    }
     assert set(menu) - made - ROOM <= here
     assert here <= set(menu)
     assert made <= set(menu)
 
 
-def test_an_entry_without_its_page_is_left_out_with_a_heading_that_it_leaves_empty() -> None:
-    text = "nav:\n  - a.md\n  - Some:\n      - B: b.md\n      - C: c/d.md\n  - Last: e.md\n"
+def test_an_entry_without_its_page_is_left_out_with_a_heading_that_it_leaves_empty() -> (
+    None
+):
+    text = (
+        "nav:\n  - a.md\n  - Some:\n      - B: b.md\n      - C: c/d.md\n  - Last:"
+        " e.md\n"
+    )
     assert menu_of(text, ["a.md", "b.md", "c/d.md", "e.md"]) == text
-    assert menu_of(text, ["a.md", "c/d.md"]) == "nav:\n  - a.md\n  - Some:\n      - C: c/d.md\n"
+    assert (
+        menu_of(text, ["a.md", "c/d.md"])
+        == "nav:\n  - a.md\n  - Some:\n      - C: c/d.md\n"
+    )
     assert menu_of(text, ["a.md", "e.md"]) == "nav:\n  - a.md\n  - Last: e.md\n"
 
 
@@ -66,11 +98,15 @@ def slug(heading: str) -> str:
     return re.sub(r"[^\w\- ]", "", words).replace(" ", "-")
 
 
-@pytest.mark.parametrize("page", TEXTS, ids=lambda page: page.relative_to(DOCS).as_posix())
+@pytest.mark.parametrize(
+    "page", TEXTS, ids=lambda page: page.relative_to(DOCS).as_posix()
+)
 def test_links_of_a_page_lead_to_files_and_headings(page: Path) -> None:
     """Of the pages as they lie, which is how GitHub shows them."""
     text = re.sub(r"^```.*?^```$", "", TEXTS[page], flags=re.M | re.S)
-    for target in re.findall(r"\]\(([^)\s]+)\)", re.sub(r"`[^`\n]*\]\([^`\n]*`", "", text)):
+    for target in re.findall(
+        r"\]\(([^)\s]+)\)", re.sub(r"`[^`\n]*\]\([^`\n]*`", "", text)
+    ):
         if re.match(r"https?:", target):
             assert is_address(target), target
             continue
@@ -79,26 +115,39 @@ def test_links_of_a_page_lead_to_files_and_headings(page: Path) -> None:
         assert found.exists(), target
         if anchor and found.suffix == ".md":
             heads = re.findall(
-                r"^#+ (.*)$", re.sub(r"^```.*?^```$", "", found.read_text("utf-8"), flags=re.M | re.S), re.M
+                r"^#+ (.*)$",
+                re.sub(
+                    r"^```.*?^```$", "", found.read_text("utf-8"), flags=re.M | re.S
+                ),
+                re.M,
             )
             assert anchor in map(slug, heads), target
 
 
 def test_a_link_that_leaves_docs_leads_to_a_page_or_a_copy() -> None:
     taken: dict[str, Path] = {}
-    text = "[a](../../README.md) [b](../../src/skyarm/__init__.py) [`c`](../laws.md#indi) `[d](e)` [f](https://x.org)"
+    text = (
+        "[a](../../README.md) [b](../../src/skyarm/__init__.py) [`c`](../laws.md#indi)"
+        " `[d](e)` [f](https://x.org)"
+    )
     page = DOCS / "notebooks" / "README.md"
     found = relink(text, page, "notebooks/index.md", taken)
-    assert found == (
-        "[a](../readme.md) [b](../files/src/skyarm/__init__.py) [`c`](../laws.md#indi) `[d](e)` [f](https://x.org)"
+    assert (
+        found == "[a](../readme.md) [b](../files/src/skyarm/__init__.py)"
+        " [`c`](../laws.md#indi) `[d](e)` [f](https://x.org)"
     )
     assert taken == {"files/src/skyarm/__init__.py": ROOT / "src/skyarm/__init__.py"}
     with pytest.raises(ValueError, match="must lead to a file of the repository"):
         relink("[x](nothing.md)", page, "notebooks/index.md", {})
-    assert relink("```sh\n[x](nothing.md)\n```", page, "notebooks/index.md", {}) == "```sh\n[x](nothing.md)\n```"
+    assert (
+        relink("```sh\n[x](nothing.md)\n```", page, "notebooks/index.md", {})
+        == "```sh\n[x](nothing.md)\n```"
+    )
 
 
-def test_a_recording_is_played_where_it_was_made_and_left_out_where_not(tmp_path: Path) -> None:
+def test_a_recording_is_played_where_it_was_made_and_left_out_where_not(
+    tmp_path: Path,
+) -> None:
     text = "before\n\n<!-- recording: one | A flight. -->\n\nafter\n"
     assert with_recordings(text, "laws/a.md", None) == "before\n\n\n\nafter\n"
     assert with_recordings(text, "laws/a.md", tmp_path) == "before\n\n\n\nafter\n"
@@ -116,8 +165,14 @@ def test_a_drawing_stands_in_its_page_in_the_page_s_colours() -> None:
 
 
 def test_a_warning_of_github_is_one_of_the_site() -> None:
-    text = "Before.\n\n> [!WARNING]\n> Moving air acts\n> through `drag`.\n>\n> - so\n\nAfter.\n"
-    shown = "Before.\n\n!!! warning\n\n    Moving air acts\n    through `drag`.\n\n    - so\n\nAfter.\n"
+    text = (
+        "Before.\n\n> [!WARNING]\n> Moving air acts\n> through `drag`.\n>\n> -"
+        " so\n\nAfter.\n"
+    )
+    shown = (
+        "Before.\n\n!!! warning\n\n    Moving air acts\n    through `drag`.\n\n    -"
+        " so\n\nAfter.\n"
+    )
     assert with_admonitions(text) == shown
     assert with_admonitions("> [!NOTE]\n> Last") == "!!! note\n\n    Last\n"
     assert with_admonitions("> A quotation.\n") == "> A quotation.\n"
@@ -125,11 +180,18 @@ def test_a_warning_of_github_is_one_of_the_site() -> None:
 
 
 def test_every_warning_of_a_page_has_a_kind_that_github_shows() -> None:
-    shown = [line for text in TEXTS.values() for line in re.findall(r"^> \[!.*$", text, re.M)]
-    assert all(re.fullmatch(r"> \[!(NOTE|TIP|IMPORTANT|WARNING|CAUTION)\]", line) for line in shown)
+    shown = [
+        line for text in TEXTS.values() for line in re.findall(r"^> \[!.*$", text, re.M)
+    ]
+    assert all(
+        re.fullmatch(r"> \[!(NOTE|TIP|IMPORTANT|WARNING|CAUTION)\]", line)
+        for line in shown
+    )
 
 
-@pytest.mark.parametrize("drawing", sorted((DOCS / "images").rglob("*.svg")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "drawing", sorted((DOCS / "images").rglob("*.svg")), ids=lambda path: path.stem
+)
 def test_a_drawing_has_no_colour_of_its_own(drawing: Path) -> None:
     text = re.sub(r"<style>.*?</style>", "", drawing.read_text("utf-8"))
     assert set(re.findall(r'stroke="([^"]+)"', text)) <= {"currentColor", "none"}
@@ -141,7 +203,11 @@ def test_every_formula_is_understood() -> None:
     pytest.importorskip("latex2mathml", reason="of the extra docs")
     assert len(FORMULAS) > 60
     for formula in FORMULAS:
-        assert all(mathml(each, "inline").startswith("<math") for row in rows_of(formula) for each in row)
+        assert all(
+            mathml(each, "inline").startswith("<math")
+            for row in rows_of(formula)
+            for each in row
+        )
     with pytest.raises(ValueError, match="formula not understood"):
         mathml(r"\nosuchcommand x", "inline")
     with pytest.raises(ValueError, match="formula not understood"):
@@ -150,14 +216,21 @@ def test_every_formula_is_understood() -> None:
 
 def test_equations_of_a_block_are_elements_that_a_line_breaks_between() -> None:
     pytest.importorskip("latex2mathml", reason="of the extra docs")
-    stacked = "\\begin{aligned}\n& a \\leftarrow 1, \\quad b \\\\\n& e = \\frac{x \\quad y}{2}\n\\end{aligned}"
+    stacked = (
+        "\\begin{aligned}\n& a \\leftarrow 1, \\quad b \\\\\n& e = \\frac{x \\quad"
+        " y}{2}\n\\end{aligned}"
+    )
     assert rows_of(stacked) == [[r"a \leftarrow 1,", "b"], [r"e = \frac{x \quad y}{2}"]]
-    assert rows_of(r"a = \left( b \quad c \right)") == [[r"a = \left( b \quad c \right)"]]
+    assert rows_of(r"a = \left( b \quad c \right)") == [
+        [r"a = \left( b \quad c \right)"]
+    ]
     shown = with_mathml(f"```math\n{stacked}\n```\n")
     assert (shown.count("<div>"), shown.count("<math")) == (2, 3)
     # all primes of a letter with an index stand high
     high = 3 * "<mi>&#x02032;</mi>"
-    assert f"<msubsup><mi>p</mi><mi>d</mi><mrow>{high}</mrow></msubsup>" in mathml("p_d" + 3 * "'", "inline")
+    assert f"<msubsup><mi>p</mi><mi>d</mi><mrow>{high}</mrow></msubsup>" in mathml(
+        "p_d" + 3 * "'", "inline"
+    )
 
 
 def test_formulas_are_drawn_by_the_browser() -> None:
@@ -179,7 +252,9 @@ def test_the_api_has_every_public_name() -> None:
         assert set(getattr(skyarm, room).__all__) <= shown
         assert f"api/{room}.md" in pages
     directives = re.findall(r"^::: (\S+)$", "\n".join(pages.values()), re.M)
-    assert sorted(directives) == sorted(path for paths in homes().values() for path in paths)
+    assert sorted(directives) == sorted(
+        path for paths in homes().values() for path in paths
+    )
 
 
 def written(site: Path, **pages: str) -> Path:
@@ -190,7 +265,10 @@ def written(site: Path, **pages: str) -> Path:
 
 
 def test_a_broken_link_is_found(tmp_path: Path) -> None:
-    good = '<p id="here"><a href="b.html#there">x</a><a href="#here">y</a><a href="https://example.org/a">z</a></p>'
+    good = (
+        '<p id="here"><a href="b.html#there">x</a><a href="#here">y</a><a'
+        ' href="https://example.org/a">z</a></p>'
+    )
     site = written(tmp_path, a=good, b='<p id="there"></p>')
     assert list(broken(site)) == []
     for wrong, words in (
@@ -198,20 +276,30 @@ def test_a_broken_link_is_found(tmp_path: Path) -> None:
         ('<a href="b.html#where">', "no such anchor"),
         ('<a href="../secret.html">', "leads to no file"),
         ('<a href="https://">', "is no address"),
-        ('<script src="https://example.org/x.js"></script>', "loaded from another host"),
+        (
+            '<script src="https://example.org/x.js"></script>',
+            "loaded from another host",
+        ),
         ('<img src="missing.png">', "leads to no file"),
     ):
-        assert any(words in line for line in broken(written(tmp_path, a=wrong, b='<p id="there"></p>'))), wrong
+        assert any(
+            words in line
+            for line in broken(written(tmp_path, a=wrong, b='<p id="there"></p>'))
+        ), wrong
 
 
-def test_a_link_to_a_file_outside_of_the_site_is_broken_although_the_file_is_there(tmp_path: Path) -> None:
+def test_a_link_to_a_file_outside_of_the_site_is_broken_although_the_file_is_there(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "secret.html").write_text("<p></p>", "utf-8")
     (tmp_path / "site").mkdir()
     site = written(tmp_path / "site", a='<a href="../secret.html">')
     assert any("leads to no file" in line for line in broken(site))
 
 
-def test_what_the_builder_says_is_judged(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_what_the_builder_says_is_judged(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     for code, out, err, wrong in (
         (0, "Build finished\nno issues found", "", False),
         (0, "Warning: page not in menu", "", True),
@@ -226,7 +314,9 @@ def test_what_the_builder_says_is_judged(monkeypatch: pytest.MonkeyPatch, tmp_pa
 
 def test_a_room_without_a_heading_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(ROOMS, "vehicle")
-    with pytest.raises(ValueError, match=r"rooms without a heading in site_reference.ROOMS: vehicle"):
+    with pytest.raises(
+        ValueError, match=r"rooms without a heading in site_reference.ROOMS: vehicle"
+    ):
         reference_pages()
 
 
@@ -243,17 +333,26 @@ def test_the_site_that_was_built_is_whole() -> None:
     assert "$`" not in maths
     assert '<svg role="img"' in (SITE / "laws.html").read_text("utf-8")
     for name in ("Vehicle", "Session"):
-        assert any(f"{name}" in path.read_text("utf-8") for path in (SITE / "api").glob("*.html"))
-    assert ":func:" not in "".join(path.read_text("utf-8") for path in (SITE / "api").glob("*.html"))
+        assert any(
+            f"{name}" in path.read_text("utf-8")
+            for path in (SITE / "api").glob("*.html")
+        )
+    assert ":func:" not in "".join(
+        path.read_text("utf-8") for path in (SITE / "api").glob("*.html")
+    )
 
 
 @pytest.mark.site
 def test_a_warning_of_the_builder_is_an_error(tmp_path: Path) -> None:
     pytest.importorskip("zensical", reason="of the extra docs")
     (tmp_path / "pages").mkdir()
-    (tmp_path / "pages" / "index.md").write_text("# Title\n\n[x](nowhere.md)\n", "utf-8")
+    (tmp_path / "pages" / "index.md").write_text(
+        "# Title\n\n[x](nowhere.md)\n", "utf-8"
+    )
     config = tmp_path / "mkdocs.yml"
-    config.write_text("site_name: x\ndocs_dir: pages\nsite_dir: site\nstrict: true\n", "utf-8")
+    config.write_text(
+        "site_name: x\ndocs_dir: pages\nsite_dir: site\nstrict: true\n", "utf-8"
+    )
     assert build(config)
     (tmp_path / "pages" / "index.md").write_text("# Title\n", "utf-8")
     assert build(config) == []
@@ -262,7 +361,9 @@ def test_a_warning_of_the_builder_is_an_error(tmp_path: Path) -> None:
 def test_pages_are_laid_out(tmp_path: Path) -> None:
     pytest.importorskip("latex2mathml", reason="of the extra docs")
     names = lay_out(tmp_path / "pages", notebooks=False)
-    notebooks = {f"notebooks/{path.stem}.md" for path in (DOCS / "notebooks").glob("*.py")}
+    notebooks = {
+        f"notebooks/{path.stem}.md" for path in (DOCS / "notebooks").glob("*.py")
+    }
     assert set(named(CONFIG["nav"])) - notebooks - ROOM <= set(names)
     assert (tmp_path / "pages" / "site.css").is_file()
     assert PAGES.is_relative_to(ROOT / "out"), "what is built is not committed"
@@ -284,7 +385,9 @@ def test_pages_ask_for_every_recording_and_for_no_other() -> None:
 
 
 @pytest.mark.site
-def test_a_recording_is_one_page_that_asks_for_nothing_from_elsewhere(tmp_path: Path) -> None:
+def test_a_recording_is_one_page_that_asks_for_nothing_from_elsewhere(
+    tmp_path: Path,
+) -> None:
     pytest.importorskip("viser", reason="of the extra studio")
     (page,) = make_recordings(tmp_path, ["gust"])
     text = page.read_text("utf-8")

@@ -1,4 +1,6 @@
-"""The envelope that docs/results_envelope.md shows is what flights give; ``make envelope`` writes it anew."""
+"""The envelope that docs/results_envelope.md shows is what flights give; ``make
+envelope`` writes it anew.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,18 @@ import re
 from pathlib import Path
 
 import pytest
-from envelope_of_laws import FIRST, PAGE, PICTURE, REST, ROOT, TABLES, marks, table, value_of, written
+from envelope_of_laws import (
+    FIRST,
+    PAGE,
+    PICTURE,
+    REST,
+    ROOT,
+    TABLES,
+    marks,
+    table,
+    value_of,
+    written,
+)
 from envelope_rules import FLAGSHIP
 
 from skyarm.studies.compare.envelope import Envelope, summary_rows
@@ -20,9 +33,14 @@ FLOWN = ("circle", "payload")
 
 def shown():
     """Tables of the page by their headings, each as lines."""
-    text = "".join(block for name in (FIRST, REST) for block in marks(name).findall(TEXT))
+    text = "".join(
+        block for name in (FIRST, REST) for block in marks(name).findall(TEXT)
+    )
     parts = re.split(r"^### (.*)\n\n", text, flags=re.M)[1:]
-    return {title: re.findall(r"^\|.*\|$", part, re.M) for title, part in zip(parts[::2], parts[1::2], strict=True)}
+    return {
+        title: re.findall(r"^\|.*\|$", part, re.M)
+        for title, part in zip(parts[::2], parts[1::2], strict=True)
+    }
 
 
 def cells(line):
@@ -41,7 +59,9 @@ def test_the_page_shows_what_flights_give():
         for line in table(rows, group, envelope.laws).splitlines()[2:]:
             trial, *flown = cells(line)
             kept = [page[trial][cells(head).index(law)] for law in envelope.laws]
-            assert kept == flown, f"{trial}, {title}: 'make envelope' writes the tables anew"
+            assert kept == flown, (
+                f"{trial}, {title}: 'make envelope' writes the tables anew"
+            )
 
 
 def test_every_axis_and_law_stands_in_it():
@@ -61,8 +81,10 @@ def test_the_values_of_every_axis_stand_on_the_page():
 
     part = TEXT.partition("### Values of the trials\n")[2].partition("\n## ")[0]
     _, _, *lines = re.findall(r"^\|.*\|$", part, re.M)
-    rows = {name.strip("`"): [unit, *(float(each) for each in values if each != "-")]
-            for name, unit, *values in map(cells, lines)}
+    rows = {
+        name.strip("`"): [unit, *(float(each) for each in values if each != "-")]
+        for name, unit, *values in map(cells, lines)
+    }
     for name, axis in AXES.items():
         values = [float(f"{each * axis.shown:g}") for each in axis.values]
         assert rows.pop(name) == [axis.unit.removesuffix(" late"), *values], name
@@ -70,12 +92,32 @@ def test_the_values_of_every_axis_stand_on_the_page():
 
 
 def test_the_block_is_written_from_a_folder_s_record(tmp_path: Path):
-    points = [{"judged": 0.001, "jitter": 0.5, "limited": 0.0, "status": "completed", "lost": False}]
-    axis = {"values": [1.0], "unit": "N", "noisy": False, "judged": "x", "title": "x", "laws": {FLAGSHIP: points}}
+    points = [
+        {
+            "judged": 0.001,
+            "jitter": 0.5,
+            "limited": 0.0,
+            "status": "completed",
+            "lost": False,
+        }
+    ]
+    axis = {
+        "values": [1.0],
+        "unit": "N",
+        "noisy": False,
+        "judged": "x",
+        "title": "x",
+        "laws": {FLAGSHIP: points},
+    }
     found = {"laws": [FLAGSHIP], "axes": {"push_x": axis}}
     first, more = written(json.loads(json.dumps(found))).values()
     assert re.findall(r"\| push x, 1 to 1 N \| (\S+) \|", first) == ["1"]
-    assert re.findall(r"\| push x, 1 to 1 N \| (\S+) \|", more) == ["1", "-", "0.5", "0"]
+    assert re.findall(r"\| push x, 1 to 1 N \| (\S+) \|", more) == [
+        "1",
+        "-",
+        "0.5",
+        "0",
+    ]
     assert more.endswith("larger than that of the paper's law: none.\n")
 
 
@@ -88,8 +130,20 @@ def test_a_cell_of_the_summary_is_taken_apart_and_another_one_is_refused():
         "40",
         "25",
     ]
-    assert [value_of("20 / 20, lost from 5; 0.9", group) for group in groups] == ["20", "20", "from 5", "0.9", "0"]
-    assert [value_of("- / -, lost from 0.5", group) for group in groups] == ["-", "-", "from 0.5", "-", "-"]
+    assert [value_of("20 / 20, lost from 5; 0.9", group) for group in groups] == [
+        "20",
+        "20",
+        "from 5",
+        "0.9",
+        "0",
+    ]
+    assert [value_of("- / -, lost from 0.5", group) for group in groups] == [
+        "-",
+        "-",
+        "from 0.5",
+        "-",
+        "-",
+    ]
     assert [value_of("-", group) for group in groups] == ["-"] * 5
     with pytest.raises(AssertionError, match="2 of 3"):
         value_of("2 of 3", "small")

@@ -1,4 +1,6 @@
-"""The drawing of a control period has the stages of the loop in their order, and its page names them."""
+"""The drawing of a control period has the stages of the loop in their order, and its
+page names them.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ def test_the_drawing_is_that_of_its_script() -> None:
 
 
 def test_the_stages_are_those_of_a_period_in_their_order() -> None:
-    source = "".join(inspect.getsource(each) for each in (period.measure, period.decide, period.act))
+    source = "".join(
+        inspect.getsource(each) for each in (period.measure, period.decide, period.act)
+    )
     called = re.findall(r"(?:stages|each|plant)\.(\w+)\(", source)
     assert [name for name in called if name in NAMES] == NAMES
     assert callable(getattr(Stages, NAMES[0]))

@@ -1,4 +1,6 @@
-"""The page on mathematics: its functions are where it says, and the test of each equation calls its function."""
+"""The page on mathematics: its functions are where it says, and the test of each
+equation calls its function.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +20,18 @@ from tests_of_equations import TESTS
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "mathematics.md").read_text("utf-8")
 EQUATIONS = PAGE[PAGE.index("## Rotations") :]
-ROW = re.compile(r"^\| \w[^|$`]+ \| (\$\S.*) \| (\S.*) \| \[`\w+\.([\w.]+)`\]\(\.\./(\S+?)\) \|$", re.M)
+ROW = re.compile(
+    r"^\| \w[^|$`]+ \| (\$\S.*) \| (\S.*) \| \[`\w+\.([\w.]+)`\]\(\.\./(\S+?)\) \|$",
+    re.M,
+)
 FOUND = ROW.findall(EQUATIONS)
-NAMES = [f"{file.removeprefix('src/').removesuffix('.py').replace('/', '.')}.{called}" for *_, called, file in FOUND]
+NAMES = [
+    f"{file.removeprefix('src/').removesuffix('.py').replace('/', '.')}.{called}"
+    for *_, called, file in FOUND
+]
 ROWS = [
-    (equation, source, name, file, TESTS[name]) for name, (equation, source, _, file) in zip(NAMES, FOUND, strict=True)
+    (equation, source, name, file, TESTS[name])
+    for name, (equation, source, _, file) in zip(NAMES, FOUND, strict=True)
 ]
 """Equation, source, full name of the function and its file, test."""
 SECTIONS = (
@@ -55,7 +64,9 @@ def place(name: str, file: str) -> str:
 
 def test_every_line_of_the_tables_is_a_row() -> None:
     lines = [line for line in EQUATIONS.splitlines() if line.startswith("| ")]
-    assert len(ROWS) == len([line for line in lines if not line.startswith("| quantity |")])
+    assert len(ROWS) == len(
+        [line for line in lines if not line.startswith("| quantity |")]
+    )
     assert len(ROWS) >= 50
     assert sorted(NAMES) == sorted(TESTS)
     assert re.findall(r"^## (.*)$", EQUATIONS, re.M) == [*SECTIONS]
@@ -74,14 +85,34 @@ def test_a_function_is_where_its_row_says(row: tuple[str, ...]) -> None:
 
 @pytest.fixture(scope="module")
 def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
-    """First lines of the functions that each named test calls; all of them must pass."""
+    """First lines of the functions that each named test calls; all of them must
+    pass.
+    """
     file = tmp_path_factory.mktemp("calls") / "calls.json"
     tests = sorted({test for *_, test in ROWS})
-    words = ["-m", "pytest", "-q", "-n", "0", "-m", "", "-p", "calls_of_tests", "--calls", str(file), *tests]
+    words = [
+        "-m",
+        "pytest",
+        "-q",
+        "-n",
+        "0",
+        "-m",
+        "",
+        "-p",
+        "calls_of_tests",
+        "--calls",
+        str(file),
+        *tests,
+    ]
     paths = [str(Path(__file__).parent), str(ROOT / "src")]
     environment = {"PYTHONPATH": os.pathsep.join(paths)}
     done = subprocess.run(
-        [sys.executable, *words], cwd=ROOT, env=os.environ | environment, capture_output=True, text=True, check=False
+        [sys.executable, *words],
+        cwd=ROOT,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stdout[-3000:]
     found: dict[str, list[str]] = json.loads(file.read_text("utf-8"))
@@ -90,13 +121,32 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
 
 @pytest.mark.site
 def test_every_named_test_calls_its_function(calls: dict[str, list[str]]) -> None:
-    missed = [f"{test} does not call {name}" for _, _, name, file, test in ROWS if place(name, file) not in calls[test]]
+    missed = [
+        f"{test} does not call {name}"
+        for _, _, name, file, test in ROWS
+        if place(name, file) not in calls[test]
+    ]
     assert missed == []
 
 
 @pytest.mark.site
-def test_a_test_that_does_not_call_a_function_is_told_from_one_that_does(calls: dict[str, list[str]]) -> None:
+def test_a_test_that_does_not_call_a_function_is_told_from_one_that_does(
+    calls: dict[str, list[str]],
+) -> None:
     """The check above can fail: a test of rotations calls no mixer."""
-    mixer = place("skyarm.dynamics.actuators.mixer.make_mixer", "src/skyarm/dynamics/actuators/mixer.py")
-    assert mixer not in calls["tests/algebra/test_quaternions.py::test_the_rotation_of_a_quaternion_is_that_of_scipy"]
-    assert mixer in calls["tests/dynamics/actuators/test_allocation.py::test_the_inverse_is_the_pseudo_inverse"]
+    mixer = place(
+        "skyarm.dynamics.actuators.mixer.make_mixer",
+        "src/skyarm/dynamics/actuators/mixer.py",
+    )
+    assert (
+        mixer
+        not in calls[
+            "tests/algebra/test_quaternions.py::test_the_rotation_of_a_quaternion_is_that_of_scipy"
+        ]
+    )
+    assert (
+        mixer
+        in calls[
+            "tests/dynamics/actuators/test_allocation.py::test_the_inverse_is_the_pseudo_inverse"
+        ]
+    )

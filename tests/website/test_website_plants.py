@@ -1,4 +1,6 @@
-"""Differences between the plants that docs/the_paper.md shows are those that are flown."""
+"""Differences between the plants that docs/the_paper.md shows are those that are
+flown.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The picture of public vehicles has ten of them with numbers of their files, and fits a telephone."""
+"""The picture of public vehicles has ten of them with numbers of their files, and fits
+a telephone.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,8 @@ BOX = """<sdf version="1.9"><model name="box"><link name="hull"><inertial><mass>
 
 def test_each_of_ten_vehicles_has_the_mass_and_the_rotors_of_its_file() -> None:
     shown = re.findall(
-        r'font-weight="bold"[^>]*>([^<]+)</text>\n<text[^>]*>([\d.]+) kg, (\d+) rotors', DRAWING.read_text()
+        r'font-weight="bold"[^>]*>([^<]+)</text>\n<text[^>]*>([\d.]+) kg, (\d+) rotors',
+        DRAWING.read_text(),
     )
     assert [name for name, *_ in shown] == list(VEHICLES)
     assert len(shown) == 10
@@ -54,7 +57,9 @@ def test_a_folder_of_files_is_drawn_and_what_is_not_there_is_said(
     path = tmp_path / VEHICLES["x500"][1]
     path.parent.mkdir(parents=True)
     path.write_text(BOX)
-    vehicles = {name: vehicle for name in ("x500", "X2") if (vehicle := read(name, tmp_path))}
+    vehicles = {
+        name: vehicle for name in ("x500", "X2") if (vehicle := read(name, tmp_path))
+    }
     assert list(vehicles) == ["x500"]
     assert "X2: left out, no file" in capsys.readouterr().out
     text = drawing(vehicles)

@@ -1,4 +1,6 @@
-"""Every snippet and command of the pages under docs runs: here, or in a test that is named here. None is left."""
+"""Every snippet and command of the pages under docs runs: here, or in a test that is
+named here. None is left.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,18 @@ import sys
 from pathlib import Path
 
 import pytest
-from page_snippets import DOCS, ROOT, Block, Ran, blocks, commands, indented, rewritten, run_page, wrong_answers
+from page_snippets import (
+    DOCS,
+    ROOT,
+    Block,
+    Ran,
+    blocks,
+    commands,
+    indented,
+    rewritten,
+    run_page,
+    wrong_answers,
+)
 from percent_scripts import cells, run_script
 from shown_pages import FRONT, PAGES, WITH_CODE, flown, missing_programs, own_blocks
 
@@ -24,7 +37,8 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "vehicle_files.md": ("tests/vehicle/test_vehicle_bodies.py",),
 }
-"""Page with indented commands, other languages or numbers of its own -> their tests; its fences run here, too."""
+"""Page with indented commands, other languages or numbers of its own -> their tests;
+its fences run here, too."""
 
 OWN_FILES = {
     name: (f"tests/test_docs_{Path(name).stem}.py",)
@@ -113,14 +127,22 @@ SLOW = {
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.site] if name in SLOW else []) for name in WITH_CODE]
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.site] if name in SLOW else [])
+        for name in WITH_CODE
+    ],
 )
-def test_a_page_runs_from_its_first_block_to_its_last_and_prints_what_it_shows(name: str, here: Path) -> None:
+def test_a_page_runs_from_its_first_block_to_its_last_and_prints_what_it_shows(
+    name: str, here: Path
+) -> None:
     for module in ("gymnasium", "jax", "pinocchio", "pyarrow", "scipy", "viser"):
         if re.search(rf"\b{module}\b", PAGES[name]):
             pytest.importorskip(module)
     if missing := missing_programs(name):
-        pytest.skip(f"needs {' and '.join(missing)}, the paths of programs that the page flies")
+        pytest.skip(
+            f"needs {' and '.join(missing)}, the paths of programs that the page flies"
+        )
     ran = flown(name, here)
     assert ran.answers == [], f"python tests/website/printed_answers.py --write {name}"
     if name == "sweeps.md":
@@ -131,36 +153,50 @@ def test_a_page_runs_from_its_first_block_to_its_last_and_prints_what_it_shows(n
 
 
 def test_no_block_of_code_is_left_out() -> None:
-    """Counted: a language that no rule knows, a page whose tests do not name it, code that is indented."""
+    """Counted: a language that no rule knows, a page whose tests do not name it, code
+    that is indented.
+    """
     ways = {"python", "sh", "bash", "text", "mermaid"}
     unrun = [
         f"{name}: {block.language}"
         for name in PAGES
         if name not in ELSEWHERE
         for block in own_blocks(name)
-        if block.language not in ways and not block.title and (name, block.language) not in TABLES
+        if block.language not in ways
+        and not block.title
+        and (name, block.language) not in TABLES
     ]
     assert unrun == []
-    assert {name for name, text in PAGES.items() if name not in ELSEWHERE and indented(text)} == {FRONT}
+    assert {
+        name for name, text in PAGES.items() if name not in ELSEWHERE and indented(text)
+    } == {FRONT}
     shown = sum(len(blocks(text)) for text in PAGES.values())
     assert shown > 110
 
 
 @pytest.mark.parametrize(("page", "language"), TABLES)
-def test_tables_without_a_name_have_tests_that_read_them(page: str, language: str) -> None:
+def test_tables_without_a_name_have_tests_that_read_them(
+    page: str, language: str
+) -> None:
     text = (ROOT / TABLES[page, language]).read_text("utf-8")
     assert page in text
     assert f"```{language}" in text or f'"{language}"' in text
 
 
 @pytest.mark.parametrize(("name", "tests"), ELSEWHERE.items(), ids=list(ELSEWHERE))
-def test_blocks_that_run_elsewhere_have_tests_that_read_their_page(name: str, tests: tuple[str, ...]) -> None:
+def test_blocks_that_run_elsewhere_have_tests_that_read_their_page(
+    name: str, tests: tuple[str, ...]
+) -> None:
     for test in tests:
         file, _, function = test.partition("::")
         text = (ROOT / file).read_text("utf-8")
         assert name in text or name in OWN_FILES, f"{file} does not read {name}"
         if function:
-            assert function in {node.name for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)}
+            assert function in {
+                node.name
+                for node in ast.walk(ast.parse(text))
+                if isinstance(node, ast.FunctionDef)
+            }
 
 
 def test_a_page_that_cannot_run_fails(here: Path) -> None:
@@ -169,7 +205,9 @@ def test_a_page_that_cannot_run_fails(here: Path) -> None:
     with pytest.raises(AssertionError, match="nothing uses this file"):
         run_page([Block("toml", "lonely.toml", "a = 1\n")], Ran(), seconds=None)
     with pytest.raises(AssertionError, match="skyarm show nothing_of_this_name"):
-        run_page([Block("sh", "", "skyarm show nothing_of_this_name\n")], Ran(), seconds=None)
+        run_page(
+            [Block("sh", "", "skyarm show nothing_of_this_name\n")], Ran(), seconds=None
+        )
 
 
 PAGE = """```python
@@ -193,9 +231,14 @@ base 0.079 m, 17 s
 def test_answers_are_compared_to_the_digit_and_written_anew() -> None:
     ran = Ran()
     run_page(blocks(PAGE), ran, seconds=None)
-    assert ran.answers == [("0.038 m", "0.039 m"), ("base 0.079 m, 1 s", "base 0.078 m, 1 s")]
+    assert ran.answers == [
+        ("0.038 m", "0.039 m"),
+        ("base 0.079 m, 1 s", "base 0.078 m, 1 s"),
+    ]
     again, fresh = Ran(), rewritten(PAGE, ran.answers)
-    assert fresh == PAGE.replace("# 0.038", "# 0.039").replace("0.079 m, 1 s", "0.078 m, 1 s")
+    assert fresh == PAGE.replace("# 0.038", "# 0.039").replace(
+        "0.079 m, 1 s", "0.078 m, 1 s"
+    )
     run_page(blocks(fresh), again, seconds=None)
     assert again.answers == []
 
@@ -211,7 +254,9 @@ def test_no_part_of_a_number_and_no_line_in_another_order_counts() -> None:
 
 
 def test_comments_are_no_part_of_a_command() -> None:
-    assert commands(Block("sh", "", "skyarm show   # all\n# nothing\nskyarm show a#b\n")) == [
+    assert commands(
+        Block("sh", "", "skyarm show   # all\n# nothing\nskyarm show a#b\n")
+    ) == [
         "skyarm show",
         "skyarm show a#b",
     ]
@@ -228,7 +273,12 @@ NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.py"))
 
 @pytest.mark.parametrize(
     "path",
-    [pytest.param(path, marks=[] if path.stem == "sweep_notebook" else [pytest.mark.site]) for path in NOTEBOOKS],
+    [
+        pytest.param(
+            path, marks=[] if path.stem == "sweep_notebook" else [pytest.mark.site]
+        )
+        for path in NOTEBOOKS
+    ],
     ids=lambda path: path.stem,
 )
 def test_a_notebook_runs_cell_by_cell(path: Path, here: Path) -> None:
@@ -245,7 +295,11 @@ def test_a_notebook_runs_cell_by_cell(path: Path, here: Path) -> None:
 def test_a_cell_keeps_the_lines_of_its_file(here: Path) -> None:
     """An error in a cell names the line that an editor shows."""
     found = cells("# %% [markdown]\n# # Title\n\n# %%\nx = 1\n\n# %%\n1 / 0\n")
-    assert [(cell.words, cell.line) for cell in found] == [(True, 0), (False, 5), (False, 8)]
+    assert [(cell.words, cell.line) for cell in found] == [
+        (True, 0),
+        (False, 5),
+        (False, 8),
+    ]
     assert found[0].text == "# Title"
     with pytest.raises(ValueError, match="must begin with a cell"):
         cells("x = 1\n# %%\n")

@@ -1,4 +1,6 @@
-"""Function of docs/mathematics.md -> the test that goes red if its equation is wrong."""
+"""Function of docs/mathematics.md -> the test that goes red if its equation is
+wrong.
+"""
 
 from __future__ import annotations
 
@@ -42,9 +44,15 @@ TESTS = {
     "skyarm.dynamics.actuators.drive.joint_force": (
         "tests/dynamics/actuators/test_joint_force.py::test_friction_by_hand"
     ),
-    "skyarm.dynamics.body_drag.body_drag": "tests/dynamics/test_body_drag.py::test_body_drag_by_hand",
-    "skyarm.world.gust.Gust.at": "tests/world/test_wind.py::test_one_minus_cosine_rises_smoothly_to_its_peak_and_back",
-    "skyarm.world.dryden.step": "tests/world/test_dryden.py::test_variance_is_the_intensity_squared_at_any_step",
+    "skyarm.dynamics.body_drag.body_drag": (
+        "tests/dynamics/test_body_drag.py::test_body_drag_by_hand"
+    ),
+    "skyarm.world.gust.Gust.at": (
+        "tests/world/test_wind.py::test_one_minus_cosine_rises_smoothly_to_its_peak_and_back"
+    ),
+    "skyarm.world.dryden.step": (
+        "tests/world/test_dryden.py::test_variance_is_the_intensity_squared_at_any_step"
+    ),
     "skyarm.control.blocks.geometric.downward_acceleration": (
         "tests/control/test_control_properties.py::test_commanded_acceleration_points_down_in_hover_and_up_to_a_far_lower_target"
     ),
@@ -117,7 +125,9 @@ TESTS = {
     "skyarm.control.laws.published.indi.indi": (
         "tests/control/test_law_terms.py::test_every_signal_is_as_late_as_the_measurement_and_filtered_alike"
     ),
-    "skyarm.control.blocks.filters.butterworth": "tests/control/test_filters.py::test_the_filter_is_scipys_butterworth",
+    "skyarm.control.blocks.filters.butterworth": (
+        "tests/control/test_filters.py::test_the_filter_is_scipys_butterworth"
+    ),
     "skyarm.control.laws.predictive.solver.policy": (
         "tests/control/test_predictive.py::test_the_recursion_solves_the_least_squares_problem_written_out_whole"
     ),
@@ -136,7 +146,9 @@ TESTS = {
     "skyarm.world.contact.material.Material.friction_force": (
         "tests/world/contact/test_material.py::test_friction_stands_against_the_slip_with_the_share_that_the_bristle_is_bent"
     ),
-    "skyarm.log.metrics.score.score": "tests/log/metrics/test_metrics.py::test_rms_of_attitude_and_torques",
+    "skyarm.log.metrics.score.score": (
+        "tests/log/metrics/test_metrics.py::test_rms_of_attitude_and_torques"
+    ),
     "skyarm.log.tip_positions.level_tip": (
         "tests/log/metrics/test_metrics.py::test_the_desired_tool_is_that_of_a_level_base_with_the_desired_heading"
     ),
@@ -152,5 +164,7 @@ TESTS = {
     "skyarm.studies.sweep.intervals.wilson": (
         "tests/studies/sweep/test_sweep_intervals.py::test_the_interval_of_a_share_is_that_of_an_independent_library"
     ),
-    "skyarm.algebra.scalars.philox.philox4x32": "tests/algebra/scalars/test_philox.py::test_known_answers_of_random123",
+    "skyarm.algebra.scalars.philox.philox4x32": (
+        "tests/algebra/scalars/test_philox.py::test_known_answers_of_random123"
+    ),
 }

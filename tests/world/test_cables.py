@@ -1,4 +1,6 @@
-"""Teams on cables: where the vehicles stand, what the cables bear, and what turns a beam between two forces."""
+"""Teams on cables: where the vehicles stand, what the cables bear, and what turns a
+beam between two forces.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +22,25 @@ from skyarm.world.team.decentralised import Decentralised
 from skyarm.world.team.object_wrench import ObjectWrench
 from skyarm.world.team.team import TeamInputs
 from skyarm.world.team.virtual_masses import Member
-from support.cables import BAR, HALF, HANGING, SWINGING, beam, figure_eight, on_cables, rate_of_beam, roll, thapa
+from support.cables import (
+    BAR,
+    HALF,
+    HANGING,
+    SWINGING,
+    beam,
+    figure_eight,
+    on_cables,
+    rate_of_beam,
+    roll,
+    thapa,
+)
 
 RODS = {"left": (0.0, HALF, 0.0097), "right": (0.0, -HALF, 0.0097)}
-CORNERS = {"right": (-0.094, -0.267, 0.0097), "front": (0.3683, 0.0, 0.0097), "left": (-0.094, 0.267, 0.0097)}
+CORNERS = {
+    "right": (-0.094, -0.267, 0.0097),
+    "front": (0.3683, 0.0, 0.0097),
+    "left": (-0.094, 0.267, 0.0097),
+}
 TOUR = [
     {"kind": "lift", "height": 0.3, "duration": 1.5},
     {"kind": "carry", "by": [0.8, 0.0, 0.0], "duration": 2.0},
@@ -45,15 +62,29 @@ PLANTS = ("rigid_body", "mujoco")
 
 def rod(phases=TOUR, duration=4.0, **team):
     body = {**BAR, "position": [0.0, 0.0, 0.49]}
-    return on_cables(body, RODS, team={**SWINGING, **team}, motion={"phases": phases}, duration=duration)
+    return on_cables(
+        body,
+        RODS,
+        team={**SWINGING, **team},
+        motion={"phases": phases},
+        duration=duration,
+    )
 
 
 def plate(duration=9.0, **team):
-    return on_cables(PLATE, CORNERS, team={**SWINGING, **team}, motion={"phases": TOUR}, duration=duration)
+    return on_cables(
+        PLATE,
+        CORNERS,
+        team={**SWINGING, **team},
+        motion={"phases": TOUR},
+        duration=duration,
+    )
 
 
 def desired(scenario, t, h=1e-3):
-    """Desired place, acceleration, axes and moment of the body by differences of its pose alone."""
+    """Desired place, acceleration, axes and moment of the body by differences of its
+    pose alone.
+    """
     team = scenario.team
 
     def pose(time):
@@ -72,7 +103,8 @@ def desired(scenario, t, h=1e-3):
 
 
 @pytest.mark.parametrize(
-    ("tables", "pull"), [(rod(duration=8.0, internal_force=0.2), 0.2), (plate(internal_force=0.3), 0.3)]
+    ("tables", "pull"),
+    [(rod(duration=8.0, internal_force=0.2), 0.2), (plate(internal_force=0.3), 0.3)],
 )
 def test_each_vehicle_stands_at_the_end_of_a_cable_along_its_force(tables, pull):
     scenario = skyarm.scenario_from(tables)
@@ -82,12 +114,16 @@ def test_each_vehicle_stands_at_the_end_of_a_cable_along_its_force(tables, pull)
     for t in (0.6, 2.2, 3.1, 4.4, 6.3):
         x, a, R, moment = desired(scenario, t)
         arms = places @ R.T
-        # a rod turns freely about the line of its grasps: the apparent weight has no lever
+        # a rod turns freely about the line of its grasps: the apparent weight has no
+        # lever
         if len(arms) == 2:
             down = np.add(a, [0.0, 0.0, 9.81])
             down -= R[:, 1] * (R[:, 1] @ down)
             arms = places[:, 1:2] * R[:, 1] + above * down / np.linalg.norm(down)
-        cross = [np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]]) for r in arms]
+        cross = [
+            np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]])
+            for r in arms
+        ]
         G = np.vstack([np.hstack([np.eye(3)] * len(arms)), np.hstack(cross)])
         wrench = np.concatenate([body["mass"] * np.add(a, [0.0, 0.0, 9.81]), moment])
         inner = np.zeros_like(arms)  # along the line of each pair
@@ -98,7 +134,9 @@ def test_each_vehicle_stands_at_the_end_of_a_cable_along_its_force(tables, pull)
         for name, end in zip(scenario.agents, ends, strict=True):
             reference = scenario.agents[name].reference.at(t)
             assert np.allclose([*reference.position], end, atol=2e-4)
-            assert float(reference.yaw) == pytest.approx(np.arctan2(R[1, 0], R[0, 0]), abs=1e-6)
+            assert float(reference.yaw) == pytest.approx(
+                np.arctan2(R[1, 0], R[0, 0]), abs=1e-6
+            )
 
 
 def test_two_vehicles_carry_a_rod_on_cables():
@@ -125,7 +163,10 @@ def test_two_vehicles_carry_a_rod_on_cables():
 
 @pytest.mark.thorough
 def test_mujoco_flies_a_rod_on_cables_alike():
-    ours, other = (skyarm.run(skyarm.scenario_from(rod(internal_force=0.2)).with_kind(kind)) for kind in PLANTS)
+    ours, other = (
+        skyarm.run(skyarm.scenario_from(rod(internal_force=0.2)).with_kind(kind))
+        for kind in PLANTS
+    )
     assert np.abs(ours.object_position - other.object_position).max() < 1e-4
     assert np.abs(ours.team_pull - other.team_pull).max() < 1e-2
 
@@ -134,7 +175,8 @@ def test_mujoco_flies_a_rod_on_cables_alike():
 @pytest.mark.parametrize("pull", [0.0, 0.3])
 def test_three_vehicles_carry_a_plate_on_cables(pull):
     log = skyarm.run(skyarm.scenario_from(plate(internal_force=pull)))
-    # rotors begin at the vehicles' own weights: the plate drops by 18 mm, and is back within 0.7 s
+    # rotors begin at the vehicles' own weights: the plate drops by 18 mm, and is back
+    # within 0.7 s
     error, late = 1e3 * log.team_position_error[:, 0], log.time > 0.7
     assert log.info["status"] == "completed"
     assert error[late].max() < 8.0
@@ -180,18 +222,37 @@ def test_the_swing_of_a_rod_is_damped():
 
 
 def law(kind=ObjectWrench, phases=TOUR, **fields):
-    motion = motion_of_object(Fields({"phases": phases}, "reference.object"), Vec3(0.0, 0.0, 0.5))
+    motion = motion_of_object(
+        Fields({"phases": phases}, "reference.object"), Vec3(0.0, 0.0, 0.5)
+    )
     places = RODS.values()
     masses = fields.pop("masses", (1.0,) * len(places))
     members = tuple(
         Member(agent=f"a{i}", place=Vec3(*place), mass=mass)
         for i, (place, mass) in enumerate(zip(places, masses, strict=True))
     )
-    return kind(object="bar", members=members, motion=motion, mass=0.104, inertia=Vec3(4e-3, 1e-5, 4e-3), **fields)
+    return kind(
+        object="bar",
+        members=members,
+        motion=motion,
+        mass=0.104,
+        inertia=Vec3(4e-3, 1e-5, 4e-3),
+        **fields,
+    )
 
 
-def said(whole, t, velocity=(0.0, 0.0, 0.0), turning=(0.0, 0.0, 0.0), forces=None, count=400, dt=0.005):
-    """State of a law and its instructions after periods in which a body at its place has a velocity of its own."""
+def said(
+    whole,
+    t,
+    velocity=(0.0, 0.0, 0.0),
+    turning=(0.0, 0.0, 0.0),
+    forces=None,
+    count=400,
+    dt=0.005,
+):
+    """State of a law and its instructions after periods in which a body at its place
+    has a velocity of its own.
+    """
     at, still = whole.motion.at(t), Vec3(0.0, 0.0, 0.0)
     body = CarriedFrame(
         position=at.position,
@@ -199,9 +260,19 @@ def said(whole, t, velocity=(0.0, 0.0, 0.0), turning=(0.0, 0.0, 0.0), forces=Non
         velocity=at.velocity + Vec3(*velocity),
         turning=at.rate + Vec3(*turning),
     )
-    given = [still] * len(whole.members) if forces is None else [Vec3(*each) for each in forces]
+    given = (
+        [still] * len(whole.members)
+        if forces is None
+        else [Vec3(*each) for each in forces]
+    )
     inputs = TeamInputs(
-        time=t, holding=1.0, desired=at, body=body, gravity=9.81, forces=given, moments=[still] * len(given)
+        time=t,
+        holding=1.0,
+        desired=at,
+        body=body,
+        gravity=9.81,
+        forces=given,
+        moments=[still] * len(given),
     )
     own, rows = whole.first(dt), ()
     for _ in range(count):
@@ -224,22 +295,43 @@ def test_a_hanging_body_is_brought_to_its_place_below_its_start_too():
     for whole, moves in ((hanging, True), (standing, False)):
         at = whole.motion.at(3.0)
         body = CarriedFrame(
-            position=at.position + Vec3(0.1, 0.0, 0.0), rotation=at.R, velocity=at.velocity, turning=at.rate
+            position=at.position + Vec3(0.1, 0.0, 0.0),
+            rotation=at.R,
+            velocity=at.velocity,
+            turning=at.rate,
         )
         still = [Vec3(0.0, 0.0, 0.0)] * 2
-        inputs = TeamInputs(time=3.0, holding=1.0, desired=at, body=body, gravity=9.81, forces=still, moments=still)
+        inputs = TeamInputs(
+            time=3.0,
+            holding=1.0,
+            desired=at,
+            body=body,
+            gravity=9.81,
+            forces=still,
+            moments=still,
+        )
         own, _ = whole.lead(whole.first(0.005), inputs, 0.005)
         assert own.pose.place.x == pytest.approx(-0.1 * 0.5 * 0.005 if moves else 0.0)
 
 
 def test_a_virtual_mass_is_the_share_of_an_adapted_one():
     whole = law(
-        Decentralised, masses=(0.6, 0.4), gain=0.1, adaptation=2.0, initial_mass=0.3, filter=1e3, phases=HANGING
+        Decentralised,
+        masses=(0.6, 0.4),
+        gain=0.1,
+        adaptation=2.0,
+        initial_mass=0.3,
+        filter=1e3,
+        phases=HANGING,
     )
     excess = 0.5  # N, more than 0.3 kg weigh
-    own, _ = said(whole, 2.0, forces=[(0.0, 0.0, 0.3 * 9.81 + excess)] * 2, count=1, dt=1e-3)
+    own, _ = said(
+        whole, 2.0, forces=[(0.0, 0.0, 0.3 * 9.81 + excess)] * 2, count=1, dt=1e-3
+    )
     rates = [(each.mass - 0.3) / 1e-3 for each in own]
-    assert rates == pytest.approx([2.0 * m * 9.81 * 0.1 * excess for m in (0.6, 0.4)], rel=1e-9)
+    assert rates == pytest.approx(
+        [2.0 * m * 9.81 * 0.1 * excess for m in (0.6, 0.4)], rel=1e-9
+    )
     with pytest.raises(ValueError, match=r"initial_mass = -1\.0: must be at least 0"):
         dataclasses.replace(whole, initial_mass=-1.0)
 
@@ -247,7 +339,9 @@ def test_a_virtual_mass_is_the_share_of_an_adapted_one():
 def test_a_vehicle_without_a_tip_bears_a_load_at_its_origin():
     vehicle = skyarm.load_vehicle("dragonfly")
     turned = Reference(yaw=0.5 * np.pi)
-    effect = planned_effect(vehicle, turned, Carry.none(), Vec3(1.0, 2.0, -3.0), Vec3(0.1, 0.2, 0.3))
+    effect = planned_effect(
+        vehicle, turned, Carry.none(), Vec3(1.0, 2.0, -3.0), Vec3(0.1, 0.2, 0.3)
+    )
     assert [*effect.force] == [1.0, 2.0, -3.0]
     # base axes, of the moment alone
     assert np.allclose([*effect.torque], [0.2, -0.1, 0.3])
@@ -256,7 +350,9 @@ def test_a_vehicle_without_a_tip_bears_a_load_at_its_origin():
 
 @pytest.mark.parametrize("pull", [0.1, -0.1])
 def test_the_sign_of_the_internal_force_decides_where_a_beam_turns(pull):
-    """Theorem of Tognon, Gabellieri and others 2018: tension levels a beam on cables, compression turns it over."""
+    """Theorem of Tognon, Gabellieri and others 2018: tension levels a beam on cables,
+    compression turns it over.
+    """
     log = skyarm.run(skyarm.scenario_from(beam(pull, tilt=0.15, duration=4.0)))
     angle, during = roll(log), log.time > 1.0
     rate = np.polyfit(log.time[during], np.log(np.tan(0.5 * angle[during])), 1)[0]
@@ -266,10 +362,15 @@ def test_the_sign_of_the_internal_force_decides_where_a_beam_turns(pull):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("pull", "height", "rate"), [(0.0, 0.0, 0.0), (-0.02, 0.0097, -0.0159), (-0.05, 0.0097, 0.063)]
+    ("pull", "height", "rate"),
+    [(0.0, 0.0, 0.0), (-0.02, 0.0097, -0.0159), (-0.05, 0.0097, 0.063)],
 )
-def test_without_internal_force_a_beam_stays_and_its_own_weight_helps(pull, height, rate):
-    log = skyarm.run(skyarm.scenario_from(beam(pull, tilt=0.15, height=height, duration=10.0)))
+def test_without_internal_force_a_beam_stays_and_its_own_weight_helps(
+    pull, height, rate
+):
+    log = skyarm.run(
+        skyarm.scenario_from(beam(pull, tilt=0.15, height=height, duration=10.0))
+    )
     assert rate_of_beam(pull, 0.5, height) == pytest.approx(rate, abs=1e-3)
     during = log.time > 3.0
     found = np.polyfit(log.time[during], np.log(np.tan(0.5 * roll(log)[during])), 1)[0]
@@ -279,11 +380,20 @@ def test_without_internal_force_a_beam_stays_and_its_own_weight_helps(pull, heig
 @pytest.mark.thorough
 def test_a_law_that_sees_the_attitude_levels_a_beam_under_compression():
     tables = beam(-0.1, tilt=0.1, duration=8.0)
-    given = {"law": "object_wrench", "internal_force": -0.1, "pose_gain": 0.3, **SWINGING}
-    tables["team"] = {name: tables["team"][name] for name in ("object", "members")} | given
+    given = {
+        "law": "object_wrench",
+        "internal_force": -0.1,
+        "pose_gain": 0.3,
+        **SWINGING,
+    }
+    tables["team"] = {
+        name: tables["team"][name] for name in ("object", "members")
+    } | given
     log = skyarm.run(skyarm.scenario_from(tables))
     during = log.time > 1.0
-    assert np.polyfit(log.time[during], np.log(roll(log)[during]), 1)[0] == pytest.approx(-0.3, abs=0.03)
+    assert np.polyfit(log.time[during], np.log(roll(log)[during]), 1)[
+        0
+    ] == pytest.approx(-0.3, abs=0.03)
 
 
 @pytest.mark.thorough
@@ -294,7 +404,9 @@ def test_thapas_numbers_survive_rotors_and_attitude(gain):
     assert log.info["status"] == "completed"
     late = log.time > 15.0
     assert log.team_pull[late].mean() == pytest.approx(2.0, abs=0.01)
-    assert np.allclose(log.object_velocity[late].mean(axis=0), [0.2, 0.0, 0.0], atol=1e-3)
+    assert np.allclose(
+        log.object_velocity[late].mean(axis=0), [0.2, 0.0, 0.0], atol=1e-3
+    )
     weight = log.grasp_pull[late].reshape(-1, 2, 3)[:, :, 2].mean(axis=0)
     assert weight.sum() == pytest.approx(0.5 * 9.81, abs=5e-3)
 
@@ -303,7 +415,9 @@ def test_thapas_numbers_survive_rotors_and_attitude(gain):
 def test_a_load_follows_a_figure_eight_at_five_metres_a_second():
     tables, begin = figure_eight(1.065, 3.32)
     log = skyarm.run(skyarm.scenario_from(tables))
-    assert np.linalg.norm(log.object_velocity, axis=1).max() == pytest.approx(5.0, abs=0.1)
+    assert np.linalg.norm(log.object_velocity, axis=1).max() == pytest.approx(
+        5.0, abs=0.1
+    )
     assert log.team_position_error[log.time > begin].max() < 5e-3
     assert log.grasp_force[log.time > 0.5].min() > 0.5
 
@@ -311,43 +425,82 @@ def test_a_load_follows_a_figure_eight_at_five_metres_a_second():
 def test_a_body_without_a_lift_and_a_wrong_path_are_refused():
     tables = rod()
     tables["reference"]["object"]["phases"] = [{"kind": "hold", "duration": 1.0}]
-    with pytest.raises(skyarm.ScenarioError, match=r"reference\.object\.phases: must have a phase of kind 'lift'"):
+    with pytest.raises(
+        skyarm.ScenarioError,
+        match=r"reference\.object\.phases: must have a phase of kind 'lift'",
+    ):
         skyarm.scenario_from(tables)
     tables = rod()
     tables["reference"]["object"]["path"] = {"kind": "spiral"}
-    with pytest.raises(skyarm.ScenarioError, match=r"reference\.object\.path\.kind = 'spiral': did you mean 'signals'"):
+    with pytest.raises(
+        skyarm.ScenarioError,
+        match=r"reference\.object\.path\.kind = 'spiral': did you mean 'signals'",
+    ):
         skyarm.scenario_from(tables)
 
 
 def test_a_vehicle_hangs_its_cable_from_its_tip_where_it_has_one():
     plain = skyarm.load_vehicle("dragonfly")
-    hook = dataclasses.replace(plain.frame("grip"), name="hook", position=Vec3(0.02, 0.01, -0.03))
+    hook = dataclasses.replace(
+        plain.frame("grip"), name="hook", position=Vec3(0.02, 0.01, -0.03)
+    )
     able = dataclasses.replace(plain, frames=(*plain.frames, hook), end_effector="hook")
-    whole = law(phases=[*HANGING, {"kind": "turn", "angle": 0.5 * np.pi, "duration": 1.0}])
+    whole = law(
+        phases=[*HANGING, {"kind": "turn", "angle": 0.5 * np.pi, "duration": 1.0}]
+    )
     member = dataclasses.replace(whole.members[0], length=0.5)
     whole = dataclasses.replace(whole, members=(member, whole.members[1]))
-    ends, bases = ([*whole.path_of(member, each, 9.81, 5.0).at(4.0).position] for each in (plain, able))
+    ends, bases = (
+        [*whole.path_of(member, each, 9.81, 5.0).at(4.0).position]
+        for each in (plain, able)
+    )
     # turned by 90 degrees
     assert np.allclose(np.subtract(ends, bases), [-0.01, 0.02, -0.03], atol=1e-9)
-    effect = planned_effect(able, Reference(), Carry.none(), Vec3(0.0, 0.0, -1.0), Vec3(0.0, 0.0, 0.0))
+    effect = planned_effect(
+        able, Reference(), Carry.none(), Vec3(0.0, 0.0, -1.0), Vec3(0.0, 0.0, 0.0)
+    )
     assert np.allclose([*effect.torque], [-0.01, 0.02, 0.0])
 
 
 def test_a_path_is_added_to_the_phases():
-    path = {"kind": "signals", "x": {"kind": "sine", "amplitude": 0.5, "frequency_hz": 0.1}, "y": -0.2, "z": 0.1}
-    tables = {"phases": [{"kind": "lift", "height": 0.4, "duration": 1.0}], "path": path}
-    at = motion_of_object(Fields(tables, "reference.object"), Vec3(1.0, 2.0, 3.0)).at(4.0)
+    path = {
+        "kind": "signals",
+        "x": {"kind": "sine", "amplitude": 0.5, "frequency_hz": 0.1},
+        "y": -0.2,
+        "z": 0.1,
+    }
+    tables = {
+        "phases": [{"kind": "lift", "height": 0.4, "duration": 1.0}],
+        "path": path,
+    }
+    at = motion_of_object(Fields(tables, "reference.object"), Vec3(1.0, 2.0, 3.0)).at(
+        4.0
+    )
     w = 0.2 * np.pi
     assert [*at.position] == pytest.approx([1.0 + 0.5 * np.sin(4.0 * w), 1.8, 3.5])
-    assert [*at.acceleration] == pytest.approx([-0.5 * w * w * np.sin(4.0 * w), 0.0, 0.0])
+    assert [*at.acceleration] == pytest.approx(
+        [-0.5 * w * w * np.sin(4.0 * w), 0.0, 0.0]
+    )
 
 
 def test_a_member_has_the_length_of_its_cable_and_may_suppose_another():
-    scenario = skyarm.scenario_from(rod(members=[{"agent": "left", "place": RODS["left"], "length": 0.54},
-                                                 {"agent": "right", "place": RODS["right"]}]))
+    scenario = skyarm.scenario_from(
+        rod(
+            members=[
+                {"agent": "left", "place": RODS["left"], "length": 0.54},
+                {"agent": "right", "place": RODS["right"]},
+            ]
+        )
+    )
     assert [float(each.length) for each in scenario.team.members] == [0.54, 0.5]
-    heights = [float(each.reference.at(0.0).position.z) for each in scenario.agents.values()]
-    with pytest.raises(ValueError, match=r"team\.members\.0\.length': must be equal in all episodes"):
+    heights = [
+        float(each.reference.at(0.0).position.z) for each in scenario.agents.values()
+    ]
+    with pytest.raises(
+        ValueError, match=r"team\.members\.0\.length': must be equal in all episodes"
+    ):
         # the paths were planned with it
         skyarm.with_numbers(scenario, {"team.members.0.length": 0.5})
-    assert heights == pytest.approx([0.49 + 0.0097 + 0.54, 0.49 + 0.0097 + 0.5], abs=1e-6)
+    assert heights == pytest.approx(
+        [0.49 + 0.0097 + 0.54, 0.49 + 0.0097 + 0.5], abs=1e-6
+    )

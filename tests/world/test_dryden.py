@@ -1,4 +1,6 @@
-"""Dryden turbulence against the published spectra, through SciPy's continuous systems."""
+"""Dryden turbulence against the published spectra, through SciPy's continuous
+systems.
+"""
 
 import math
 
@@ -14,15 +16,21 @@ from skyarm.world.dryden import start, step
 linalg = pytest.importorskip("scipy.linalg")
 signal = pytest.importorskip("scipy.signal")
 
-PAR = Dryden(intensity=Vec3(1.5, 1.2, 0.8), scale_length=Vec3(40.0, 30.0, 6.0), airspeed=4.0)
+PAR = Dryden(
+    intensity=Vec3(1.5, 1.2, 0.8), scale_length=Vec3(40.0, 30.0, 6.0), airspeed=4.0
+)
 STEPS = (0.0005, 0.005, 0.1, 2.0, 30.0)
 
 
 def matrices(par, dt):
-    """x' = A x + B n, y = C x + D n of the sequence, read off by unit inputs: the step is linear."""
+    """x' = A x + B n, y = C x + D n of the sequence, read off by unit inputs: the step
+    is linear.
+    """
     columns, outputs = [], []
     for unit in np.eye(8):
-        memory, velocity = step(DrydenMemory(*unit[:5].tolist()), Vec3(*unit[5:].tolist()), dt, par=par)
+        memory, velocity = step(
+            DrydenMemory(*unit[:5].tolist()), Vec3(*unit[5:].tolist()), dt, par=par
+        )
         columns.append([memory.u, memory.v, memory.w, memory.v_inner, memory.w_inner])
         outputs.append(list(velocity))
     full, out = np.array(columns).T, np.array(outputs).T
@@ -35,20 +43,30 @@ def covariance(par, dt):
 
 
 def continuous(index, par=PAR):
-    """Published filter of a component, driven by white noise of unit (two-sided) spectral density."""
+    """Published filter of a component, driven by white noise of unit (two-sided)
+    spectral density.
+    """
     sigma = list(par.intensity)[index]
     T = list(par.scale_length)[index] / par.airspeed
-    # one-sided spectrum sigma^2 2T/pi / (1 + T^2 w^2); two-sided density in Hz form: times pi
+    # one-sided spectrum sigma^2 2T/pi / (1 + T^2 w^2); two-sided density in Hz form:
+    # times pi
     if index == 0:
         return signal.TransferFunction([sigma * math.sqrt(2.0 * T)], [T, 1.0])
     return signal.TransferFunction(
-        np.array([math.sqrt(3.0) * T, 1.0]) * sigma * math.sqrt(T), np.polymul([T, 1.0], [T, 1.0])
+        np.array([math.sqrt(3.0) * T, 1.0]) * sigma * math.sqrt(T),
+        np.polymul([T, 1.0], [T, 1.0]),
     )
 
 
 def published_spectrum(index, w, par=PAR):
-    """MIL-F-8785C 3.7.1.2 as a one-sided spectrum in time frequency w (rad/s): its integral over w > 0 is sigma^2."""
-    sigma, L, V = list(par.intensity)[index], list(par.scale_length)[index], par.airspeed
+    """MIL-F-8785C 3.7.1.2 as a one-sided spectrum in time frequency w (rad/s): its
+    integral over w > 0 is sigma^2.
+    """
+    sigma, L, V = (
+        list(par.intensity)[index],
+        list(par.scale_length)[index],
+        par.airspeed,
+    )
     x = (L * w / V) ** 2
     if index == 0:
         return sigma**2 * 2.0 * L / (math.pi * V) / (1.0 + x)
@@ -59,7 +77,9 @@ def published_spectrum(index, w, par=PAR):
 def test_the_oracle_filter_has_the_published_spectrum(index):
     w = np.geomspace(0.01, 100.0, 30)
     _, response = signal.freqresp(continuous(index), w)
-    np.testing.assert_allclose(np.abs(response) ** 2 / math.pi, published_spectrum(index, w), rtol=1e-12)
+    np.testing.assert_allclose(
+        np.abs(response) ** 2 / math.pi, published_spectrum(index, w), rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("dt", STEPS)
@@ -67,7 +87,8 @@ def test_variance_is_the_intensity_squared_at_any_step(dt):
     A, B, C, D = matrices(PAR, dt)
     P = linalg.solve_discrete_lyapunov(A, B @ B.T)
     variance = np.diag(C @ P @ C.T + D @ D.T)
-    # 1e-8: the poles exp(-dt V/L) are within 5e-5 of 1, which costs the Lyapunov equation four or five digits twice
+    # 1e-8: the poles exp(-dt V/L) are within 5e-5 of 1, which costs the Lyapunov
+    # equation four or five digits twice
     np.testing.assert_allclose(variance, [1.5**2, 1.2**2, 0.8**2], rtol=1e-8)
 
 
@@ -80,9 +101,10 @@ def test_autocovariance_is_that_of_the_continuous_filter(index, dt):
     Pc = linalg.solve_continuous_lyapunov(system.A, -system.B @ system.B.T)
     sigma = list(PAR.intensity)[index]
     for lag in (1, 2, 3, 10, 400):
-        ours = (C @ np.linalg.matrix_power(A, lag) @ P @ C.T + C @ np.linalg.matrix_power(A, lag - 1) @ B @ D.T)[
-            index, index
-        ]
+        ours = (
+            C @ np.linalg.matrix_power(A, lag) @ P @ C.T
+            + C @ np.linalg.matrix_power(A, lag - 1) @ B @ D.T
+        )[index, index]
         theirs = (system.C @ linalg.expm(system.A * lag * dt) @ Pc @ system.C.T)[0, 0]
         assert ours == pytest.approx(theirs, abs=1e-8 * sigma**2)  # as above
 
@@ -109,7 +131,8 @@ def test_spectrum_of_a_drawn_record_is_the_published_one(index):
     # below: the window's leakage; above: aliases of the sampled record
     band = (f > 0.1) & (f < 1.0)
     expected = published_spectrum(index, 2.0 * math.pi * f[band]) * 2.0 * math.pi
-    # 64 x 7 segments: 5 % a bin; 20 bins averaged: 1.5 %; aliases add up to 3 % at 1 Hz of 10 Hz
+    # 64 x 7 segments: 5 % a bin; 20 bins averaged: 1.5 %; aliases add up to 3 % at 1 Hz
+    # of 10 Hz
     bins = (mean[band] / expected)[:40].reshape(-1, 20).mean(axis=1)
     np.testing.assert_allclose(bins, 1.0, atol=0.06)
 
@@ -134,7 +157,9 @@ def test_a_drawn_ensemble_has_the_intensity_from_first_step_to_last():
         if k in (0, 99):
             for value, sigma in zip(velocity, PAR.intensity, strict=True):
                 # 4.5 sigma
-                assert np.std(value) == pytest.approx(sigma, rel=4.5 / math.sqrt(2 * lanes))
+                assert np.std(value) == pytest.approx(
+                    sigma, rel=4.5 / math.sqrt(2 * lanes)
+                )
                 assert abs(np.mean(value)) < 4.5 * sigma / math.sqrt(lanes)
 
 
@@ -159,17 +184,30 @@ def test_airspeed_is_the_mean_wind_with_a_floor():
     assert low_altitude(10.0, 5.0, 0.0, minimum_airspeed=2.0).airspeed == 2.0
 
 
-@pytest.mark.parametrize(("altitude", "wind"), [(3.0, 5.0), (305.0, 5.0), (math.nan, 5.0), (10.0, -1.0)])
+@pytest.mark.parametrize(
+    ("altitude", "wind"), [(3.0, 5.0), (305.0, 5.0), (math.nan, 5.0), (10.0, -1.0)]
+)
 def test_numbers_outside_the_model_are_refused(altitude, wind):
     with pytest.raises(ValueError, match="must be from"):
         low_altitude(altitude, wind, 5.0)
 
 
 def test_components_point_along_left_of_and_above_the_mean_wind():
-    par = Dryden(intensity=Vec3(1.0, 1.0, 1.0), scale_length=Vec3(9.0, 9.0, 9.0), airspeed=3.0, direction_W=E_Y)
-    along = step(DrydenMemory(1.0, 0.0, 0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0), 0.01, par=par)[1]
-    left = step(DrydenMemory(0.0, 1.0, 0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0), 0.01, par=par)[1]
-    up = step(DrydenMemory(0.0, 0.0, 1.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0), 0.01, par=par)[1]
+    par = Dryden(
+        intensity=Vec3(1.0, 1.0, 1.0),
+        scale_length=Vec3(9.0, 9.0, 9.0),
+        airspeed=3.0,
+        direction_W=E_Y,
+    )
+    along = step(
+        DrydenMemory(1.0, 0.0, 0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0), 0.01, par=par
+    )[1]
+    left = step(
+        DrydenMemory(0.0, 1.0, 0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0), 0.01, par=par
+    )[1]
+    up = step(
+        DrydenMemory(0.0, 0.0, 1.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0), 0.01, par=par
+    )[1]
     assert along.y > 0.9
     assert left.x < -0.9
     assert up.z > 0.9

@@ -26,7 +26,9 @@ def test_the_documented_examples_load():
     assert list(wind(rotors, 8.0).force_W) == [4.0, 0, 0]
     assert list(wind(rotors, 11.0).air_velocity_W) == [2.0, 0, 0]
     assert isinstance(air, MovingAir)
-    assert wind(air, 6.0, DrydenMemory(0, 0, 0, 0, 0)).air_velocity_W.y == pytest.approx(3.0)
+    assert wind(
+        air, 6.0, DrydenMemory(0, 0, 0, 0, 0)
+    ).air_velocity_W.y == pytest.approx(3.0)
     assert air.turbulence.airspeed == 5.0
     assert list(air.turbulence.scale_length)[2] == 6.0
     assert none is NO_WIND
@@ -38,16 +40,25 @@ def test_zeros_of_the_table_are_structure_and_other_numbers_data():
 
 
 def test_turbulence_lies_along_the_mean_wind():
-    table = {"mode": "moving_air", "velocity": [3, -4, 0], "turbulence": {"altitude": 10, "wind_20ft": 5}}
+    table = {
+        "mode": "moving_air",
+        "velocity": [3, -4, 0],
+        "turbulence": {"altitude": 10, "wind_20ft": 5},
+    }
     par = wind_from(table, "x")
     assert list(par.turbulence.direction_W) == pytest.approx([0.6, -0.8, 0.0])
-    calm = wind_from({"mode": "moving_air", "turbulence": {"altitude": 10, "wind_20ft": 5}}, "x")
+    calm = wind_from(
+        {"mode": "moving_air", "turbulence": {"altitude": 10, "wind_20ft": 5}}, "x"
+    )
     assert calm.turbulence.direction_W == E_X
     assert calm.turbulence.airspeed == 1.0
 
 
 def test_the_gust_is_read_field_by_field():
-    table = {"mode": "moving_air", "gust": {"velocity": [0, 3, 1], "start": 5, "duration": 2}}
+    table = {
+        "mode": "moving_air",
+        "gust": {"velocity": [0, 3, 1], "start": 5, "duration": 2},
+    }
     gust = wind_from(table, "x").gust
     assert gust == Gust(peak=gust.peak, start=5.0, duration=2.0, shape="step")
     assert list(gust.peak) == [0, 3.0, 1.0]
@@ -61,21 +72,51 @@ AIR = {"altitude": 10, "wind_20ft": 5}
     ("table", "message"),
     [
         ({}, "f.toml: wind.mode: is missing"),
-        ({"mode": "storm"}, "f.toml: wind.mode = 'storm': must be one of none, force_wind, disturbance"),
-        ({"mode": "none", "force": [1, 0, 0]}, "f.toml: wind.force = [1, 0, 0]: unknown field"),
-        ({"mode": "force_wind", "velocity": [1, 0, 0]}, "f.toml: wind.velocity = [1, 0, 0]: unknown field"),
-        ({"mode": "force_wind", "force": 2}, "f.toml: wind.force = 2: must be three numbers"),
-        ({"mode": "force_wind", "force": [1, 0]}, "f.toml: wind.force = [1, 0]: must be three numbers"),
-        ({"mode": "force_wind", "force": [1, math.nan, 0]}, "f.toml: wind.force[1] = nan: must be a finite number"),
-        ({"mode": "force_wind", "force": [1, True, 0]}, "f.toml: wind.force[1] = True: must be a finite number"),
+        (
+            {"mode": "storm"},
+            "f.toml: wind.mode = 'storm': must be one of none, force_wind, disturbance",
+        ),
+        (
+            {"mode": "none", "force": [1, 0, 0]},
+            "f.toml: wind.force = [1, 0, 0]: unknown field",
+        ),
+        (
+            {"mode": "force_wind", "velocity": [1, 0, 0]},
+            "f.toml: wind.velocity = [1, 0, 0]: unknown field",
+        ),
+        (
+            {"mode": "force_wind", "force": 2},
+            "f.toml: wind.force = 2: must be three numbers",
+        ),
+        (
+            {"mode": "force_wind", "force": [1, 0]},
+            "f.toml: wind.force = [1, 0]: must be three numbers",
+        ),
+        (
+            {"mode": "force_wind", "force": [1, math.nan, 0]},
+            "f.toml: wind.force[1] = nan: must be a finite number",
+        ),
+        (
+            {"mode": "force_wind", "force": [1, True, 0]},
+            "f.toml: wind.force[1] = True: must be a finite number",
+        ),
         ({"mode": "force_wind", "gust": 3}, "f.toml: wind.gust = 3: must be a table"),
-        ({"mode": "force_wind", "gust": GUST | {"duration": 0}}, "f.toml: wind.gust.duration = 0: must be above 0"),
-        ({"mode": "force_wind", "gust": GUST | {"speed": 1}}, "f.toml: wind.gust.speed = 1: unknown field"),
+        (
+            {"mode": "force_wind", "gust": GUST | {"duration": 0}},
+            "f.toml: wind.gust.duration = 0: must be above 0",
+        ),
+        (
+            {"mode": "force_wind", "gust": GUST | {"speed": 1}},
+            "f.toml: wind.gust.speed = 1: unknown field",
+        ),
         (
             {"mode": "force_wind", "gust": GUST | {"shape": "one_minus_cosine"}},
             "f.toml: wind.gust.shape = 'one_minus_cosine': must be step",
         ),
-        ({"mode": "moving_air", "gust": GUST}, "f.toml: wind.gust.velocity: is missing"),
+        (
+            {"mode": "moving_air", "gust": GUST},
+            "f.toml: wind.gust.velocity: is missing",
+        ),
         (
             {"mode": "moving_air", "turbulence": AIR | {"altitude": 2}},
             "f.toml: wind.turbulence.altitude = 2: must be at least 3.048",
@@ -90,7 +131,9 @@ AIR = {"altitude": 10, "wind_20ft": 5}
         ),
     ],
 )
-def test_a_wrong_wind_gets_one_line_with_field_value_and_what_is_allowed(table, message):
+def test_a_wrong_wind_gets_one_line_with_field_value_and_what_is_allowed(
+    table, message
+):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         wind_from(table, "f.toml: wind")
     assert str(caught.value).startswith(message)
@@ -98,5 +141,7 @@ def test_a_wrong_wind_gets_one_line_with_field_value_and_what_is_allowed(table, 
 
 
 def test_turbulence_passes_with_the_whole_speed_of_the_mean_wind():
-    found = wind_from({"mode": "moving_air", "velocity": [3.0, 0.0, 4.0], "turbulence": AIR}, "wind")
+    found = wind_from(
+        {"mode": "moving_air", "velocity": [3.0, 0.0, 4.0], "turbulence": AIR}, "wind"
+    )
     assert found.turbulence.airspeed == 5.0

@@ -26,7 +26,9 @@ def test_untouched_actuators_are_structure_and_fold_away():
 
 def test_faults_of_one_actuator_multiply():
     twice = (FRONT, Fault(rotor="front", effectiveness=0.5, start=6.0))
-    assert effectiveness_at(twice, ARM2, 7.0).rotors[0] == pytest.approx(0.35, rel=1e-15)
+    assert effectiveness_at(twice, ARM2, 7.0).rotors[0] == pytest.approx(
+        0.35, rel=1e-15
+    )
 
 
 def test_without_faults_nothing_is_there_to_compute():
@@ -34,7 +36,10 @@ def test_without_faults_nothing_is_there_to_compute():
 
 
 def test_tables_become_faults():
-    tables = [{"rotor": "front", "effectiveness": 0.7, "start": 5.0}, {"joint": "joint2", "effectiveness": 0}]
+    tables = [
+        {"rotor": "front", "effectiveness": 0.7, "start": 5.0},
+        {"joint": "joint2", "effectiveness": 0},
+    ]
     assert read_part(slot_of("environment.faults"), tables, None) == (
         FRONT,
         Fault(joint="joint2", effectiveness=0.0, start=0.0),
@@ -46,17 +51,32 @@ def test_tables_become_faults():
     [
         ({}, "environment.faults = {}: must be a list of tables"),
         ([3], r"environment.faults\[0\] = 3: must be a table"),
-        ([{"effectiveness": 0.5}], r"environment.faults\[0\].rotor = '', joint = '': must name one of the two"),
-        ([{"rotor": "a", "joint": "b", "effectiveness": 0.5}], "must name one of the two"),
+        (
+            [{"effectiveness": 0.5}],
+            r"environment.faults\[0\].rotor = '', joint = '': must name one of the two",
+        ),
+        (
+            [{"rotor": "a", "joint": "b", "effectiveness": 0.5}],
+            "must name one of the two",
+        ),
         ([{"rotor": 7, "effectiveness": 0.5}], r"\[0\].rotor = 7: must be "),
-        ([{"rotor": "a", "effectiveness": -0.1}], r"effectiveness = -0.1: must be at least 0"),
+        (
+            [{"rotor": "a", "effectiveness": -0.1}],
+            r"effectiveness = -0.1: must be at least 0",
+        ),
         (
             [{"rotor": "a", "effectiveness": 1.01}],
             r"\[0\].effectiveness = 1.01: must be at most 1",
         ),
-        ([{"rotor": "a", "effectiveness": 0.5, "start": -0.1}], r"\[0\].start = -0.1: must be at least 0"),
+        (
+            [{"rotor": "a", "effectiveness": 0.5, "start": -0.1}],
+            r"\[0\].start = -0.1: must be at least 0",
+        ),
         ([{"rotor": "a"}], "effectiveness: is missing"),
-        ([{"rotor": "a", "effectiveness": 0.5, "begin": 1.0}], "begin = 1.0: unknown field"),
+        (
+            [{"rotor": "a", "effectiveness": 0.5, "begin": 1.0}],
+            "begin = 1.0: unknown field",
+        ),
     ],
 )
 def test_wrong_tables_are_refused_by_name(tables, words):
@@ -66,11 +86,19 @@ def test_wrong_tables_are_refused_by_name(tables, words):
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("effectiveness", "a"), ("effectiveness", None), ("effectiveness", [1]), ("start", (1.0,)), ("start", True)],
+    [
+        ("effectiveness", "a"),
+        ("effectiveness", None),
+        ("effectiveness", [1]),
+        ("start", (1.0,)),
+        ("start", True),
+    ],
 )
 def test_a_fault_holds_numbers(field, value):
     with pytest.raises(ValueError, match=rf"^{field} = .*: must be a number$"):
-        Fault(**({"rotor": "front", "effectiveness": 0.5, "start": 0.0} | {field: value}))
+        Fault(
+            **({"rotor": "front", "effectiveness": 0.5, "start": 0.0} | {field: value})
+        )
 
 
 @pytest.mark.parametrize(
@@ -83,14 +111,19 @@ def test_a_fault_holds_numbers(field, value):
 )
 def test_a_fault_takes_force_away_in_flight(field, value, words):
     with pytest.raises(ValueError, match=rf"^{field} = {value}: must be {words}$"):
-        Fault(**({"rotor": "front", "effectiveness": 0.5, "start": 0.0} | {field: value}))
+        Fault(
+            **({"rotor": "front", "effectiveness": 0.5, "start": 0.0} | {field: value})
+        )
 
 
 @pytest.mark.parametrize(
     ("fields", "words"),
     [
         ({"effectiveness": 0.5}, r"effectiveness = 0\.5"),
-        ({"signal": Sine(amplitude=0.5, frequency_hz=1.0)}, r"effectiveness = \{'kind': 'sine'"),
+        (
+            {"signal": Sine(amplitude=0.5, frequency_hz=1.0)},
+            r"effectiveness = \{'kind': 'sine'",
+        ),
     ],
 )
 def test_a_joint_that_is_stuck_has_no_share_of_its_effort(fields, words):

@@ -36,13 +36,23 @@ def test_a_gust_of_force_lasts_a_half_open_window_and_never_moves_the_air():
     def force(t):
         return wind(CASE2_GUST, t).force_W.x
 
-    assert [force(t) for t in (0.0, 7.499, 7.5, 9.0, 10.499, 10.5, 20.0)] == [0.0, 0.0, 2.0, 2.0, 2.0, 0.0, 0.0]
+    assert [force(t) for t in (0.0, 7.499, 7.5, 9.0, 10.499, 10.5, 20.0)] == [
+        0.0,
+        0.0,
+        2.0,
+        2.0,
+        2.0,
+        0.0,
+        0.0,
+    ]
     assert list(wind(CASE2_GUST, 9.0).air_velocity_W) == [0, 0, 0]
 
 
 def test_mean_force_gust_and_offset_act_together():
     par = ForceWind(
-        force_W=Vec3(1.0, 0, 0), point_B=Vec3(0.1, 0, -0.2), gust=Gust(peak=Vec3(0.5, 2.0, 0), start=1.0, duration=1.0)
+        force_W=Vec3(1.0, 0, 0),
+        point_B=Vec3(0.1, 0, -0.2),
+        gust=Gust(peak=Vec3(0.5, 2.0, 0), start=1.0, duration=1.0),
     )
     sample = wind(par, 1.5)
     assert list(sample.force_W) == [1.5, 2.0, 0]
@@ -50,7 +60,9 @@ def test_mean_force_gust_and_offset_act_together():
 
 
 def test_airspeed_adds_mean_gust_and_turbulence_and_pushes_nothing():
-    unit = Dryden(intensity=Vec3(1.0, 1.0, 1.0), scale_length=Vec3(9.0, 9.0, 9.0), airspeed=3.0)
+    unit = Dryden(
+        intensity=Vec3(1.0, 1.0, 1.0), scale_length=Vec3(9.0, 9.0, 9.0), airspeed=3.0
+    )
     gust = Gust(peak=Vec3(0, 3.0, 0), start=2.0, duration=1.0)
     par = MovingAir(velocity_W=Vec3(5.0, 0, 0), gust=gust, turbulence=unit)
     blowing = DrydenMemory(0.1, -0.2, 0.3, 0.0, 0.0)  # along x, left of it, up
@@ -76,16 +88,24 @@ def test_no_wind_folds_away():
 
 
 def test_one_minus_cosine_rises_smoothly_to_its_peak_and_back():
-    gust = Gust(peak=Vec3(4.0, 0, -2.0), start=1.0, duration=2.0, shape="one_minus_cosine")
+    gust = Gust(
+        peak=Vec3(4.0, 0, -2.0), start=1.0, duration=2.0, shape="one_minus_cosine"
+    )
     values = {t: gust.at(t).x for t in (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)}
     # by hand: sin^2 of a quarter, a half, three quarters of pi; 1e-15: rounding of pi
-    assert values == pytest.approx({0.5: 0.0, 1.0: 0.0, 1.5: 2.0, 2.0: 4.0, 2.5: 2.0, 3.0: 0.0}, abs=1e-14)
+    assert values == pytest.approx(
+        {0.5: 0.0, 1.0: 0.0, 1.5: 2.0, 2.0: 4.0, 2.5: 2.0, 3.0: 0.0}, abs=1e-14
+    )
     assert gust.at(2.0).z == pytest.approx(-2.0)
     assert gust.at(1.25).x == pytest.approx(4.0 * math.sin(math.pi / 8.0) ** 2)
 
 
 def test_time_may_be_an_array_or_traced():
-    par = MovingAir(gust=Gust(peak=Vec3(4.0, 0, 0), start=1.0, duration=2.0, shape="one_minus_cosine"))
+    par = MovingAir(
+        gust=Gust(
+            peak=Vec3(4.0, 0, 0), start=1.0, duration=2.0, shape="one_minus_cosine"
+        )
+    )
     times = np.linspace(0.0, 4.0, 41)
     table = wind(par, times).air_velocity_W.x
     program = trace(lambda t: wind(par, t).air_velocity_W, 0.0)
@@ -111,16 +131,22 @@ def test_an_impossible_gust_is_refused(fields, message):
 
 def test_a_smooth_gust_of_force_is_refused():
     with pytest.raises(ValueError, match="'step' as in RotorS"):
-        ForceWind(gust=Gust(peak=Vec3(1.0, 0, 0), duration=1.0, shape="one_minus_cosine"))
+        ForceWind(
+            gust=Gust(peak=Vec3(1.0, 0, 0), duration=1.0, shape="one_minus_cosine")
+        )
 
 
 def tip_vehicle():
     base = Body(mass=1.0, inertia=Sym3.isotropic(0.01))
     joint = Joint(name="shoulder")
-    link = Link(name="upper", parent=-1, joint=joint, body=Body(mass=0.2, com=Vec3(0, 0, -0.1)))
+    link = Link(
+        name="upper", parent=-1, joint=joint, body=Body(mass=0.2, com=Vec3(0, 0, -0.1))
+    )
     tip = Frame(name="tip", link=0, position=Vec3(0, 0, -0.3), rotation=Mat3.identity())
     top = Frame(name="top", link=-1, position=Vec3(0, 0, 0.1))
-    return Vehicle(name="v", base=base, links=(link,), frames=(tip, top), end_effector="tip")
+    return Vehicle(
+        name="v", base=base, links=(link,), frames=(tip, top), end_effector="tip"
+    )
 
 
 def test_a_payload_hangs_at_the_end_effector_unless_told_otherwise():
@@ -143,7 +169,11 @@ def test_an_impossible_payload_is_refused(payload):
 
 
 def turbulent(velocity, **more):
-    blowing = {"mode": "moving_air", "velocity": velocity, "turbulence": {"altitude": 6.0, "wind_20ft": 7.7} | more}
+    blowing = {
+        "mode": "moving_air",
+        "velocity": velocity,
+        "turbulence": {"altitude": 6.0, "wind_20ft": 7.7} | more,
+    }
     return estimated(environment={"wind": blowing})
 
 
@@ -151,18 +181,37 @@ def test_turbulence_of_an_altitude_follows_a_replaced_mean_wind():
     for end in ([0.0, 10.0, 0.0], [0.2, 0.0, 0.0], [0.0, 0.0, 0.0], [-3.0, 4.0, 1.0]):
         there = turbulent(end, minimum_airspeed=0.5).environment.wind.turbulence
         paths = {f"environment.wind.velocity.{i}": end[i] for i in range(3)}
-        found = with_numbers(turbulent([1.0, 0.0, 0.0], minimum_airspeed=0.5), paths).environment.wind.turbulence
-        assert tuple(found.direction_W) == pytest.approx(tuple(there.direction_W), abs=1e-15)
+        found = with_numbers(
+            turbulent([1.0, 0.0, 0.0], minimum_airspeed=0.5), paths
+        ).environment.wind.turbulence
+        assert tuple(found.direction_W) == pytest.approx(
+            tuple(there.direction_W), abs=1e-15
+        )
         assert found.airspeed == pytest.approx(there.airspeed, rel=1e-15)
-        assert (found.intensity, found.scale_length) == (there.intensity, there.scale_length)
+        assert (found.intensity, found.scale_length) == (
+            there.intensity,
+            there.scale_length,
+        )
 
 
 def test_an_airspeed_that_is_stated_stays():
-    paths = {"environment.wind.velocity.1": 10.0, "environment.wind.turbulence.airspeed": 3.0}
-    assert with_numbers(turbulent([1.0, 0.0, 0.0]), paths).environment.wind.turbulence.airspeed == 3.0
-    unit = Dryden(intensity=Vec3(1.0, 1.0, 1.0), scale_length=Vec3(9.0, 9.0, 9.0), airspeed=3.0)
+    paths = {
+        "environment.wind.velocity.1": 10.0,
+        "environment.wind.turbulence.airspeed": 3.0,
+    }
+    assert (
+        with_numbers(
+            turbulent([1.0, 0.0, 0.0]), paths
+        ).environment.wind.turbulence.airspeed
+        == 3.0
+    )
+    unit = Dryden(
+        intensity=Vec3(1.0, 1.0, 1.0), scale_length=Vec3(9.0, 9.0, 9.0), airspeed=3.0
+    )
     wind = MovingAir(velocity_W=Vec3(5.0, 0, 0), turbulence=unit)
     assert wind.with_followers([("velocity_W", "y")]) is wind
     # nor does another number of the wind move an airspeed
     low = MovingAir(turbulence=low_altitude(6.0, 7.7, 5.0))
-    assert low.with_followers([("turbulence", "intensity", "x"), ("gust", "start")]) is low
+    assert (
+        low.with_followers([("turbulence", "intensity", "x"), ("gust", "start")]) is low
+    )

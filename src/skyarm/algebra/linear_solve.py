@@ -8,17 +8,20 @@ from skyarm.algebra.scalars import Scalar, divide, mul, same, sub
 
 
 def ldl_solve(A: Sequence[Sequence[Scalar]], b: Sequence[Scalar]) -> list[Scalar]:
-    """Solve A x = b for a symmetric positive definite matrix A, whose lower triangle is read.
+    """Solve A x = b for a symmetric positive definite matrix A, whose lower triangle is
+    read.
 
-    Unknowns that structural zeros keep apart are solved apart. A = L D L^T column by column; the last two unknowns
-    together by their determinant, one division for two that would wait for each other. An indefinite A gives the
-    algebraic solution or NaN.
+    Unknowns that structural zeros keep apart are solved apart. A = L D L^T column by
+    column; the last two unknowns together by their determinant, one division for two
+    that would wait for each other. An indefinite A gives the algebraic solution or NaN.
     Source: Golub, Van Loan 2013, algorithm 4.1.2.
     """
     x: list[Scalar] = [0] * len(b)
     for group in _groups(A):
         block = [[A[max(i, j)][min(i, j)] for j in group] for i in group]
-        for i, value in zip(group, _solve_group(block, [b[i] for i in group]), strict=True):
+        for i, value in zip(
+            group, _solve_group(block, [b[i] for i in group]), strict=True
+        ):
             x[i] = value
     return x
 

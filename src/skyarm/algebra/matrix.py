@@ -26,18 +26,24 @@ class Mat3(ArrayLike):
     @classmethod
     def columns(cls, c0: Vec3, c1: Vec3, c2: Vec3) -> Mat3:
         """Matrix from three columns."""
-        return cls(Vec3(c0.x, c1.x, c2.x), Vec3(c0.y, c1.y, c2.y), Vec3(c0.z, c1.z, c2.z))
+        return cls(
+            Vec3(c0.x, c1.x, c2.x), Vec3(c0.y, c1.y, c2.y), Vec3(c0.z, c1.z, c2.z)
+        )
 
     @classmethod
     def from_numbers(cls, rows: Sequence[Sequence[float]]) -> Mat3:
-        """Matrix from plain numbers; exact 0, 1 and -1 become compile-time constants (ints)."""
+        """Matrix from plain numbers; exact 0, 1 and -1 become compile-time constants
+        (ints).
+        """
         r0, r1, r2 = rows
         return cls(Vec3.from_numbers(r0), Vec3.from_numbers(r1), Vec3.from_numbers(r2))
 
     @classmethod
     def cross(cls, v: Vec3) -> Mat3:
         """Cross-product matrix S(v), with S(v) a = v x a."""
-        return cls(Vec3(0, neg(v.z), v.y), Vec3(v.z, 0, neg(v.x)), Vec3(neg(v.y), v.x, 0))
+        return cls(
+            Vec3(0, neg(v.z), v.y), Vec3(v.z, 0, neg(v.x)), Vec3(neg(v.y), v.x, 0)
+        )
 
     @property
     def rows(self) -> tuple[Vec3, Vec3, Vec3]:
@@ -79,7 +85,9 @@ class Mat3(ArrayLike):
     def __matmul__(self, other: Mat3) -> Mat3:
         """Matrix product."""
         t = other.T
-        return Mat3(*(Vec3(row.dot(t.r0), row.dot(t.r1), row.dot(t.r2)) for row in self.rows))
+        return Mat3(
+            *(Vec3(row.dot(t.r0), row.dot(t.r1), row.dot(t.r2)) for row in self.rows)
+        )
 
     def apply(self, v: Vec3) -> Vec3:
         """Product of the matrix and a column vector."""
@@ -96,9 +104,11 @@ class Mat3(ArrayLike):
         return Mat3(*rows)
 
     def turning_axis(self) -> int | None:
-        """Index of the axis x, y or z about which a rotation by a variable angle turns; None for other matrices.
+        """Index of the axis x, y or z about which a rotation by a variable angle turns;
+        None for other matrices.
 
-        A rotation of structural entries only, as the identity, is none: it folds away by itself.
+        A rotation of structural entries only, as the identity, is none: it folds away
+        by itself.
         """
         rows = [tuple(row) for row in self.rows]
         for k, (i, j) in enumerate(_OTHERS):
@@ -116,7 +126,9 @@ class Mat3(ArrayLike):
         i, j = _OTHERS[k]
         A, turn = [list(row) for row in self.rows], [tuple(row) for row in R.rows]
         c, s = turn[i][i], turn[j][i]
-        A[i][i], A[j][j], A[i][j], A[j][i] = _turn(A[i][i], A[j][j], A[i][j], A[j][i], c, s)
+        A[i][i], A[j][j], A[i][j], A[j][i] = _turn(
+            A[i][i], A[j][j], A[i][j], A[j][i], c, s
+        )
         A[k][i], A[k][j] = _turned_pair(A[k][i], A[k][j], c, s)
         A[i][k], A[j][k] = _turned_pair(A[i][k], A[j][k], c, s)
         return Mat3(*(Vec3(*row) for row in A))
@@ -142,9 +154,21 @@ class Sym3:
     yz: Scalar = 0
 
     @classmethod
-    def from_numbers(cls, xx: float, yy: float, zz: float, xy: float = 0.0, xz: float = 0.0, yz: float = 0.0) -> Sym3:
-        """Symmetric matrix from plain numbers; exact zeros become compile-time constants."""
-        return cls(*(0 if value == 0.0 else float(value) for value in (xx, yy, zz, xy, xz, yz)))
+    def from_numbers(
+        cls,
+        xx: float,
+        yy: float,
+        zz: float,
+        xy: float = 0.0,
+        xz: float = 0.0,
+        yz: float = 0.0,
+    ) -> Sym3:
+        """Symmetric matrix from plain numbers; exact zeros become compile-time
+        constants.
+        """
+        return cls(
+            *(0 if value == 0.0 else float(value) for value in (xx, yy, zz, xy, xz, yz))
+        )
 
     @classmethod
     def isotropic(cls, value: Scalar) -> Sym3:
@@ -158,10 +182,19 @@ class Sym3:
 
     @classmethod
     def parallel_axis(cls, mass: Scalar, c: Vec3) -> Sym3:
-        """Inertia of a point mass at ``c`` about the origin, m S(c)^T S(c) (parallel-axis theorem)."""
+        """Inertia of a point mass at ``c`` about the origin, m S(c)^T S(c)
+        (parallel-axis theorem).
+        """
         mx, my, mz = c * mass
         xx, yy, zz = mul(mx, c.x), mul(my, c.y), mul(mz, c.z)
-        return cls(add(yy, zz), add(xx, zz), add(xx, yy), neg(mul(mx, c.y)), neg(mul(mx, c.z)), neg(mul(my, c.z)))
+        return cls(
+            add(yy, zz),
+            add(xx, zz),
+            add(xx, yy),
+            neg(mul(mx, c.y)),
+            neg(mul(mx, c.z)),
+            neg(mul(my, c.z)),
+        )
 
     @property
     def entries(self) -> tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]:
@@ -170,15 +203,23 @@ class Sym3:
 
     def full(self) -> Mat3:
         """Convert the symmetric matrix to a general 3x3 matrix."""
-        return Mat3(Vec3(self.xx, self.xy, self.xz), Vec3(self.xy, self.yy, self.yz), Vec3(self.xz, self.yz, self.zz))
+        return Mat3(
+            Vec3(self.xx, self.xy, self.xz),
+            Vec3(self.xy, self.yy, self.yz),
+            Vec3(self.xz, self.yz, self.zz),
+        )
 
     def __add__(self, other: Sym3) -> Sym3:
         """Sum of two symmetric matrices."""
-        return Sym3(*(add(a, b) for a, b in zip(self.entries, other.entries, strict=True)))
+        return Sym3(
+            *(add(a, b) for a, b in zip(self.entries, other.entries, strict=True))
+        )
 
     def __sub__(self, other: Sym3) -> Sym3:
         """Difference of two symmetric matrices."""
-        return Sym3(*(sub(a, b) for a, b in zip(self.entries, other.entries, strict=True)))
+        return Sym3(
+            *(sub(a, b) for a, b in zip(self.entries, other.entries, strict=True))
+        )
 
     def __mul__(self, scalar: Scalar) -> Sym3:
         """Product of the matrix with a scalar."""
@@ -200,19 +241,24 @@ class Sym3:
         a = self.full() @ R.T
         r0, r1, r2 = R.rows
         c0, c1, c2 = map(a.column, range(3))
-        return Sym3(r0.dot(c0), r1.dot(c1), r2.dot(c2), r0.dot(c1), r0.dot(c2), r1.dot(c2))
+        return Sym3(
+            r0.dot(c0), r1.dot(c1), r2.dot(c2), r0.dot(c1), r0.dot(c2), r1.dot(c2)
+        )
 
 
 _OTHERS = ((1, 2), (2, 0), (0, 1))
-"""Pairs of coordinate axes that a rotation about axis 0, 1 or 2 turns into each other."""
+"""Pairs of coordinate axes that a rotation about axis 0, 1 or 2 turns into each
+other."""
 
 
 def _turn(
     first: Scalar, second: Scalar, above: Scalar, below: Scalar, c: Scalar, s: Scalar
 ) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Entries xx, yy, xy, yx of a 2x2 tensor rotated by an angle of given cosine and sine.
+    """Entries xx, yy, xy, yx of a 2x2 tensor rotated by an angle of given cosine and
+    sine.
 
-    What is not symmetric and the trace stay; the rest turns by the double angle, which is c and s applied in turn.
+    What is not symmetric and the trace stay; the rest turns by the double angle, which
+    is c and s applied in turn.
     """
     change = sub(mul(c, sub(first, second)), mul(s, add(above, below)))
     along, across = mul(c, change), mul(s, change)
@@ -225,7 +271,8 @@ def _turned_pair(x: Scalar, y: Scalar, c: Scalar, s: Scalar) -> tuple[Scalar, Sc
 
 
 def axis_rotation(axis: Vec3, angle: Scalar) -> Mat3:
-    """Rotation by ``angle`` (rad) about the unit ``axis``: a a^T + cos (1 - a a^T) + sin S(a).
+    """Rotation by ``angle`` (rad) about the unit ``axis``: a a^T + cos (1 - a a^T) +
+    sin S(a).
 
     Written so that a structural axis folds to the elementary rotation.
     Source: Rodrigues 1840; Murray, Li, Sastry 1994, eq. 2.14.

@@ -7,7 +7,17 @@ from dataclasses import dataclass
 from typing import Any, SupportsIndex
 
 from skyarm.algebra.matrix import Mat3
-from skyarm.algebra.scalars import Scalar, Scalars, atan2, cos, divide, neg, sin, sqrt, where
+from skyarm.algebra.scalars import (
+    Scalar,
+    Scalars,
+    atan2,
+    cos,
+    divide,
+    neg,
+    sin,
+    sqrt,
+    where,
+)
 from skyarm.algebra.vector import ArrayLike, Vec3
 
 SINC = (1.0, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800)
@@ -31,19 +41,23 @@ class Quaternion(ArrayLike):
         """Quaternion of the rotation by |v| rad about v, smooth at zero."""
         angle_squared = v.dot(v)
         small = angle_squared < 1e-8
-        # the root never sees zero, where its derivative is infinite and would turn the gradient into NaN
+        # the root never sees zero, where its derivative is infinite and would turn the
+        # gradient into NaN
         angle = sqrt(where(small, 1.0, angle_squared))
-        # sin(a/2)/a and cos(a/2) by series below 1e-4 rad, where the quotient loses digits; next terms are below 1e-18
+        # sin(a/2)/a and cos(a/2) by series below 1e-4 rad, where the quotient loses
+        # digits; next terms are below 1e-18
         factor = where(small, 0.5 - angle_squared / 48.0, sin(0.5 * angle) / angle)
         w = where(small, 1.0 - angle_squared / 8.0, cos(0.5 * angle))
         return cls(w, factor * v.x, factor * v.y, factor * v.z)
 
     @classmethod
     def of_small_rotation(cls, rate: Vec3, seconds: Scalar = 1.0) -> Quaternion:
-        """Quaternion of the rotation ``rate * seconds`` in an integration step, by short series.
+        """Quaternion of the rotation ``rate * seconds`` in an integration step, by
+        short series.
 
-        Series of sine and cosine of a quarter of the angle, doubled once: no square root, no division, no branch. Off
-        by 1e-17 at 1 rad, 1e-11 at 3 rad and 2e-5 at 10 rad a step.
+        Series of sine and cosine of a quarter of the angle, doubled once: no square
+        root, no division, no branch. Off by 1e-17 at 1 rad, 1e-11 at 3 rad and 2e-5 at
+        10 rad a step.
         """
         square = rate.dot(rate)
         z = square * (seconds * seconds * 0.0625)
@@ -56,7 +70,12 @@ class Quaternion(ArrayLike):
             cosine = cosine * z + c
         # sin 2y = 2 sin y cos y and cos 2y = 1 - 2 (sin y)^2
         factor = sine * cosine
-        return cls(1.0 - (sine * sine) * (0.5 * square), factor * rate.x, factor * rate.y, factor * rate.z)
+        return cls(
+            1.0 - (sine * sine) * (0.5 * square),
+            factor * rate.x,
+            factor * rate.y,
+            factor * rate.z,
+        )
 
     def __iter__(self) -> Iterator[Any]:
         """Iterate over the components w, x, y, z."""
@@ -81,9 +100,16 @@ class Quaternion(ArrayLike):
         return Quaternion(self.w, -self.x, -self.y, -self.z)
 
     def plus(self, other: Quaternion, factor: Scalar) -> Quaternion:
-        """Sum ``self`` + ``factor`` * ``other``, not normalised, for Runge-Kutta stages."""
+        """Sum ``self`` + ``factor`` * ``other``, not normalised, for Runge-Kutta
+        stages.
+        """
         a, b = self, other
-        return Quaternion(a.w + factor * b.w, a.x + factor * b.x, a.y + factor * b.y, a.z + factor * b.z)
+        return Quaternion(
+            a.w + factor * b.w,
+            a.x + factor * b.x,
+            a.y + factor * b.y,
+            a.z + factor * b.z,
+        )
 
     def renormalized(self) -> Quaternion:
         """Quaternion of nearly unit length, brought closer to it by one Newton step."""
@@ -103,7 +129,9 @@ class Quaternion(ArrayLike):
 
     def _scale(self, scale: Scalar) -> Quaternion:
         """Product of the quaternion with a scalar."""
-        return Quaternion(self.w * scale, self.x * scale, self.y * scale, self.z * scale)
+        return Quaternion(
+            self.w * scale, self.x * scale, self.y * scale, self.z * scale
+        )
 
     def rotation(self) -> Mat3:
         """Rotation matrix R_WB of a unit quaternion."""
@@ -130,7 +158,9 @@ class Quaternion(ArrayLike):
 
 
 def euler_rotation(sines: Scalars, cosines: Scalars) -> Mat3:
-    """Rotation Rz(psi) Ry(theta) Rx(phi) from sines and cosines of phi, theta, psi: the inverse of euler_angles."""
+    """Rotation Rz(psi) Ry(theta) Rx(phi) from sines and cosines of phi, theta, psi: the
+    inverse of euler_angles.
+    """
     (sr, sp, sy), (cr, cp, cy) = sines, cosines
     return Mat3(
         Vec3(cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
@@ -140,7 +170,8 @@ def euler_rotation(sines: Scalars, cosines: Scalars) -> Mat3:
 
 
 def euler_angles(R_WB: Mat3) -> tuple[Any, Any, Any]:
-    """Euler angles (phi, theta, psi) with R = Rz(psi) Ry(theta) Rx(phi); theta in [-pi/2, pi/2].
+    """Euler angles (phi, theta, psi) with R = Rz(psi) Ry(theta) Rx(phi); theta in
+    [-pi/2, pi/2].
 
     The pitch comes from atan2, not asin, which loses half the digits near 90 degrees.
 

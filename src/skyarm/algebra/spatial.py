@@ -1,7 +1,9 @@
-"""Spatial vectors and inertias of rigid-body dynamics, about one point in the axes of one frame.
+"""Spatial vectors and inertias of rigid-body dynamics, about one point in the axes of
+one frame.
 
-Accelerations here are *classical* (the second derivative of position), not Featherstone's spatial accelerations; they
-move between points by the same law, with the velocity products kept in a separate term by the recursions.
+Accelerations here are *classical* (the second derivative of position), not
+Featherstone's spatial accelerations; they move between points by the same law, with the
+velocity products kept in a separate term by the recursions.
 Source: Featherstone 2008, chapters 2, 5-7.
 """
 
@@ -16,7 +18,9 @@ from skyarm.algebra.vector import Vec3
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Spatial motion vector: angular and linear acceleration (or joint direction) at the origin of a frame."""
+    """Spatial motion vector: angular and linear acceleration (or joint direction) at
+    the origin of a frame.
+    """
 
     angular: Vec3
     linear: Vec3
@@ -35,7 +39,10 @@ class Motion:
 
     def into_child(self, R_PC: Mat3, p_PC: Vec3) -> Motion:
         """Spatial motion in the axes and at the origin of the child link."""
-        return Motion(R_PC.apply_T(self.angular), R_PC.apply_T(self.linear + self.angular.cross(p_PC)))
+        return Motion(
+            R_PC.apply_T(self.angular),
+            R_PC.apply_T(self.linear + self.angular.cross(p_PC)),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +88,9 @@ def centripetal(w: Vec3, r: Vec3) -> Vec3:
 
 @dataclass(frozen=True, slots=True)
 class SpatialInertia:
-    """Spatial inertia: mass, first moment m c and rotational inertia about the frame's origin."""
+    """Spatial inertia: mass, first moment m c and rotational inertia about the frame's
+    origin.
+    """
 
     mass: Scalar
     moment: Vec3
@@ -89,33 +98,64 @@ class SpatialInertia:
 
     @classmethod
     def of_body(cls, mass: Scalar, com: Vec3, inertia_com: Sym3) -> SpatialInertia:
-        """Spatial inertia from mass, centre of mass and the rotational inertia about that centre."""
+        """Spatial inertia from mass, centre of mass and the rotational inertia about
+        that centre.
+        """
         return cls(mass, com * mass, inertia_com + Sym3.parallel_axis(mass, com))
 
     def __add__(self, other: SpatialInertia) -> SpatialInertia:
         """Spatial inertia of two bodies joined rigidly."""
-        return SpatialInertia(add(self.mass, other.mass), self.moment + other.moment, self.inertia + other.inertia)
+        return SpatialInertia(
+            add(self.mass, other.mass),
+            self.moment + other.moment,
+            self.inertia + other.inertia,
+        )
 
     def apply(self, a: Motion) -> Force:
-        """Spatial force that accelerates a body at rest by the spatial acceleration ``a``."""
+        """Spatial force that accelerates a body at rest by the spatial acceleration
+        ``a``.
+        """
         return Force(
             self.inertia.apply(a.angular) + self.moment.cross(a.linear),
             a.linear * self.mass + a.angular.cross(self.moment),
         )
 
     def velocity_force(self, w: Vec3) -> Force:
-        """Gyroscopic and centrifugal force of a body that turns with ``w`` about an unaccelerated origin.
+        """Gyroscopic and centrifugal force of a body that turns with ``w`` about an
+        unaccelerated origin.
 
-        w x (I w) in products of rates and differences of moments, which bodies with a common axis share.
+        w x (I w) in products of rates and differences of moments, which bodies with a
+        common axis share.
         """
         J = self.inertia
         p, q, r = w
         pq, qr, pr = mul(p, q), mul(q, r), mul(p, r)
         pp, qq, rr = mul(p, p), mul(q, q), mul(r, r)
         torque = Vec3(
-            total((mul(sub(J.zz, J.yy), qr), mul(J.yz, sub(qq, rr)), mul(J.xz, pq), neg(mul(J.xy, pr)))),
-            total((mul(sub(J.xx, J.zz), pr), mul(J.xz, sub(rr, pp)), mul(J.xy, qr), neg(mul(J.yz, pq)))),
-            total((mul(sub(J.yy, J.xx), pq), mul(J.xy, sub(pp, qq)), mul(J.yz, pr), neg(mul(J.xz, qr)))),
+            total(
+                (
+                    mul(sub(J.zz, J.yy), qr),
+                    mul(J.yz, sub(qq, rr)),
+                    mul(J.xz, pq),
+                    neg(mul(J.xy, pr)),
+                )
+            ),
+            total(
+                (
+                    mul(sub(J.xx, J.zz), pr),
+                    mul(J.xz, sub(rr, pp)),
+                    mul(J.xy, qr),
+                    neg(mul(J.yz, pq)),
+                )
+            ),
+            total(
+                (
+                    mul(sub(J.yy, J.xx), pq),
+                    mul(J.xy, sub(pp, qq)),
+                    mul(J.yz, pr),
+                    neg(mul(J.xz, qr)),
+                )
+            ),
         )
         return Force(torque, centripetal(w, self.moment))
 
@@ -126,28 +166,37 @@ class SpatialInertia:
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> SpatialInertia:
         """Spatial inertia in the axes and about the origin of the parent link.
 
-        I' = R I R^T + S(h)^T S(p) + S(p)^T S(h) + m S(p)^T S(p) with h = R m c, which needs no division by the mass.
+        I' = R I R^T + S(h)^T S(p) + S(p)^T S(h) + m S(p)^T S(p) with h = R m c, which
+        needs no division by the mass.
         """
         h = R_PC.apply(self.moment)
         shifted = h + p_PC * self.mass
         return SpatialInertia(
-            self.mass, shifted, self.inertia.rotate(R_PC) + _steiner(h, p_PC) + _steiner(p_PC, shifted)
+            self.mass,
+            shifted,
+            self.inertia.rotate(R_PC) + _steiner(h, p_PC) + _steiner(p_PC, shifted),
         )
 
     def as_articulated(self) -> ArticulatedInertia:
         """Articulated inertia of this single rigid body."""
-        return ArticulatedInertia(self.inertia, Mat3.cross(self.moment), Sym3.isotropic(self.mass))
+        return ArticulatedInertia(
+            self.inertia, Mat3.cross(self.moment), Sym3.isotropic(self.mass)
+        )
 
 
 def _steiner(a: Vec3, b: Vec3) -> Sym3:
-    """Symmetric matrix from the upper triangle of S(a)^T S(b), with cross-product matrices S."""
+    """Symmetric matrix from the upper triangle of S(a)^T S(b), with cross-product
+    matrices S.
+    """
     m = Mat3.cross(a).T @ Mat3.cross(b)
     return Sym3.of_matrix(m)
 
 
 @dataclass(frozen=True, slots=True)
 class ArticulatedInertia:
-    """Articulated inertia [[J, H], [H^T, M]], which maps (angular, linear) acceleration to (torque, force)."""
+    """Articulated inertia [[J, H], [H^T, M]], which maps (angular, linear) acceleration
+    to (torque, force).
+    """
 
     J: Sym3
     H: Mat3
@@ -158,20 +207,28 @@ class ArticulatedInertia:
         return ArticulatedInertia(self.J + other.J, self.H + other.H, self.M + other.M)
 
     def apply(self, a: Motion) -> Force:
-        """Spatial force that gives the spatial acceleration ``a`` while the outer joints move freely."""
+        """Spatial force that gives the spatial acceleration ``a`` while the outer
+        joints move freely.
+        """
         return Force(
-            self.J.apply(a.angular) + self.H.apply(a.linear), self.H.apply_T(a.angular) + self.M.apply(a.linear)
+            self.J.apply(a.angular) + self.H.apply(a.linear),
+            self.H.apply_T(a.angular) + self.M.apply(a.linear),
         )
 
-    def without(self, S: Motion, U: Force, inverse_d: Scalar, *, free: bool = True) -> ArticulatedInertia:
+    def without(
+        self, S: Motion, U: Force, inverse_d: Scalar, *, free: bool = True
+    ) -> ArticulatedInertia:
         """Articulated inertia without the free direction of a joint, self - U U^T / d.
 
-        A joint is free if its drive has none. Then nothing is left along S: where S is a coordinate axis, its row and
-        column are exact zeros and become structure.
+        A joint is free if its drive has none. Then nothing is left along S: where S is
+        a coordinate axis, its row and column are exact zeros and become structure.
         """
         n, f = U.torque, U.force
         ni, fi = n * inverse_d, f * inverse_d
-        J, H = self.J - _outer_symmetric(n, ni), self.H - Mat3(f * ni.x, f * ni.y, f * ni.z)
+        J, H = (
+            self.J - _outer_symmetric(n, ni),
+            self.H - Mat3(f * ni.x, f * ni.y, f * ni.z),
+        )
         M = self.M - _outer_symmetric(f, fi)
         if not free:
             return ArticulatedInertia(J, H, M)
@@ -179,7 +236,9 @@ class ArticulatedInertia:
         if turning is not None:
             return ArticulatedInertia(J.clear_axis(turning), H.cleared_row(turning), M)
         if sliding is not None:
-            return ArticulatedInertia(J, H.T.cleared_row(sliding).T, M.clear_axis(sliding))
+            return ArticulatedInertia(
+                J, H.T.cleared_row(sliding).T, M.clear_axis(sliding)
+            )
         return ArticulatedInertia(J, H, M)
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> ArticulatedInertia:
@@ -188,7 +247,8 @@ class ArticulatedInertia:
         H = self.H.rotate(R_PC)
         S = Mat3.cross(p_PC)
         H_shifted = H + S @ M.full()
-        # J' = J - H S - (H S)^T - S M S, with H' = H + S M:  J' = J + S H'^T ... written to use H' once
+        # J' = J - H S - (H S)^T - S M S, with H' = H + S M: J' = J + S H'^T ... written
+        # to use H' once
         J_shifted = J.full() - H @ S + S @ H_shifted.T
         return ArticulatedInertia(Sym3.of_matrix(J_shifted), H_shifted, M)
 

@@ -9,7 +9,20 @@ from typing import Any, ClassVar, SupportsIndex
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.algebra.scalars import Scalar, Scalars, add, cos, mul, neg, same, sin, sqrt, structural, sub, total
+from skyarm.algebra.scalars import (
+    Scalar,
+    Scalars,
+    add,
+    cos,
+    mul,
+    neg,
+    same,
+    sin,
+    sqrt,
+    structural,
+    sub,
+    total,
+)
 
 
 class ArrayLike:
@@ -25,7 +38,9 @@ class ArrayLike:
     def __len__(self) -> int:
         return len(self[:])
 
-    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[np.generic]:
+    def __array__(
+        self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
+    ) -> npt.NDArray[np.generic]:
         """Convert to a NumPy array; the axes of array components come last.
 
         Raises:
@@ -34,19 +49,27 @@ class ArrayLike:
         """
         name = type(self).__name__
         if copy is False:
-            raise ValueError(f"{name}: its numbers lie apart, an array of them is a copy")
+            raise ValueError(
+                f"{name}: its numbers lie apart, an array of them is a copy"
+            )
         rows = [each[:] if isinstance(each, ArrayLike) else (each,) for each in self[:]]
         for number in (number for row in rows for number in row):
-            if not isinstance(number, (int, float)) and not hasattr(number, "__array__"):
+            if not isinstance(number, (int, float)) and not hasattr(
+                number, "__array__"
+            ):
                 what = f"{name} of {type(number).__name__}"
-                raise TypeError(f"{what}: has no values yet, so that no array can be made of it")
+                raise TypeError(
+                    f"{what}: has no values yet, so that no array can be made of it"
+                )
         numbers = rows if len(rows[0]) > 1 else [row[0] for row in rows]
         return np.array(numbers, dtype=float if dtype is None else dtype)
 
 
 @dataclass(frozen=True, slots=True)
 class Vec3(ArrayLike):
-    """Vector of three scalars; a component that is an int, such as an exact 0, is a constant of compiled code."""
+    """Vector of three scalars; a component that is an int, such as an exact 0, is a
+    constant of compiled code.
+    """
 
     x: Scalar
     y: Scalar
@@ -54,7 +77,9 @@ class Vec3(ArrayLike):
 
     @classmethod
     def from_numbers(cls, values: Sequence[float]) -> Vec3:
-        """Vector from plain numbers; exact 0, 1 and -1 become compile-time constants (ints)."""
+        """Vector from plain numbers; exact 0, 1 and -1 become compile-time constants
+        (ints).
+        """
         x, y, z = values
         return cls(structural(x), structural(y), structural(z))
 
@@ -90,7 +115,9 @@ class Vec3(ArrayLike):
 
     def dot(self, other: Vec3) -> Any:
         """Inner product of two vectors."""
-        return add(add(mul(self.x, other.x), mul(self.y, other.y)), mul(self.z, other.z))
+        return add(
+            add(mul(self.x, other.x), mul(self.y, other.y)), mul(self.z, other.z)
+        )
 
     def cross(self, other: Vec3) -> Vec3:
         """Cross product of two vectors, self x other."""
@@ -106,7 +133,9 @@ class Vec3(ArrayLike):
         return Vec3(c * self.x - s * self.y, s * self.x + c * self.y, self.z)
 
     def coordinate_axis(self) -> int | None:
-        """Index of the coordinate axis along a constant vector, of either sign; None for other vectors."""
+        """Index of the coordinate axis along a constant vector, of either sign; None
+        for other vectors.
+        """
         marks = [type(c) is int and abs(c) for c in self]
         zeros = sum(same(c, 0) for c in self)
         return marks.index(1) if zeros == 2 and 1 in marks else None
@@ -118,7 +147,8 @@ class Vec3(ArrayLike):
 
 ZERO3 = Vec3(0, 0, 0)
 ZERO3_DATA = Vec3(0.0, 0.0, 0.0)
-"""Zero vector of floats, which a traced program stores; the int zeros of ``ZERO3`` fold away as constants."""
+"""Zero vector of floats, which a traced program stores; the int zeros of ``ZERO3`` fold
+away as constants."""
 
 E_X = Vec3(1, 0, 0)
 E_Y = Vec3(0, 1, 0)
@@ -126,7 +156,9 @@ E_Z = Vec3(0, 0, 1)
 
 
 def inner_product(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
-    """Inner product of two sequences of scalars; terms with a constant (int) zero are omitted."""
+    """Inner product of two sequences of scalars; terms with a constant (int) zero are
+    omitted.
+    """
     return total(mul(x, y) for x, y in zip(a, b, strict=True))
 
 

@@ -1,4 +1,6 @@
-"""Command line arguments shared by several commands: types, shell completion and checks."""
+"""Command line arguments shared by several commands: types, shell completion and
+checks.
+"""
 
 from __future__ import annotations
 
@@ -59,51 +61,89 @@ def shipped_names(kind: str) -> Iterable[str]:
 
 
 def name_completion(*kinds: str) -> Callable[[str], list[str]]:
-    """Make a shell completion function for names that ship and files at the path begun."""
+    """Make a shell completion function for names that ship and files at the path
+    begun.
+    """
 
     def complete(incomplete: str) -> list[str]:
         before, comma, begun = incomplete.rpartition(",")
         suffixes = [suffix for kind in kinds for suffix in SUFFIXES[kind]]
         folder = begun[: begun.rfind("/") + 1]
-        here = sorted(folder + entry.name for entry in Path(folder).glob("*") if entry.suffix in suffixes)
-        names = dict.fromkeys([*(name for kind in kinds for name in shipped_names(kind)), *here])
+        here = sorted(
+            folder + entry.name
+            for entry in Path(folder).glob("*")
+            if entry.suffix in suffixes
+        )
+        names = dict.fromkeys(
+            [*(name for kind in kinds for name in shipped_names(kind)), *here]
+        )
         return [f"{before}{comma}{name}" for name in names if name.startswith(begun)]
 
     return complete
 
 
 def word_completion(*words: str, registered: str = "") -> Callable[[str], list[str]]:
-    """Make a shell completion function for some words, and the registered names of kinds, separated by spaces."""
+    """Make a shell completion function for some words, and the registered names of
+    kinds, separated by spaces.
+    """
 
     def complete(incomplete: str) -> list[str]:
-        names = (*words, *(name for kind in registered.split() for name in names_of_kind(kind)))
+        names = (
+            *words,
+            *(name for kind in registered.split() for name in names_of_kind(kind)),
+        )
         return [each for each in names if each.startswith(incomplete)]
 
     return complete
 
 
 def out_option(words: str, metavar: str = "FOLDER") -> Any:
-    """Make the option for the output path, of type text since as a Path an empty name would mean the present folder."""
+    """Make the option for the output path, of type text since as a Path an empty name
+    would mean the present folder.
+    """
     return typer.Option("--out", "-o", metavar=metavar, help=words)
 
 
 Out = Annotated[str, out_option("folder for the results, made if missing")]
 
-Force = Annotated[bool, typer.Option("--force", help="replace a file that is there and that people edit")]
+Force = Annotated[
+    bool,
+    typer.Option("--force", help="replace a file that is there and that people edit"),
+]
 
 Plugins = Annotated[
-    list[str] | None, typer.Option("--plugin", metavar="FILE.py", help="a .py file that registers names; repeat")
+    list[str] | None,
+    typer.Option(
+        "--plugin", metavar="FILE.py", help="a .py file that registers names; repeat"
+    ),
 ]
 
 EVERY: Mapping[str, Any] = {
-    "as_json": Annotated[bool, typer.Option("--json", help="the result as one JSON document, and nothing else")],
-    "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="no output and no progress, only warnings and errors")],
+    "as_json": Annotated[
+        bool,
+        typer.Option(
+            "--json", help="the result as one JSON document, and nothing else"
+        ),
+    ],
+    "quiet": Annotated[
+        bool,
+        typer.Option(
+            "--quiet", "-q", help="no output and no progress, only warnings and errors"
+        ),
+    ],
     "plugin": Plugins,
-    "debug": Annotated[bool, typer.Option("--debug", help="show where an error of skyarm itself arose")],
+    "debug": Annotated[
+        bool, typer.Option("--debug", help="show where an error of skyarm itself arose")
+    ],
 }
 """Options that every command has, by parameter."""
 
-Flying = Annotated[int, typer.Option("--workers", help="threads or processes that fly; 0: one for each core")]
+Flying = Annotated[
+    int,
+    typer.Option(
+        "--workers", help="threads or processes that fly; 0: one for each core"
+    ),
+]
 
 On = Annotated[
     str | None,
@@ -117,15 +157,23 @@ On = Annotated[
 
 Scenario = Annotated[
     str,
-    typer.Argument(help="a scenario file (.toml) or a shipped name", autocompletion=name_completion("scenario")),
+    typer.Argument(
+        help="a scenario file (.toml) or a shipped name",
+        autocompletion=name_completion("scenario"),
+    ),
 ]
 
 Flown = Annotated[
     str,
-    typer.Argument(help="a scenario (.toml), a log, or a shipped name", autocompletion=name_completion("scenario")),
+    typer.Argument(
+        help="a scenario (.toml), a log, or a shipped name",
+        autocompletion=name_completion("scenario"),
+    ),
 ]
 
-Duration = Annotated[float | None, typer.Option(help="duration in s, in place of the file's")]
+Duration = Annotated[
+    float | None, typer.Option(help="duration in s, in place of the file's")
+]
 
 Laws = Annotated[
     list[str] | None,
@@ -150,7 +198,8 @@ Law = Annotated[
 
 
 def workers(value: int) -> int:
-    """Return the number of workers of ``--workers``; 0 means one for each available core.
+    """Return the number of workers of ``--workers``; 0 means one for each available
+    core.
 
     Raises:
         ValueError: one line.
@@ -161,14 +210,18 @@ def workers(value: int) -> int:
     return value or cores()
 
 
-def require_within(option: str, value: float, low: float, high: float = float("inf")) -> None:
+def require_within(
+    option: str, value: float, low: float, high: float = float("inf")
+) -> None:
     """Raise an error if a number is outside its bounds.
 
     Raises:
         ValueError: one line.
     """
     if not low <= value <= high:
-        allowed = f"from {low} to {high:.15g}" if high < float("inf") else f"at least {low}"
+        allowed = (
+            f"from {low} to {high:.15g}" if high < float("inf") else f"at least {low}"
+        )
         raise ValueError(f"{option} = {value}: must be {allowed}")
 
 
@@ -203,13 +256,18 @@ def split_names(option: str, words: str) -> list[str]:
 
 
 def names_of(option: str, values: Sequence[str] | None) -> list[str]:
-    """Names in the values of a repeatable, comma-separated option; empty if it was not given.
+    """Names in the values of a repeatable, comma-separated option; empty if it was not
+    given.
 
     Raises:
         ValueError: a value of nothing but commas.
     """
-    # a file of gains may have a comma in its path; an empty name is refused with the names that there are
-    lists = ([each] if not each or os.path.lexists(each) else split_names(option, each) for each in values or ())
+    # a file of gains may have a comma in its path; an empty name is refused with the
+    # names that there are
+    lists = (
+        [each] if not each or os.path.lexists(each) else split_names(option, each)
+        for each in values or ()
+    )
     return [name for names in lists for name in names]
 
 
@@ -227,12 +285,15 @@ def law_names(laws: Sequence[str] | None) -> list[str]:
         if is_gains_file(name):
             require_file(name, f"--laws = {shown(name)}")
         elif not is_named(name):
-            raise ValueError(f"--laws = {shown(name)}: {must_be_named(name)}; or a .toml file")
+            raise ValueError(
+                f"--laws = {shown(name)}: {must_be_named(name)}; or a .toml file"
+            )
     return named
 
 
 def one_law(laws: Sequence[str] | None) -> str | None:
-    """Control law of ``--laws`` for a command that takes one, the last if repeated; None if it was not given.
+    """Control law of ``--laws`` for a command that takes one, the last if repeated;
+    None if it was not given.
 
     Raises:
         ValueError: several between commas, or none at all.
@@ -243,7 +304,9 @@ def one_law(laws: Sequence[str] | None) -> str | None:
     return next(iter(law_names(last)), None)
 
 
-def chosen_names(option: str, words: str | None, there: Collection[str]) -> tuple[str, ...]:
+def chosen_names(
+    option: str, words: str | None, there: Collection[str]
+) -> tuple[str, ...]:
     """Parse a comma-separated choice among available names; None chooses all of them.
 
     Raises:
@@ -261,7 +324,8 @@ def chosen_names(option: str, words: str | None, there: Collection[str]) -> tupl
 
 
 def require_not_another(name: str, expected: str) -> None:
-    """Raise an error if a name denotes another kind of input than expected, such as a vehicle for a scenario.
+    """Raise an error if a name denotes another kind of input than expected, such as a
+    vehicle for a scenario.
 
     Args:
         name: name as given; files other than models are not looked at here.
@@ -271,9 +335,19 @@ def require_not_another(name: str, expected: str) -> None:
         ValueError: one line.
     """
     kinds = ("vehicle", "scenario", "study", "task")
-    kind = next((kind for kind in kinds if "." not in name and "/" not in name and name in shipped_names(kind)), "")
+    kind = next(
+        (
+            kind
+            for kind in kinds
+            if "." not in name and "/" not in name and name in shipped_names(kind)
+        ),
+        "",
+    )
     if expected != "vehicle" and Path(name).suffix in MODELS:
         kind = "vehicle"
     if kind and kind != expected and name not in shipped_names(expected):
         read = f"'{READS[kind]} {name}'"
-        raise ValueError(f"{expected} = {shown(name)}: must be a {expected}, and this is a {kind}, for {read}")
+        raise ValueError(
+            f"{expected} = {shown(name)}: must be a {expected}, and this is a {kind},"
+            f" for {read}"
+        )

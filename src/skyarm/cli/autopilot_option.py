@@ -1,4 +1,6 @@
-"""Option ``--autopilot`` of a flight: the autopilot's name, then settings after a colon."""
+"""Option ``--autopilot`` of a flight: the autopilot's name, then settings after a
+colon.
+"""
 
 from __future__ import annotations
 
@@ -27,9 +29,13 @@ def autopilot_name(typed: str, controller: str | None) -> str:
     """
     name = typed.partition(":")[0]
     if controller is not None:
-        raise ValueError(f"--laws = {shown(controller)}: must be left out beside --autopilot")
+        raise ValueError(
+            f"--laws = {shown(controller)}: must be left out beside --autopilot"
+        )
     if name not in AUTOPILOTS:
-        raise ValueError(f"--autopilot = {shown(typed)}: {must_be_one_of(AUTOPILOTS, name)}")
+        raise ValueError(
+            f"--autopilot = {shown(typed)}: {must_be_one_of(AUTOPILOTS, name)}"
+        )
     return name
 
 
@@ -42,10 +48,12 @@ def load_under_autopilot(
     seed: int | None = None,
     duration: float | None = None,
 ) -> Scenario:
-    """Load a scenario under an autopilot, with the settings in the scenario's file if it names the same autopilot.
+    """Load a scenario under an autopilot, with the settings in the scenario's file if
+    it names the same autopilot.
 
     Raises:
-        ValueError: an autopilot, an option or a value that cannot be, or a scenario that cannot be loaded.
+        ValueError: an autopilot, an option or a value that cannot be, or a scenario
+            that cannot be loaded.
     """
     name = autopilot_name(typed, controller)
     load = partial(load_scenario, source, plant=plant, seed=seed, duration=duration)
@@ -58,32 +66,44 @@ def load_under_autopilot(
 
 
 def with_typed_options(planned: Scenario, typed: str) -> Scenario:
-    """Scenario with the autopilot settings that follow the colon, as in ``px4:outside,instance=3``.
+    """Scenario with the autopilot settings that follow the colon, as in
+    ``px4:outside,instance=3``.
 
     Raises:
-        ValueError: an option that the autopilot does not have, or a value that it cannot be.
+        ValueError: an option that the autopilot does not have, or a value that it
+            cannot be.
     """
     name, _, words = typed.partition(":")
     options = _options(words, typed)
     if not options:
         return planned
-    allowed = [option for option in entry_of(name).options() if option not in PYTHON_ONLY]
+    allowed = [
+        option for option in entry_of(name).options() if option not in PYTHON_ONLY
+    ]
     for option, value in options.items():
         if option not in allowed:
             raise ValueError(
-                f"--autopilot = {shown(typed)}: {option} = {shown(value)}: {no_option(name, allowed, option)}"
+                f"--autopilot = {shown(typed)}: {option} = {shown(value)}:"
+                f" {no_option(name, allowed, option)}"
             )
     controller, par = planned.agent.controller, innermost(planned.agent.controller.par)
     table = Fields({"autopilot": name, **options}, "controller")
     made = innermost(by_words(table, plain_model(controller.par.model), {}).par)
-    given = {option: getattr(made.autopilot, option) for option in options if option != "joint_gains"}
+    given = {
+        option: getattr(made.autopilot, option)
+        for option in options
+        if option != "joint_gains"
+    }
     gains = made.joint_gains if "joint_gains" in options else par.joint_gains
     own = replace(par, autopilot=replace(par.autopilot, **given), joint_gains=gains)
-    return planned.with_controller(replace(controller, par=with_innermost(controller.par, own)))
+    return planned.with_controller(
+        replace(controller, par=with_innermost(controller.par, own))
+    )
 
 
 def _options(words: str, typed: str) -> dict[str, Entry]:
-    """Parse comma-separated ``name=value`` settings, where quotes and brackets protect commas.
+    """Parse comma-separated ``name=value`` settings, where quotes and brackets protect
+    commas.
 
     Raises:
         ValueError: an option that is given twice.
@@ -98,7 +118,10 @@ def _options(words: str, typed: str) -> dict[str, Entry]:
     options: dict[str, Entry] = {}
     for name, given, text in (piece.partition("=") for piece in pieces if piece):
         if name in options:
-            raise ValueError(f"--autopilot = {shown(typed)}: {name} = {shown(text)}: must be given once")
+            raise ValueError(
+                f"--autopilot = {shown(typed)}: {name} = {shown(text)}: must be given"
+                " once"
+            )
         options[name] = _value(text) if given else True
     return options
 
@@ -113,12 +136,21 @@ def _value(text: str) -> Entry:
 
 
 def outside_command(scenario: str, planned: Scenario) -> str:
-    """Command line of the external program that takes over in hover; empty for a flight without one."""
+    """Command line of the external program that takes over in hover; empty for a flight
+    without one.
+    """
     record = planned.autopilot
     if record is None or not record.outside:
         return ""
     mavlink, joints = record.outside_ports
-    law = " --laws LAW" if autopilot_of(load_scenario(scenario).agent.controller) is not None else ""
+    law = (
+        " --laws LAW"
+        if autopilot_of(load_scenario(scenario).agent.controller) is not None
+        else ""
+    )
     address = f"--link mavlink://127.0.0.1:{mavlink} --joints udp://127.0.0.1:{joints}"
     vehicle = planned.agent.model.vehicle
-    return f"skyarm fly {shlex.quote(scenario)}{law} {address}{record.outside_options(vehicle)}"
+    return (
+        f"skyarm fly {shlex.quote(scenario)}{law}"
+        f" {address}{record.outside_options(vehicle)}"
+    )

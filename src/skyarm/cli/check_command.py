@@ -27,22 +27,36 @@ def check(
         ),
     ],
     payload: Annotated[float, typer.Option(help="mass held at the tip, kg")] = 0.0,
-    poses: Annotated[int, typer.Option("--arm-poses", help="number of sampled arm poses")] = 1024,
-    gravity: Annotated[float | None, typer.Option(help="with a vehicle: gravity, m/s^2; 9.81 if left out")] = None,
+    poses: Annotated[
+        int, typer.Option("--arm-poses", help="number of sampled arm poses")
+    ] = 1024,
+    gravity: Annotated[
+        float | None,
+        typer.Option(help="with a vehicle: gravity, m/s^2; 9.81 if left out"),
+    ] = None,
     flights: Annotated[
         bool,
-        typer.Option("--flights", help="of a scenario: largest blow, lateness and load that short flights survive"),
+        typer.Option(
+            "--flights",
+            help=(
+                "of a scenario: largest blow, lateness and load that short flights"
+                " survive"
+            ),
+        ),
     ] = False,
 ) -> None:
     """Check whether a vehicle can fly, and why not.
 
-    Thrust, torques, joint limits, workspace, largest payload and side force, units that look wrong; of a scenario also
-    its reference against limits. Exit code 1 if a fault was found.
+    Thrust, torques, joint limits, workspace, largest payload and side force, units that
+    look wrong; of a scenario also its reference against limits. Exit code 1 if a fault
+    was found.
     """
     if kind_of_file(what) == "suite":
         return _check_suite(context, what)
     with bar(f"{what}: checking"):
-        assessment = assess(what, payload=payload, poses=poses, gravity=gravity, flights=flights)
+        assessment = assess(
+            what, payload=payload, poses=poses, gravity=gravity, flights=flights
+        )
     give(assessment.plain())
     tell(*sheet(assessment))
     if not assessment.flies:
@@ -52,15 +66,24 @@ def check(
 
 
 def _check_suite(context: typer.Context, file: str) -> None:
-    """Plan every flight of a suite, so that what cannot fly is refused here, and say what flies."""
+    """Plan every flight of a suite, so that what cannot fly is refused here, and say
+    what flies.
+    """
     from skyarm.studies.compare.suite_file import load_suite
 
-    require_left_out(context, ["--payload", "--arm-poses", "--gravity", "--flights"], " for a suite")
+    require_left_out(
+        context, ["--payload", "--arm-poses", "--gravity", "--flights"], " for a suite"
+    )
     suite = load_suite(file)
     with bar(f"{file}: checking"):
         cells, refused = suite.plan_cells()
     flights = sum(each.trial.flights * len(each.points) for each in cells)
-    give(suite=suite.name, trials=[each.name for each in suite.trials], flights=flights, not_flown=dict(refused))
+    give(
+        suite=suite.name,
+        trials=[each.name for each in suite.trials],
+        flights=flights,
+        not_flown=dict(refused),
+    )
     trials = f"{len(suite.trials)} trial{'s' if len(suite.trials) > 1 else ''}"
     tell(f"{file}: {trials} under {', '.join(suite.laws)}: {flights} flights")
     tell(*(f"{law} does not fly: {why}" for law, why in refused.items()))

@@ -1,7 +1,7 @@
 """Command line program: table of commands, parsing and error messages.
 
-Wrong input gives one line on standard error and exit code 2, never a traceback. Only the module of the command that is
-called is loaded.
+Wrong input gives one line on standard error and exit code 2, never a traceback. Only
+the module of the command that is called is loaded.
 """
 
 from __future__ import annotations
@@ -25,7 +25,14 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from skyarm.cli.arguments import EVERY, Plugins
-from skyarm.cli.lines import INTERRUPTED, OUR_FAULT, WRONG_INPUT, say, say_ended, say_warning
+from skyarm.cli.lines import (
+    INTERRUPTED,
+    OUR_FAULT,
+    WRONG_INPUT,
+    say,
+    say_ended,
+    say_warning,
+)
 from skyarm.cli.output import console, with_output_options
 from skyarm.records.files import shown
 from skyarm.records.files.own_inputs import inputs_kept
@@ -35,27 +42,35 @@ from skyarm.records.registry.plugins import register_law_of_file
 from skyarm.records.registry.registrations import SHIPPED
 from skyarm.records.registry.shipped import SECTIONS
 
-COMMANDS = {name: title for section in SECTIONS.values() for name, (_, title) in section.items()}
+COMMANDS = {
+    name: title for section in SECTIONS.values() for name, (_, title) in section.items()
+}
 """Shipped command -> its line of the help."""
 
 Parsed: TypeAlias = Any
-"""Context or parameter of a parsed command: an object of click, or of the copy that some versions of typer contain."""
+"""Context or parameter of a parsed command: an object of click, or of the copy that
+some versions of typer contain."""
 
 PLUGIN = "--plugin"
 
 USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
-"""Exception class for wrong usage, found by inheritance, since some versions of typer contain a copy of click."""
+"""Exception class for wrong usage, found by inheritance, since some versions of typer
+contain a copy of click."""
 
 VALUES: Mapping[type, str] = {int: "INTEGER", float: "NUMBER"}
-"""Type of an option -> word of its value in the help; the value of another option is a name."""
+"""Type of an option -> word of its value in the help; the value of another option is a
+name."""
 
 SLOW = "no machine code here"
-"""Prefix of the warning of a flight in Python floats; its class is not imported for commands without flights."""
+"""Prefix of the warning of a flight in Python floats; its class is not imported for
+commands without flights."""
 
 
 def top(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="print the version and stop")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="print the version and stop")
+    ] = False,
     plugin: Plugins = None,
 ) -> None:
     """Aerial manipulation: multirotors that carry robot arms."""
@@ -72,7 +87,8 @@ def top(
 class LateConversion:
     """Command whose parameters convert only values that are not what they shall be yet.
 
-    Newer versions of typer convert by pydantic, whose import takes as long as half of NumPy's.
+    Newer versions of typer convert by pydantic, whose import takes as long as half of
+    NumPy's.
     """
 
     def get_params(self, ctx: Parsed) -> list[Parsed]:
@@ -80,13 +96,21 @@ class LateConversion:
         parameters: list[Parsed] = super().get_params(ctx)  # type: ignore[misc]
         for each in parameters:
             kind = getattr(each, "type_descriptor", None)
-            if kind is not None and not kind.is_ranged and kind.parameter_info.parser is None:
-                each.get_runtime_param = partial(SimpleNamespace, coerce=partial(_value_as, kind.annotation))
+            if (
+                kind is not None
+                and not kind.is_ranged
+                and kind.parameter_info.parser is None
+            ):
+                each.get_runtime_param = partial(
+                    SimpleNamespace, coerce=partial(_value_as, kind.annotation)
+                )
         return parameters
 
 
 def _value_as(kind: object, value: Any, param: Parsed, ctx: Parsed) -> object:
-    """Value of a parameter as its kind; a text that is not printable may be of bytes that are none."""
+    """Value of a parameter as its kind; a text that is not printable may be of bytes
+    that are none.
+    """
     several = param.multiple or param.nargs == -1
     if value is None:
         return () if several else None
@@ -96,34 +120,56 @@ def _value_as(kind: object, value: Any, param: Parsed, ctx: Parsed) -> object:
 
 
 class Spelled(LateConversion, TyperCommand):
-    """Typer command whose options keep out of the way of a plugin's, with the help that every command has."""
+    """Typer command whose options keep out of the way of a plugin's, with the help that
+    every command has.
+    """
 
     def __init__(self, *words: Any, **more: Any) -> None:
         super().__init__(*words, **more)
-        own = {word for each in self.params if each.name not in EVERY for word in each.opts}
+        own = {
+            word for each in self.params if each.name not in EVERY for word in each.opts
+        }
         every: list[Parsed] = self.params
         # a short name that a plugin's command has for something else stays its own
         for each in every:
-            each.opts = [word for word in each.opts if each.name not in EVERY or word not in own]
+            each.opts = [
+                word for word in each.opts if each.name not in EVERY or word not in own
+            ]
             if each.param_type_name == "argument":
                 each.metavar = each.metavar or each.name.upper()
                 # typer would print the type in Python's words
                 each.display_type_rich = lambda **_: ""
             elif not each.is_flag:
                 kind = getattr(each, "type_descriptor", None)
-                each.metavar = each.metavar or VALUES.get(getattr(kind, "annotation", str), "NAME")
+                each.metavar = each.metavar or VALUES.get(
+                    getattr(kind, "annotation", str), "NAME"
+                )
 
     def collect_usage_pieces(self, ctx: Parsed) -> list[str]:
         """Words of the line of usage, a required argument without braces."""
-        return [re.sub(r"[{}]", "", each).replace("......", "...") for each in super().collect_usage_pieces(ctx)]
+        return [
+            re.sub(r"[{}]", "", each).replace("......", "...")
+            for each in super().collect_usage_pieces(ctx)
+        ]
 
     def format_options(self, ctx: Parsed, formatter: Any) -> None:
-        """Write the help of a command: its subcommands, its own options and shared options, each spelled once."""
+        """Write the help of a command: its subcommands, its own options and shared
+        options, each spelled once.
+        """
         begin, every = f"{ctx.info_name} ", ctx.parent.command.commands
-        parts = {name.removeprefix(begin): each for name, each in every.items() if name.startswith(begin)}
+        parts = {
+            name.removeprefix(begin): each
+            for name, each in every.items()
+            if name.startswith(begin)
+        }
         if parts:
             with formatter.section("Commands"):
-                formatter.write_dl([(name, each.get_short_help_str(60)) for name, each in parts.items()])
+                formatter.write_dl(
+                    [
+                        (name, each.get_short_help_str(60))
+                        for name, each in parts.items()
+                    ]
+                )
         shared = [{each.name for each in part.params} for part in parts.values()]
         options: list[Parsed] = self.params
         for each in options:
@@ -134,7 +180,9 @@ class Spelled(LateConversion, TyperCommand):
 
 
 class Grouped(LateConversion, TyperGroup):
-    """Typer group whose help lists commands in sections, and whose errors give a renamed command's present name."""
+    """Typer group whose help lists commands in sections, and whose errors give a
+    renamed command's present name.
+    """
 
     def resolve_command(self, ctx: Parsed, args: list[str]) -> Any:
         """Find the command named by the first argument, or by the first two."""
@@ -144,33 +192,53 @@ class Grouped(LateConversion, TyperGroup):
 
     def format_commands(self, ctx: Parsed, formatter: Any) -> None:
         """Write the commands of the help, section by section."""
-        others = [name for name, each in self.commands.items() if name not in COMMANDS and not each.hidden]
+        others = [
+            name
+            for name, each in self.commands.items()
+            if name not in COMMANDS and not each.hidden
+        ]
         for title, names in {**SECTIONS, "Plugins": others}.items():
             if names:
                 with formatter.section(title):
-                    formatter.write_dl([(name, self.commands[name].get_short_help_str(60)) for name in names])
+                    formatter.write_dl(
+                        [
+                            (name, self.commands[name].get_short_help_str(60))
+                            for name in names
+                        ]
+                    )
 
 
 def program(words: Sequence[str]) -> typer.Typer:
-    """Build the Typer program for a command line, importing only the command that is called."""
+    """Build the Typer program for a command line, importing only the command that is
+    called.
+    """
     made = typer.Typer(
         name="skyarm",
         cls=Grouped,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
-        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+        context_settings={
+            "help_option_names": ["-h", "--help"],
+            "max_content_width": 100,
+        },
     )
     made.callback(invoke_without_command=True)(top)
     for name, row in registrations("command").items():
         if row.source != SHIPPED:
-            made.command(name, cls=Spelled, help=row.title)(with_output_options(name, row.load()))
+            made.command(name, cls=Spelled, help=row.title)(
+                with_output_options(name, row.load())
+            )
         elif name not in words:
             made.command(name, help=row.title)(lambda: None)
         else:
             module = import_module(_module(row))
-            made.command(name, cls=Spelled)(with_output_options(name, getattr(module, name)))
+            made.command(name, cls=Spelled)(
+                with_output_options(name, getattr(module, name))
+            )
             for word, function in getattr(module, "SUBCOMMANDS", {}).items():
-                made.command(f"{name} {word}", cls=Spelled, hidden=True)(with_output_options(name, function))
+                made.command(f"{name} {word}", cls=Spelled, hidden=True)(
+                    with_output_options(name, function)
+                )
     return made
 
 
@@ -185,14 +253,24 @@ def perform() -> int:
     try:
         with _lines_for_users(), inputs_kept():
             arguments = without_plugins(sys.argv[1:])
-            typed = shlex.split(os.environ.get("_TYPER_COMPLETE_ARGS") or os.environ.get("COMP_WORDS") or "")
-            return int(program([*arguments, *typed])(arguments, prog_name="skyarm", standalone_mode=False) or 0)
+            typed = shlex.split(
+                os.environ.get("_TYPER_COMPLETE_ARGS")
+                or os.environ.get("COMP_WORDS")
+                or ""
+            )
+            return int(
+                program([*arguments, *typed])(
+                    arguments, prog_name="skyarm", standalone_mode=False
+                )
+                or 0
+            )
     except USAGE_ERROR as error:
         return say(f"{_bad_usage(error)}; see '{_command()} --help'", WRONG_INPUT)
     except (typer.Abort, KeyboardInterrupt):
         return say_ended("interrupted", INTERRUPTED)
     except BrokenPipeError:
-        # who read our output has gone, as `skyarm show | head` does; nothing is left to flush into
+        # who read our output has gone, as `skyarm show | head` does; nothing is left to
+        # flush into
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 1
     except SystemExit as error:
@@ -201,7 +279,10 @@ def perform() -> int:
             raise
         return say(line, WRONG_INPUT)
     except MemoryError:
-        return say("not enough memory; fly fewer seconds or at a lower control rate", WRONG_INPUT)
+        return say(
+            "not enough memory; fly fewer seconds or at a lower control rate",
+            WRONG_INPUT,
+        )
     except Exception as error:
         line = _in_users_code(error) or _input_error(error)
         return say(line, WRONG_INPUT) if line else _our_fault(error)
@@ -210,7 +291,8 @@ def perform() -> int:
 
 
 def without_plugins(arguments: Sequence[str]) -> list[str]:
-    """Load the user's plugin and law files named on a command line; returns the other arguments.
+    """Load the user's plugin and law files named on a command line; returns the other
+    arguments.
 
     Raises:
         RegistryError: one of them cannot be loaded.
@@ -228,14 +310,21 @@ def without_plugins(arguments: Sequence[str]) -> list[str]:
             raise ValueError(f"{PLUGIN}: must be followed by a .py file")
         load_plugin(file)
     for argument in left:
-        for word in argument.partition("=")[2].split(",") if argument.startswith("--") else argument.split(","):
+        for word in (
+            argument.partition("=")[2].split(",")
+            if argument.startswith("--")
+            else argument.split(",")
+        ):
             register_law_of_file(word)
     return left
 
 
 def _bad_usage(error: Any) -> str:
     """One-line message for a wrong option or argument on the command line."""
-    refused, parameter = getattr(error.__cause__, "errors", None), getattr(error, "param", None)
+    refused, parameter = (
+        getattr(error.__cause__, "errors", None),
+        getattr(error, "param", None),
+    )
     if refused is None or parameter is None:
         return str(error.format_message()).rstrip(".")
     first = refused()[0]
@@ -244,12 +333,20 @@ def _bad_usage(error: Any) -> str:
 
 
 def _command() -> str:
-    """Name of the typed command, such as ``skyarm run``, for the message of a usage error."""
+    """Name of the typed command, such as ``skyarm run``, for the message of a usage
+    error.
+    """
     words, rows = sys.argv[1:], registrations("command")
     while words and words[0] not in rows:
         words = words[1:]
-    behind = getattr(sys.modules.get(_module(rows[words[0]])), "SUBCOMMANDS", ()) if words else ()
-    return " ".join(["skyarm", *words[:1], *(word for word in words[1:2] if word in behind)])
+    behind = (
+        getattr(sys.modules.get(_module(rows[words[0]])), "SUBCOMMANDS", ())
+        if words
+        else ()
+    )
+    return " ".join(
+        ["skyarm", *words[:1], *(word for word in words[1:2] if word in behind)]
+    )
 
 
 @contextmanager
@@ -261,7 +358,11 @@ def _lines_for_users() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.filterwarnings("once", message=SLOW)
         # of numbers beyond measure the checks tell
-        warnings.filterwarnings("ignore", "(overflow|invalid value|divide by zero) encountered", RuntimeWarning)
+        warnings.filterwarnings(
+            "ignore",
+            "(overflow|invalid value|divide by zero) encountered",
+            RuntimeWarning,
+        )
         python_shows = warnings.showwarning
 
         def show(message: Warning | str, *where: Any, **more: Any) -> None:
@@ -279,24 +380,40 @@ def _input_error(error: Exception) -> str:
     from skyarm.compile.machine_code import MissingExtraError, NoMachineCodeError
 
     if isinstance(error, OSError) and error.errno is not None:
-        what = "standard output" if error.filename is None else f"file = {shown(os.fspath(error.filename))}"
-        return f"{what}: must be usable ({error.strerror or errno.errorcode.get(error.errno, error.errno)})"
-    told = isinstance(error, (OSError, ValueError, NoMachineCodeError, MissingExtraError)) and is_deliberate(error)
+        what = (
+            "standard output"
+            if error.filename is None
+            else f"file = {shown(os.fspath(error.filename))}"
+        )
+        return (
+            f"{what}: must be usable"
+            f" ({error.strerror or errno.errorcode.get(error.errno, error.errno)})"
+        )
+    told = isinstance(
+        error, (OSError, ValueError, NoMachineCodeError, MissingExtraError)
+    ) and is_deliberate(error)
     return str(error) if told else ""
 
 
 def _our_fault(error: Exception) -> int:
-    """Print an error of skyarm itself on one line, behind its traceback with ``--debug``."""
+    """Print an error of skyarm itself on one line, behind its traceback with
+    ``--debug``.
+    """
     if "--debug" in sys.argv:
         traceback.print_exception(error)
     where = traceback.extract_tb(error.__traceback__)[-1]
     place = f"{Path(where.filename).name}:{where.lineno}"
     what = f"{type(error).__name__} at {place}: {error}"
-    return say(f"an error of skyarm, please report it with the output of --debug: {what}", OUR_FAULT)
+    return say(
+        f"an error of skyarm, please report it with the output of --debug: {what}",
+        OUR_FAULT,
+    )
 
 
 def _in_users_code(error: BaseException) -> str:
-    """One-line message with file and line for an error in user code; empty for any other error."""
+    """One-line message with file and line for an error in user code; empty for any
+    other error.
+    """
     from skyarm.records.files.user_code import own_failure
     from skyarm.records.registry.plugins import loaded_plugins
 

@@ -49,7 +49,8 @@ from skyarm.studies.flights.executor import require_place
 from skyarm.studies.trial.facts import PAPER
 
 MOST = 1_000_000
-"""Largest number of flights of a cell of the comparison; more belong into a sweep, which stores them on disk."""
+"""Largest number of flights of a cell of the comparison; more belong into a sweep,
+which stores them on disk."""
 
 FILE = "a suite of your own"
 
@@ -64,7 +65,8 @@ READ_BY = {
 """Option -> comparisons that read it, for options that not all read."""
 
 PLANTS, SEEDS = 1000, 8
-"""Default number of perturbed plants of the paper's suite, and of noisy flights on the true plant."""
+"""Default number of perturbed plants of the paper's suite, and of noisy flights on the
+true plant."""
 
 
 def compare(
@@ -72,16 +74,28 @@ def compare(
     suite: Annotated[
         str,
         typer.Argument(
-            help="paper-, envelope-, survive-, contact-, team-suite, your suite or a scenario",
+            help=(
+                "paper-, envelope-, survive-, contact-, team-suite, your suite or a"
+                " scenario"
+            ),
             autocompletion=name_completion("suite", "scenario"),
         ),
     ] = SUITE,
-    out: Annotated[str | None, out_option("folder of tables, figure and page; the same command goes on in it")] = None,
+    out: Annotated[
+        str | None,
+        out_option("folder of tables, figure and page; the same command goes on in it"),
+    ] = None,
     laws: Laws = None,
-    only: Annotated[str | None, typer.Option(metavar="NAME,...", help="conditions, axes or tasks, with commas")] = None,
+    only: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,...", help="conditions, axes or tasks, with commas"),
+    ] = None,
     vehicle: Annotated[
         str,
-        typer.Option(help="with an arm; of suites for any vehicle", autocompletion=name_completion("vehicle")),
+        typer.Option(
+            help="with an arm; of suites for any vehicle",
+            autocompletion=name_completion("vehicle"),
+        ),
     ] = PAPER,
     scenario: Annotated[
         str,
@@ -91,18 +105,34 @@ def compare(
         ),
     ] = FLOWN,
     plants: Annotated[
-        int | None, typer.Option(help=f"perturbed plants, {PLANTS} if left out; with contact-suite: worlds, {WORLDS}")
+        int | None,
+        typer.Option(
+            help=(
+                f"perturbed plants, {PLANTS} if left out; with contact-suite: worlds,"
+                f" {WORLDS}"
+            )
+        ),
     ] = None,
-    seeds: Annotated[int, typer.Option(help="noisy flights on the unperturbed plant")] = SEEDS,
+    seeds: Annotated[
+        int, typer.Option(help="noisy flights on the unperturbed plant")
+    ] = SEEDS,
     seed: Annotated[int, typer.Option(help="seed of plants and noise")] = 0,
     quick: Annotated[
         bool,
         typer.Option(
-            "--quick", help=f"two values of each axis, one of each condition, {QUICK} worlds of contact-suite"
+            "--quick",
+            help=(
+                f"two values of each axis, one of each condition, {QUICK} worlds of"
+                " contact-suite"
+            ),
         ),
     ] = False,
     plant: Annotated[
-        str, typer.Option(help="rigid_body or mujoco", autocompletion=word_completion(registered="plant"))
+        str,
+        typer.Option(
+            help="rigid_body or mujoco",
+            autocompletion=word_completion(registered="plant"),
+        ),
     ] = "rigid_body",
     flying: Flying = 0,
     on: On = None,
@@ -115,50 +145,81 @@ def compare(
         require_place(on, "--on")
     count = workers(flying)
     if plant not in registered("plant"):
-        raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
-    kind = suite if suite in SUITES else FILE if kind_of_file(suite) == "suite" else "a scenario"
+        raise ValueError(
+            f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}"
+        )
+    kind = (
+        suite
+        if suite in SUITES
+        else FILE
+        if kind_of_file(suite) == "suite"
+        else "a scenario"
+    )
     _require_effect(context, suite, kind)
     names, options = names_of("--laws", laws), dict[str, Any](seed=seed, plant=plant)
     if suite in (ENVELOPE, SURVIVE):
         word, there = ("axes", AXES) if suite == ENVELOPE else ("conditions", SURVIVED)
-        options |= {word: chosen_names("--only", only, there), "vehicle": vehicle, "quick": quick}
+        options |= {
+            word: chosen_names("--only", only, there),
+            "vehicle": vehicle,
+            "quick": quick,
+        }
         if suite == ENVELOPE and vehicle != PAPER:
             options["laws"] = TUNED_LAWS
     elif suite == CONTACT:
         if quick and plants is not None:
-            raise ValueError(f"--plants: must be left out beside --quick, which flies {QUICK}")
-        options |= {"tasks": chosen_names("--only", only, TASKS), "worlds": plants or (QUICK if quick else WORLDS)}
+            raise ValueError(
+                f"--plants: must be left out beside --quick, which flies {QUICK}"
+            )
+        options |= {
+            "tasks": chosen_names("--only", only, TASKS),
+            "worlds": plants or (QUICK if quick else WORLDS),
+        }
     elif suite == TEAM:
-        options |= {"rows": chosen_names("--only", only, ROWS), "seeds": seeds, "scenario": scenario}
+        options |= {
+            "rows": chosen_names("--only", only, ROWS),
+            "seeds": seeds,
+            "scenario": scenario,
+        }
     elif suite == SUITE:
         flown = conditions_of(plants or PLANTS, seeds)
-        options["conditions"] = {name: flown[name] for name in chosen_names("--only", only, flown)}
+        options["conditions"] = {
+            name: flown[name] for name in chosen_names("--only", only, flown)
+        }
     elif kind == FILE:
         options["only"] = None if only is None else split_names("--only", only)
         if is_given(context, "vehicle"):
             options["vehicle"] = vehicle
-    elif (suite.endswith(".toml") and Path(suite).is_file()) or suite in shipped_names("scenario"):
+    elif (suite.endswith(".toml") and Path(suite).is_file()) or suite in shipped_names(
+        "scenario"
+    ):
         # two names of one law are refused with its plan, where "own" does not count
         law_names([name for name in names if name != OWN])
-        options = {word: value for word, value in options.items() if is_given(context, word)}
+        options = {
+            word: value for word, value in options.items() if is_given(context, word)
+        }
         options |= {"seeds": seeds, "laws": names or USUAL_LAWS}
         names = []
     else:
         missing = "no such file; " if suite.endswith(".toml") else ""
         raise ValueError(
-            f"suite = {shown(suite)}: {missing}must be one of {', '.join(SUITES)}, a suite or scenario of your own "
-            "(.toml), or a shipped scenario"
+            f"suite = {shown(suite)}: {missing}must be one of {', '.join(SUITES)}, a"
+            " suite or scenario of your own (.toml), or a shipped scenario"
         )
     asked = suite_of(suite, names or None, "--laws", **options)
     _fly(asked, Path(out or asked.folder), count, on)
 
 
 def _require_effect(context: typer.Context, suite: str, kind: str) -> None:
-    """Raise an error if the user gave an option that has no effect on this kind of comparison."""
+    """Raise an error if the user gave an option that has no effect on this kind of
+    comparison.
+    """
     for option, readers in READ_BY.items():
         if kind not in readers:
             of = suite if kind in (suite, FILE) else f"scenario {suite}"
-            require_left_out(context, [option], f" for {of}; it is of {' and '.join(readers)}")
+            require_left_out(
+                context, [option], f" for {of}; it is of {' and '.join(readers)}"
+            )
 
 
 def _fly(suite: Suite[Any], folder: Path, count: int, on: str | None) -> None:
@@ -168,14 +229,22 @@ def _fly(suite: Suite[Any], folder: Path, count: int, on: str | None) -> None:
         ValueError, OSError: one line.
     """
     todo, _ = suite.plan_cells()
-    for flights in {each.entrant.name: each for each in todo if loaded_plugins()}.values():
+    for flights in {
+        each.entrant.name: each for each in todo if loaded_plugins()
+    }.values():
         scenario = flights.scenario()
         for name in scenario.agents:
             check_law(scenario.of(name))  # here, that no process has to
     if other := other_report(suite, folder):
-        say(f"note: {folder}: the report of {shown(other)} is going to be replaced; --out names another folder")
+        say(
+            f"note: {folder}: the report of {shown(other)} is going to be replaced;"
+            " --out names another folder"
+        )
     with bar(suite.name, pause=0.0) as advance:
         results = fly_suite(suite, folder, workers=count, on=on, progress=advance)
     report = suite.report(results)
     give(results, folder=folder, title=report.title)
-    tell(report.markdown(), f"{suite.name} in {folder}: report.html, tables.md, {suite.file}.json")
+    tell(
+        report.markdown(),
+        f"{suite.name} in {folder}: report.html, tables.md, {suite.file}.json",
+    )

@@ -15,31 +15,48 @@ from skyarm.log.metrics.accumulate import CONTINUOUS
 from skyarm.log.metrics.score import score
 from skyarm.records.files import number
 from skyarm.records.text_tables import aligned_lines
-from skyarm.scenario.scenario_differences import changed_field_lines, scenario_differences
+from skyarm.scenario.scenario_differences import (
+    changed_field_lines,
+    scenario_differences,
+)
 from skyarm.simulate.check_endings import RUNNING
 from skyarm.simulate.loop import read, replay
 
 SHORT = (
-    *(f"{what}_error_{how}{CONTINUOUS}" for what in ("position", "joint", "ee") for how in ("mean", "max")),
+    *(
+        f"{what}_error_{how}{CONTINUOUS}"
+        for what in ("position", "joint", "ee")
+        for how in ("mean", "max")
+    ),
     *("tilt_max", "rotor_jitter", "rotor_saturation"),
 )
-"""Metrics that a terminal shows side by side: errors against the continuous reference, as in ``skyarm run``."""
+"""Metrics that a terminal shows side by side: errors against the continuous reference,
+as in ``skyarm run``."""
 
 
 def diff(
     flight: Annotated[str, typer.Argument(metavar="LOG", help="the log of a flight")],
     other: Annotated[
         str | None,
-        typer.Argument(metavar="OTHER", help="another log; left out: the flight is flown again and compared"),
+        typer.Argument(
+            metavar="OTHER",
+            help="another log; left out: the flight is flown again and compared",
+        ),
     ] = None,
     tolerance: Annotated[
-        float, typer.Option(help="largest difference that counts as none, in the SI unit of each quantity")
+        float,
+        typer.Option(
+            help=(
+                "largest difference that counts as none, in the SI unit of each"
+                " quantity"
+            )
+        ),
     ] = 0.0,
 ) -> None:
     """Compare two logs, or a log with its flight flown again.
 
-    First divergence in time, largest difference of each quantity, metrics side by side, and fields in which the
-    scenarios differ. Exit code 1 if the logs differ.
+    First divergence in time, largest difference of each quantity, metrics side by side,
+    and fields in which the scenarios differ. Exit code 1 if the logs differ.
     """
     number(tolerance, "--tolerance", low=0.0)
     a = read(flight)
@@ -58,7 +75,9 @@ def diff(
     scenarios = scenario_differences(written_scenario(a.info), written_scenario(b.info))
     give(
         equal=equal,
-        instants=dict(zip(("both", "first", "second"), differences.instants, strict=True)),
+        instants=dict(
+            zip(("both", "first", "second"), differences.instants, strict=True)
+        ),
         status=[log.status for log in logs],
         versions=[log.info.get("versions") for log in logs],
         differences=differences.columns,
@@ -67,12 +86,22 @@ def diff(
         scenario=scenarios,
     )
     laws = [
-        " and ".join({str(own.info.get("controller", "")): None for own in _by_prefix(log).values()}) for log in logs
+        " and ".join(
+            {
+                str(own.info.get("controller", "")): None
+                for own in _by_prefix(log).values()
+            }
+        )
+        for log in logs
     ]
     tell(*difference_lines(differences, labels, tolerance))
     ends = [f"{log.status} at {log.info['end_time']:g} s" for log in logs]
     names = [before + name for before in _by_prefix(a) for name in SHORT]
-    rows = [(name, *(f"{each[name]:.4g}" for each in metrics)) for name in names if all(name in of for of in metrics)]
+    rows = [
+        (name, *(f"{each[name]:.4g}" for each in metrics))
+        for name in names
+        if all(name in of for of in metrics)
+    ]
     tell(*aligned_lines([("", *labels), ("law", *laws), ("ended", *ends), *rows]))
     tell(*changed_field_lines(scenarios, laws))
     _say_versions(a, b)
@@ -81,15 +110,28 @@ def diff(
 
 
 def _by_prefix(log: Log) -> dict[str, Log]:
-    """Log of each vehicle by the beginning of the names of its metrics; empty for the only one."""
-    return {f"{name}_" if len(log.agents) > 1 else "": own for name, own in log.agents.items()}
+    """Log of each vehicle by the beginning of the names of its metrics; empty for the
+    only one.
+    """
+    return {
+        f"{name}_" if len(log.agents) > 1 else "": own
+        for name, own in log.agents.items()
+    }
 
 
 def _metrics(log: Log) -> dict[str, float]:
     """Compute metrics of a log; empty for a log without instants."""
     metrics = ("standard", f"standard{CONTINUOUS}", *SHORT)
-    scores = {before: score(own, metrics) for before, own in _by_prefix(log).items() if log.time.size}
-    return {before + name: value for before, own in scores.items() for name, value in own.items()}
+    scores = {
+        before: score(own, metrics)
+        for before, own in _by_prefix(log).items()
+        if log.time.size
+    }
+    return {
+        before + name: value
+        for before, own in scores.items()
+        for name, value in own.items()
+    }
 
 
 def _say_versions(a: Log, b: Log) -> None:
@@ -97,5 +139,8 @@ def _say_versions(a: Log, b: Log) -> None:
     ours, theirs = (log.info.get("versions") or {} for log in (a, b))
     other = [name for name in {**ours, **theirs} if ours.get(name) != theirs.get(name)]
     if other:
-        words = ", ".join(f"{name} {ours.get(name, 'unknown')} and {theirs.get(name, 'unknown')}" for name in other)
+        words = ", ".join(
+            f"{name} {ours.get(name, 'unknown')} and {theirs.get(name, 'unknown')}"
+            for name in other
+        )
         say(f"note: the logs are of other versions: {words}")

@@ -1,7 +1,7 @@
 """Command ``skyarm doctor``: checks of the installation and the machine code cache.
 
-Code of others (machine code, MuJoCo, OpenGL, JAX) is tried in a process of its own: a library that crashes there is a
-line here.
+Code of others (machine code, MuJoCo, OpenGL, JAX) is tried in a process of its own: a
+library that crashes there is a line here.
 """
 
 from __future__ import annotations
@@ -23,7 +23,14 @@ from skyarm.cli.output import bar, give, tell
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.object_cache import MB, cache_folder, size_limit, unused_reason
 from skyarm.records.files import how_to_install
-from skyarm.records.files.packages import FLOORS, REINSTALL, RIVAL, below_floor, installed_versions, rival_of_mujoco
+from skyarm.records.files.packages import (
+    FLOORS,
+    REINSTALL,
+    RIVAL,
+    below_floor,
+    installed_versions,
+    rival_of_mujoco,
+)
 from skyarm.records.immutable import immutable
 from skyarm.view.pages import table_of
 
@@ -35,7 +42,10 @@ PATIENCE = 90.0
 FOR_DEVELOPERS = ("test", "docs")
 """Extras for developers only."""
 
-MACHINE_CODE = "from skyarm.compile.llvm.kernel import require_machine_code; require_machine_code(); print('LLVM')"
+MACHINE_CODE = (
+    "from skyarm.compile.llvm.kernel import require_machine_code;"
+    " require_machine_code(); print('LLVM')"
+)
 
 MUJOCO = """
 import mujoco, sys
@@ -49,12 +59,19 @@ with offscreen():
     print('a context without a screen')
 """
 
-JAX = "import jax; print(', '.join(f'{d.platform} {d.device_kind}' for d in jax.devices()))"
+JAX = (
+    "import jax; print(', '.join(f'{d.platform} {d.device_kind}' for d in"
+    " jax.devices()))"
+)
 
 TRIALS: dict[str, tuple[str, str, bool]] = {
     "machine code": (MACHINE_CODE, "python -m pip install --upgrade llvmlite", True),
     "MuJoCo": (MUJOCO, REINSTALL, True),
-    "OpenGL for films": (OPENGL, "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri", False),
+    "OpenGL for films": (
+        OPENGL,
+        "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri",
+        False,
+    ),
     "JAX and its devices": (JAX, "", False),
 }
 """Trial -> program, remedy, and whether flights need it."""
@@ -73,13 +90,17 @@ class CheckResult:
 
 def doctor(
     clear: Annotated[
-        bool, typer.Option("--clear", help="remove all entries of the cache of machine code first")
+        bool,
+        typer.Option(
+            "--clear", help="remove all entries of the cache of machine code first"
+        ),
     ] = False,
 ) -> None:
     """Check the installation and the cache of machine code.
 
-    Versions, engines, machine code, OpenGL for films, GPU, extras and the command that adds each; where machine code is
-    cached and how much of it. Exit code: 0 if all that flights need works, 1 if not.
+    Versions, engines, machine code, OpenGL for films, GPU, extras and the command that
+    adds each; where machine code is cached and how much of it. Exit code: 0 if all that
+    flights need works, 1 if not.
     """
     limit = size_limit()
     if clear:
@@ -89,26 +110,58 @@ def doctor(
     with bar("looking"):
         parts = [_cache()] if clear else examine()
     cached = object_cache.contents()
-    cache = {"folder": cache_folder(), "entries": cached.entries, "bytes": cached.size, "most_bytes": limit}
+    cache = {
+        "folder": cache_folder(),
+        "entries": cached.entries,
+        "bytes": cached.size,
+        "most_bytes": limit,
+    }
     give(works=works(parts), parts=[asdict(part) for part in parts], cache=cache)
     remedied = [part for part in parts if part.state != WORKS and part.remedy]
     tell(
-        table_of(("", "", ""), [(part.state, part.name, part.found) for part in parts if part not in remedied], left=3)
+        table_of(
+            ("", "", ""),
+            [
+                (part.state, part.name, part.found)
+                for part in parts
+                if part not in remedied
+            ],
+            left=3,
+        )
     )
     # each command on a line of its own, to be copied
-    tell(*(f"{p.state}: {p.name}, {p.found}\n  " + p.remedy.replace(", python", "\n  python") for p in remedied))
+    tell(
+        *(
+            f"{p.state}: {p.name}, {p.found}\n  "
+            + p.remedy.replace(", python", "\n  python")
+            for p in remedied
+        )
+    )
     if not clear:
-        tell("all that flights need works" if works(parts) else "something that flights need does not work")
+        tell(
+            "all that flights need works"
+            if works(parts)
+            else "something that flights need does not work"
+        )
     if not works(parts):
         raise typer.Exit(DIFFERENT)
 
 
 def examine() -> list[CheckResult]:
-    """Check Python, libraries, extras, machine code cache and engines; returns the results in order of display."""
+    """Check Python, libraries, extras, machine code cache and engines; returns the
+    results in order of display.
+    """
     from skyarm import __version__
 
-    trials = {name: trial for name, trial in TRIALS.items() if trial[0] != JAX or installed_versions(["jax"])}
-    python = f"{platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count() or 1} cores"
+    trials = {
+        name: trial
+        for name, trial in TRIALS.items()
+        if trial[0] != JAX or installed_versions(["jax"])
+    }
+    python = (
+        f"{platform.python_version()} on {platform.system()} {platform.machine()},"
+        f" {os.cpu_count() or 1} cores"
+    )
     with ThreadPoolExecutor() as pool:
         tried = pool.map(lambda name: _try_program(name, *trials[name]), trials)
         return [
@@ -124,14 +177,35 @@ def _libraries() -> list[CheckResult]:
     if rival := rival_of_mujoco(there):
         finding, _, remedy = rival.partition("; ")
         finding = finding.removeprefix(f"{RIVAL} ")
-        parts.append(CheckResult(name=RIVAL, state=BROKEN, found=finding, remedy=remedy, needed=True))
+        parts.append(
+            CheckResult(
+                name=RIVAL, state=BROKEN, found=finding, remedy=remedy, needed=True
+            )
+        )
     for name, floor in FLOORS.items():
         version = there.get(name)
-        state = MISSING if version is None else BROKEN if below_floor({name: version}) else WORKS
+        state = (
+            MISSING
+            if version is None
+            else BROKEN
+            if below_floor({name: version})
+            else WORKS
+        )
         finding, remedy = version or "", ""
         if state != WORKS:
-            finding, remedy = f"{finding}, needs {floor}", f"python -m pip install --upgrade '{name}>={floor}'"
-        parts.append(CheckResult(name=name, state=state, found=finding.removeprefix(", "), remedy=remedy, needed=True))
+            finding, remedy = (
+                f"{finding}, needs {floor}",
+                f"python -m pip install --upgrade '{name}>={floor}'",
+            )
+        parts.append(
+            CheckResult(
+                name=name,
+                state=state,
+                found=finding.removeprefix(", "),
+                remedy=remedy,
+                needed=True,
+            )
+        )
     return parts
 
 
@@ -161,9 +235,13 @@ def _extras() -> list[CheckResult]:
     for name, packages in extras().items():
         there = installed_versions(packages)
         missing = not set(packages) <= set(there)
-        finding = ", ".join(f"{package} {there.get(package, 'is missing')}" for package in packages)
+        finding = ", ".join(
+            f"{package} {there.get(package, 'is missing')}" for package in packages
+        )
         state, remedy = (MISSING, how_to_install(name)) if missing else (WORKS, "")
-        parts.append(CheckResult(name=f"extra {name}", state=state, found=finding, remedy=remedy))
+        parts.append(
+            CheckResult(name=f"extra {name}", state=state, found=finding, remedy=remedy)
+        )
     return parts
 
 
@@ -172,13 +250,21 @@ def _cache() -> CheckResult:
     reason, folder = unused_reason(), cache_folder()
     if reason:
         return CheckResult(
-            name="cache of code", state=BROKEN, found=reason, remedy="set SKYARM_CACHE to a folder of your own"
+            name="cache of code",
+            state=BROKEN,
+            found=reason,
+            remedy="set SKYARM_CACHE to a folder of your own",
         )
     cached = object_cache.contents()
     size = (
-        f"{cached.entries} entries, {cached.size / MB:.1f} MB of at most {size_limit() / MB:g} MB (SKYARM_CACHE_SIZE)"
+        f"{cached.entries} entries, {cached.size / MB:.1f} MB of at most"
+        f" {size_limit() / MB:g} MB (SKYARM_CACHE_SIZE)"
     )
-    return CheckResult(name="cache of code", state=WORKS, found=f"{folder}: {size}; --clear removes them")
+    return CheckResult(
+        name="cache of code",
+        state=WORKS,
+        found=f"{folder}: {size}; --clear removes them",
+    )
 
 
 def _try_program(name: str, program: str, remedy: str, needed: bool) -> CheckResult:
@@ -193,7 +279,8 @@ def _try_program(name: str, program: str, remedy: str, needed: bool) -> CheckRes
             errors="replace",
             timeout=PATIENCE,
             check=False,
-            # this installation is looked at, not what lies in the present folder, which may be gone
+            # this installation is looked at, not what lies in the present folder, which
+            # may be gone
             cwd=sys.prefix,
             env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         )
@@ -202,9 +289,14 @@ def _try_program(name: str, program: str, remedy: str, needed: bool) -> CheckRes
     except OSError as error:
         finding = str(error)
     else:
-        finding = ((done.stderr if done.returncode else done.stdout).strip().splitlines() or ["no words"])[-1]
+        finding = (
+            (done.stderr if done.returncode else done.stdout).strip().splitlines()
+            or ["no words"]
+        )[-1]
         if done.returncode == 0:
             state, remedy = WORKS, ""
         elif done.returncode < 0:
             finding = f"ended by signal {-done.returncode}"
-    return CheckResult(name=name, state=state, found=finding, remedy=remedy, needed=needed)
+    return CheckResult(
+        name=name, state=state, found=finding, remedy=remedy, needed=needed
+    )

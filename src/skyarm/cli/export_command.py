@@ -1,4 +1,6 @@
-"""Command ``skyarm export``: convert a log, write a control law as C, or a vehicle in a format of other programs."""
+"""Command ``skyarm export``: convert a log, write a control law as C, or a vehicle in a
+format of other programs.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,12 @@ import typer
 
 from skyarm import __version__
 from skyarm.algebra import Mat3
-from skyarm.cli.arguments import out_option, require_left_out, shipped_names, word_completion
+from skyarm.cli.arguments import (
+    out_option,
+    require_left_out,
+    shipped_names,
+    word_completion,
+)
 from skyarm.cli.output import bar, give, tell
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.model import Model
@@ -37,7 +44,13 @@ from skyarm.records.path_names import word_of
 from skyarm.records.registry import find, names
 from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import make_named_or_tuned
-from skyarm.scenario.scenario_file import LIBRARY, is_scenario, kind_of_file, load_scenario, scenario_from
+from skyarm.scenario.scenario_file import (
+    LIBRARY,
+    is_scenario,
+    kind_of_file,
+    load_scenario,
+    scenario_from,
+)
 from skyarm.scenario.scenario_record import HIGHEST_RATE, Rates, Scenario, first_state
 from skyarm.sensing.sensor_kinds import ImuReading, mount_rotation, reads
 from skyarm.simulate.command_delay import rotor_and_joint_delays
@@ -47,23 +60,27 @@ from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_tables import RIGID
 
 RATE, SLOWEST = 200.0, 1e-3
-"""Default control rate (Hz) of an exported law, that of scenarios, and lowest plausible one."""
+"""Default control rate (Hz) of an exported law, that of scenarios, and lowest plausible
+one."""
 
 LONGEST_STEP = 0.1
 """Longest plausible step (s) of MuJoCo."""
 
 LATEST = 2.0**31 - 1.0
-"""Latest Unix time (s) of a ROS message, whose seconds are an int32: in January 2038."""
+"""Latest Unix time (s) of a ROS message, whose seconds are an int32: in January
+2038."""
 
 SUFFIXES = {"c": (".c",), "mjcf": (".xml", ".mjcf")}
-"""Format of a law or vehicle -> suffixes of its files, where these are others than its name."""
+"""Format of a law or vehicle -> suffixes of its files, where these are others than its
+name."""
 
 ONE = {"bodies": "body", "joints": "joint", "actuators": "actuator"}
 
 OF_LAWS = ("--rate", "--name", "--float32")
 
 OF_VEHICLES = ("--gravity", "--timestep", "--collisions")
-"""Options that a format of vehicles has if its function takes an argument of that name."""
+"""Options that a format of vehicles has if its function takes an argument of that
+name."""
 
 
 def export(
@@ -83,37 +100,62 @@ def export(
             autocompletion=word_completion("c", registered="log_format vehicle_format"),
         ),
     ] = None,
-    file: Annotated[str | None, out_option("file to write; for a log next to it if left out", metavar="FILE")] = None,
+    file: Annotated[
+        str | None,
+        out_option("file to write; for a log next to it if left out", metavar="FILE"),
+    ] = None,
     vehicle: Annotated[
-        str | None, typer.Option(help="with c: vehicle in the model; of a log of several: which")
+        str | None,
+        typer.Option(help="with c: vehicle in the model; of a log of several: which"),
     ] = None,
     gravity: Annotated[
-        float | None, typer.Option(help="with c, mjcf: m/s^2; left out: the scenario's, or 9.81")
+        float | None,
+        typer.Option(help="with c, mjcf: m/s^2; left out: the scenario's, or 9.81"),
     ] = None,
     rate: Annotated[
-        float | None, typer.Option(help="with c: control rate, Hz; left out: the scenario's, or 200")
+        float | None,
+        typer.Option(help="with c: control rate, Hz; left out: the scenario's, or 200"),
     ] = None,
-    name: Annotated[str | None, typer.Option(help="with c: beginning of the names in the file")] = None,
-    single: Annotated[bool, typer.Option("--float32", help="with c: float in place of double")] = False,
-    timestep: Annotated[float, typer.Option(help="with mjcf: time step of MuJoCo, s")] = 0.001,
+    name: Annotated[
+        str | None, typer.Option(help="with c: beginning of the names in the file")
+    ] = None,
+    single: Annotated[
+        bool, typer.Option("--float32", help="with c: float in place of double")
+    ] = False,
+    timestep: Annotated[
+        float, typer.Option(help="with mjcf: time step of MuJoCo, s")
+    ] = 0.001,
     collisions: Annotated[
-        bool, typer.Option("--collisions", help="with mjcf: the shapes touch the floor and other bodies")
+        bool,
+        typer.Option(
+            "--collisions",
+            help="with mjcf: the shapes touch the floor and other bodies",
+        ),
     ] = False,
     epoch: Annotated[
-        float | None, typer.Option(help="with mcap: Unix time of the start of the flight, s; if left out 0")
+        float | None,
+        typer.Option(
+            help="with mcap: Unix time of the start of the flight, s; if left out 0"
+        ),
     ] = None,
 ) -> None:
     """Write a log, a law as C, or a vehicle as MJCF, URDF or SDF.
 
-    With --to c a preset, a law, LAW_tuned, FILE.py:make, gains or a scenario (its controller) become one C99 file.
-    What a format loses of a vehicle stands in the first lines of its file.
+    With --to c a preset, a law, LAW_tuned, FILE.py:make, gains or a scenario (its
+    controller) become one C99 file. What a format loses of a vehicle stands in the
+    first lines of its file.
     """
     if to != "c" and to not in names("vehicle_format"):
-        require_left_out(context, [*OF_LAWS, *OF_VEHICLES], " of a log; it belongs to --to c or mjcf")
+        require_left_out(
+            context, [*OF_LAWS, *OF_VEHICLES], " of a log; it belongs to --to c or mjcf"
+        )
         with bar(f"{what}: writing"):
             return _log(what, to, file, epoch, vehicle)
     taken = ("--gravity",) if to == "c" else _options_of(to)
-    others = [*(() if to == "c" else ("--vehicle", *OF_LAWS)), *(each for each in OF_VEHICLES if each not in taken)]
+    others = [
+        *(() if to == "c" else ("--vehicle", *OF_LAWS)),
+        *(each for each in OF_VEHICLES if each not in taken),
+    ]
     require_left_out(context, [*others, "--epoch"], f" beside --to {to}")
     if file is None:
         raise ValueError(f"--out: is missing; --to {to} writes a file")
@@ -121,16 +163,30 @@ def export(
     if to != "c":
         step = number(timestep, "--timestep", low=0.0, strict=True)
         if step > LONGEST_STEP:
-            raise ValueError(f"--timestep = {timestep!r}: must be at most {LONGEST_STEP:g} s")
-        return _vehicle(what, to, written, gravity, {"timestep": step, "collisions": collisions})
+            raise ValueError(
+                f"--timestep = {timestep!r}: must be at most {LONGEST_STEP:g} s"
+            )
+        return _vehicle(
+            what, to, written, gravity, {"timestep": step, "collisions": collisions}
+        )
     with bar(f"{what}: writing C"):
         _law(what, written, vehicle, gravity, rate, name, single=single)
 
 
-def _log(flight: str, to: str | None, file: str | None, epoch: float | None, vehicle: str | None) -> None:
+def _log(
+    flight: str,
+    to: str | None,
+    file: str | None,
+    epoch: float | None,
+    vehicle: str | None,
+) -> None:
     formats = names("log_format")
     allowed = (*formats, "c", *names("vehicle_format"))
-    if to is None and (file is None or Path(flight).suffix in (".toml", *RIGID) or flight in list_vehicles()):
+    if to is None and (
+        file is None
+        or Path(flight).suffix in (".toml", *RIGID)
+        or flight in list_vehicles()
+    ):
         raise ValueError(f"--to: is missing; {must_be_one_of(allowed, None)}")
     if to is not None and to not in formats:
         raise ValueError(f"--to = {shown(to)}: {must_be_one_of(allowed, to)}")
@@ -139,7 +195,10 @@ def _log(flight: str, to: str | None, file: str | None, epoch: float | None, veh
     if file is not None:
         require_format(file, "--out")
         if to is not None and Path(file).suffix != f".{to}":
-            raise ValueError(f"--out = {shown(file)}: must end in .{to}, as --to = {shown(to)} is written")
+            raise ValueError(
+                f"--out = {shown(file)}: must end in .{to}, as --to = {shown(to)} is"
+                " written"
+            )
         target = output_file(file, "--out")
     else:
         target = Path(flight).with_suffix(f".{to}")
@@ -147,13 +206,21 @@ def _log(flight: str, to: str | None, file: str | None, epoch: float | None, veh
     log = load_log(flight)
     if vehicle is not None:
         if vehicle not in log.agents:
-            raise ValueError(f"--vehicle = {shown(vehicle)}: {must_be_one_of(log.agents, vehicle)}")
+            raise ValueError(
+                f"--vehicle = {shown(vehicle)}: {must_be_one_of(log.agents, vehicle)}"
+            )
         log = log.agents[vehicle]
     if epoch is not None:
         if target.suffix != ".mcap":
-            raise ValueError(f"--epoch = {epoch!r}: must be left out of {target.suffix}; time stamps are those of mcap")
+            raise ValueError(
+                f"--epoch = {epoch!r}: must be left out of {target.suffix}; time stamps"
+                " are those of mcap"
+            )
         if number(epoch, "--epoch", low=0.0) > LATEST:
-            raise ValueError(f"--epoch = {epoch!r}: must be at most {LATEST:.0f} s, which is in January 2038")
+            raise ValueError(
+                f"--epoch = {epoch!r}: must be at most {LATEST:.0f} s, which is in"
+                " January 2038"
+            )
         log.info[EPOCH] = epoch
     save_log(log, target)
     tell(f"log: {target}")
@@ -161,13 +228,19 @@ def _log(flight: str, to: str | None, file: str | None, epoch: float | None, veh
 
 
 def _options_of(form: str) -> list[str]:
-    """Options of the command that a format of vehicles takes: the arguments of its function."""
+    """Options of the command that a format of vehicles takes: the arguments of its
+    function.
+    """
     arguments = inspect.signature(find("vehicle_format", form)).parameters
     return [each for each in OF_VEHICLES if each.removeprefix("--") in arguments]
 
 
-def _vehicle(what: str, form: str, file: Path, gravity: float | None, chosen: dict[str, object]) -> None:
-    """Export a vehicle, or that of a scenario with its first state, in a registered format."""
+def _vehicle(
+    what: str, form: str, file: Path, gravity: float | None, chosen: dict[str, object]
+) -> None:
+    """Export a vehicle, or that of a scenario with its first state, in a registered
+    format.
+    """
     if is_scenario(what):
         scenario = load_scenario(what).alone("a model of a vehicle")
         vehicle, applied, start = (
@@ -175,24 +248,47 @@ def _vehicle(what: str, form: str, file: Path, gravity: float | None, chosen: di
             float(scenario.agent.plant.gravity),
             first_state(scenario),
         )
-        units = [each for each in scenario.agent.sensors if reads(each.sensor, ImuReading)]
-        mounts = [(each.name, each.sensor.mounted_at, mount_rotation(each.sensor.turned_by)) for each in units]
-        frames = [Frame(name=name, link=BASE, position=p, rotation=R or Mat3.identity()) for name, p, R in mounts]
+        units = [
+            each for each in scenario.agent.sensors if reads(each.sensor, ImuReading)
+        ]
+        mounts = [
+            (each.name, each.sensor.mounted_at, mount_rotation(each.sensor.turned_by))
+            for each in units
+        ]
+        frames = [
+            Frame(name=name, link=BASE, position=p, rotation=R or Mat3.identity())
+            for name, p, R in mounts
+        ]
         vehicle = replace(vehicle, frames=(*vehicle.frames, *frames))
     else:
         vehicle, applied, start, units = load_vehicle(what), 9.81, None, []
     if gravity is not None:
         applied = require_gravity(gravity, "--gravity")
-    chosen |= {"gravity": applied, "start": start, "inertial": [each.name for each in units]}
+    chosen |= {
+        "gravity": applied,
+        "start": start,
+        "inertial": [each.name for each in units],
+    }
     write = find("vehicle_format", form)
     taken = inspect.signature(write).parameters
-    text = write(vehicle, **{name: value for name, value in chosen.items() if name in taken})
+    text = write(
+        vehicle, **{name: value for name, value in chosen.items() if name in taken}
+    )
     require_result(write, text, isinstance(text, str), "the text of the file")
     write_atomically(file, text.encode())
-    counts, actuators = {"bodies": len(vehicle.bodies), "joints": len(vehicle.moving)}, actuator_names(vehicle)
+    counts, actuators = (
+        {
+            "bodies": len(vehicle.bodies),
+            "joints": len(vehicle.moving),
+        },
+        actuator_names(vehicle),
+    )
     give(counts, file=file, vehicle=vehicle.name, actuators=actuators)
     listed = {**counts, "actuators": len(actuators)}.items()
-    tell(f"{file}: {vehicle.name}, {', '.join(f'{n} {ONE[name] if n == 1 else name}' for name, n in listed)}")
+    tell(
+        f"{file}: {vehicle.name},"
+        f" {', '.join(f'{n} {ONE[name] if n == 1 else name}' for name, n in listed)}"
+    )
 
 
 def _law(
@@ -210,33 +306,51 @@ def _law(
 
     asked = None if rate is None else number(rate, "--rate", low=0.0, strict=True)
     if asked is not None and not SLOWEST <= asked <= HIGHEST_RATE:
-        raise ValueError(f"--rate = {rate!r}: must be from {SLOWEST:g} to {HIGHEST_RATE} Hz")
+        raise ValueError(
+            f"--rate = {rate!r}: must be from {SLOWEST:g} to {HIGHEST_RATE} Hz"
+        )
     of_gains = kind_of_file(controller) == "gains"
     notes, estimator, late = list[str](), None, (0, 0)
     if is_named(controller) or of_gains:
         if vehicle is None:
-            raise ValueError(f"--vehicle: is missing; controller {controller!r} must know the vehicle it flies")
+            raise ValueError(
+                f"--vehicle: is missing; controller {controller!r} must know the"
+                " vehicle it flies"
+            )
         model = Model(
-            vehicle=load_vehicle(vehicle), gravity=9.81 if gravity is None else require_gravity(gravity, "--gravity")
+            vehicle=load_vehicle(vehicle),
+            gravity=9.81 if gravity is None else require_gravity(gravity, "--gravity"),
         )
         title = Path(controller).stem if of_gains else law_of_file_name(controller)
         control_rate = asked or RATE
-        with errors_as(ValueError, f"--vehicle = {model.vehicle.name!r}: ", of=AllocationError):
-            chosen = make_named_or_tuned(controller, model, {"control_period": 1.0 / control_rate})
+        with errors_as(
+            ValueError, f"--vehicle = {model.vehicle.name!r}: ", of=AllocationError
+        ):
+            chosen = make_named_or_tuned(
+                controller, model, {"control_period": 1.0 / control_rate}
+            )
     else:
         _require_scenario(controller)
         for option, value in (("--vehicle", vehicle), ("--gravity", gravity)):
             if value is not None:
-                raise ValueError(f"{option} = {value!r}: must be left out, scenario {controller!r} brings its own")
+                raise ValueError(
+                    f"{option} = {value!r}: must be left out, scenario {controller!r}"
+                    " brings its own"
+                )
         planned = load_scenario(controller).alone("the law in C")
         if asked is not None and asked != planned.rates.control:
             with errors_as(ValueError, f"--rate = {rate!r}: "):
-                planned = _at_rate(controller, asked, planned.rates).alone("the law in C")
+                planned = _at_rate(controller, asked, planned.rates).alone(
+                    "the law in C"
+                )
         chosen, title = planned.agent.controller, planned.name
         estimator = planned.agent.placed_estimator.on_board
         late = _late_periods(planned)
         if _changes_in_flight(planned):
-            notes = [f"Law, model and estimator as {controller} begins, without its changes in flight."]
+            notes = [
+                f"Law, model and estimator as {controller} begins, without its changes"
+                " in flight."
+            ]
         control_rate = float(planned.rates.control)
     believed = chosen.par.model.vehicle
     identifier = re.sub(r"[^A-Za-z0-9_]", "_", title)
@@ -245,7 +359,12 @@ def _law(
         name=name or (identifier if identifier[0].isalpha() else f"law_{identifier}"),
         period=1.0 / control_rate,
         single=single,
-        generator=", ".join([f"skyarm {__version__}", *(f"{each} {of}" for each, of in identities().items())]),
+        generator=", ".join(
+            [
+                f"skyarm {__version__}",
+                *(f"{each} {of}" for each, of in identities().items()),
+            ]
+        ),
         estimator=estimator,
         late=late,
         notes=notes,
@@ -264,19 +383,27 @@ def _law(
     )
     tell(
         f"{file}: {exported.name}_step, {chosen.name} for {believed.name}",
-        f"{exported.operations} operations in {precision}, {len(exported.parameters)} parameters",
+        f"{exported.operations} operations in {precision}, {len(exported.parameters)}"
+        " parameters",
         *notes,
     )
 
 
 def _at_rate(name: str, rate: float, own: Rates) -> Scenario:
-    """Scenario read anew with another control rate (Hz), so that law, filter and checks are those of this rate."""
+    """Scenario read anew with another control rate (Hz), so that law, filter and checks
+    are those of this rate.
+    """
     tables, folder = read_named(name, "scenario", LIBRARY)
     step = int(rate) if rate.is_integer() else rate
     stated = tables.get("rates")
     rates = dict(stated) if isinstance(stated, dict) else {}
     # both must fit the control rate; the C file holds nothing of them
-    rates |= {"control": step, "physics": min(math.ceil(own.physics / rate), max(1, int(HIGHEST_RATE / rate))) * step}
+    rates |= {
+        "control": step,
+        "physics": (
+            min(math.ceil(own.physics / rate), max(1, int(HIGHEST_RATE / rate))) * step
+        ),
+    }
     rates |= {"reference": math.gcd(int(step), own.reference)}
     return scenario_from(tables | {"rates": rates}, folder)
 
@@ -288,8 +415,13 @@ def _late_periods(scenario: Scenario) -> tuple[int, int]:
 
 
 def _changes_in_flight(scenario: Scenario) -> bool:
-    """True if law, model or estimator change in flight, by scheduled changes or payloads in the law's model."""
-    changed = any(word_of(each.path).split(".")[0] in ("controller", "model", "estimator") for each in scenario.changes)
+    """True if law, model or estimator change in flight, by scheduled changes or
+    payloads in the law's model.
+    """
+    changed = any(
+        word_of(each.path).split(".")[0] in ("controller", "model", "estimator")
+        for each in scenario.changes
+    )
     return changed or any(each.believed for each in scenario.agent.payloads)
 
 
@@ -298,8 +430,12 @@ def _require_scenario(controller: str) -> None:
         return
     if Path(controller).suffix != ".toml":
         raise ValueError(
-            f"controller = {shown(controller)}: {must_be_named(controller)}, "
-            f"or a scenario ({', '.join(shipped_names('scenario'))}) or a scenario's .toml file"
+            f"controller = {shown(controller)}: {must_be_named(controller)}, or a"
+            f" scenario ({', '.join(shipped_names('scenario'))}) or a scenario's .toml"
+            " file"
         )
     if not Path(controller).is_file():
-        raise ValueError(f"controller = {shown(controller)}: no such file; must be one of a scenario or of gains")
+        raise ValueError(
+            f"controller = {shown(controller)}: no such file; must be one of a scenario"
+            " or of gains"
+        )

@@ -8,7 +8,14 @@ from typing import Annotated, cast, get_args
 
 import typer
 
-from skyarm.cli.arguments import Laws, chosen_names, law_names, out_option, require_left_out, word_completion
+from skyarm.cli.arguments import (
+    Laws,
+    chosen_names,
+    law_names,
+    out_option,
+    require_left_out,
+    word_completion,
+)
 from skyarm.cli.output import bar, give, tell
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
@@ -25,50 +32,95 @@ OF_FILMS = ("--size", "--fine")
 """Options of films without effect on a recording, which has no pixels."""
 
 PARTS = ("ghost", "plot")
-"""Parts of the picture that may be left out: transparent desired pose, and tip error below."""
+"""Parts of the picture that may be left out: transparent desired pose, and tip error
+below."""
 
 
 def film(
     context: typer.Context,
     flights: Annotated[
-        list[str], typer.Argument(metavar="FLIGHT...", help="logs, or scenarios to fly first; then the file, unless -o")
+        list[str],
+        typer.Argument(
+            metavar="FLIGHT...",
+            help="logs, or scenarios to fly first; then the file, unless -o",
+        ),
     ],
     out: Annotated[
-        str | None, out_option("the film's file: .mp4 or .webp; .viser or .html for a 3-D recording", metavar="FILE")
+        str | None,
+        out_option(
+            "the film's file: .mp4 or .webp; .viser or .html for a 3-D recording",
+            metavar="FILE",
+        ),
     ] = None,
     laws: Laws = None,
     label: Annotated[
-        list[str] | None, typer.Option(metavar="TEXT", help="label of a flight; repeat for each flight, in order")
+        list[str] | None,
+        typer.Option(
+            metavar="TEXT", help="label of a flight; repeat for each flight, in order"
+        ),
     ] = None,
-    layout: Annotated[str, typer.Option(help="side: each flight in its own panel; over: all in one panel")] = "side",
+    layout: Annotated[
+        str,
+        typer.Option(help="side: each flight in its own panel; over: all in one panel"),
+    ] = "side",
     camera: Annotated[
-        str, typer.Option(help="follow, fixed or tip", autocompletion=word_completion(*get_args(Camera)))
+        str,
+        typer.Option(
+            help="follow, fixed or tip",
+            autocompletion=word_completion(*get_args(Camera)),
+        ),
     ] = "follow",
     size: Annotated[
-        str | None, typer.Option(metavar="WxH", help="pixels; 1280x720 if left out, 800x450 for .webp")
+        str | None,
+        typer.Option(
+            metavar="WxH", help="pixels; 1280x720 if left out, 800x450 for .webp"
+        ),
     ] = None,
-    fps: Annotated[int | None, typer.Option(help="frames per second; 30 if left out, 15 for .webp")] = None,
-    speed: Annotated[float, typer.Option(help="seconds of flight per second of film")] = 1.0,
+    fps: Annotated[
+        int | None, typer.Option(help="frames per second; 30 if left out, 15 for .webp")
+    ] = None,
+    speed: Annotated[
+        float, typer.Option(help="seconds of flight per second of film")
+    ] = 1.0,
     window: Annotated[
         tuple[float, float] | None,
-        typer.Option(metavar="START STOP", help="the times that are filmed, s; the whole flight if left out"),
+        typer.Option(
+            metavar="START STOP",
+            help="the times that are filmed, s; the whole flight if left out",
+        ),
     ] = None,
     without: Annotated[
         str | None,
-        typer.Option(metavar="PARTS", help="leave out ghost (the desired pose), plot (the tip error), or ghost,plot"),
+        typer.Option(
+            metavar="PARTS",
+            help=(
+                "leave out ghost (the desired pose), plot (the tip error), or"
+                " ghost,plot"
+            ),
+        ),
     ] = None,
-    fine: Annotated[bool, typer.Option("--fine", help="shadows and smooth edges; takes four times as long")] = False,
+    fine: Annotated[
+        bool,
+        typer.Option(
+            "--fine", help="shadows and smooth edges; takes four times as long"
+        ),
+    ] = False,
 ) -> None:
     """Film flights; MP4, WebP, or a 3-D recording.
 
-    A recording is a scene that plays in a browser: NAME.viser, or NAME.html with its player.
+    A recording is a scene that plays in a browser: NAME.viser, or NAME.html with its
+    player.
     """
     *flights, file = [*flights, *([] if out is None else [out])]
     if not flights:
-        raise ValueError("FILE: is missing: must be the film's file, by --out or as the last word")
+        raise ValueError(
+            "FILE: is missing: must be the film's file, by --out or as the last word"
+        )
     path = Path(file)
     if path.suffix.removeprefix(".") in SUFFIXES:
-        require_left_out(context, OF_FILMS, " of a recording, which is drawn where it is looked at")
+        require_left_out(
+            context, OF_FILMS, " of a recording, which is drawn where it is looked at"
+        )
     start, stop = (0.0, None) if window is None else window
     left_out = () if without is None else chosen_names("--without", without, PARTS)
     usual = usual_size_and_rate(path)
@@ -87,7 +139,10 @@ def film(
         fine=fine,
     )
     if file in list_scenarios():
-        raise ValueError(f"FILE = {file!r}: must be the film's file, the last word; this is a scenario")
+        raise ValueError(
+            f"FILE = {file!r}: must be the film's file, the last word; this is a"
+            " scenario"
+        )
     output_file(file, "FILE")
     recorded = require_film_format(path, SUFFIXES) is None
     with taken_back(path.parent):
@@ -96,10 +151,17 @@ def film(
         require_no_input(path, "FILE")
         with bar("recording" if recorded else "filming") as advance:
             written = write_film(
-                logs, path, settings, labels=label, progress=lambda done, total: advance(done, total, "frames")
+                logs,
+                path,
+                settings,
+                labels=label,
+                progress=lambda done, total: advance(done, total, "frames"),
             )
     give(files=[written])
-    tell(f"{'recording' if recorded else 'film'}: {written} ({written.stat().st_size / 1e6:.2f} MB)")
+    tell(
+        f"{'recording' if recorded else 'film'}: {written}"
+        f" ({written.stat().st_size / 1e6:.2f} MB)"
+    )
 
 
 def _require_renderer(*, recorded: bool) -> None:
@@ -113,7 +175,9 @@ def _require_renderer(*, recorded: bool) -> None:
             pass
 
 
-def _logs(flights: Sequence[str], names: Sequence[str], settings: FilmSettings) -> list[Log]:
+def _logs(
+    flights: Sequence[str], names: Sequence[str], settings: FilmSettings
+) -> list[Log]:
     """Load the named logs, and simulate the named scenarios."""
     laws: Sequence[str | None] = names or [None]
     logs = []
@@ -121,7 +185,10 @@ def _logs(flights: Sequence[str], names: Sequence[str], settings: FilmSettings) 
         if _is_flown(name):
             logs += [_fly(name, law, settings.stop) for law in laws]
         elif names:
-            raise ValueError(f"--laws = {names[0]!r}: must be left out, {name!r} is the log of a flight")
+            raise ValueError(
+                f"--laws = {names[0]!r}: must be left out, {name!r} is the log of a"
+                " flight"
+            )
         else:
             logs.append(load_log(name))
     return logs

@@ -1,4 +1,6 @@
-"""Warnings and errors as lines on standard error, without terminal control characters."""
+"""Warnings and errors as lines on standard error, without terminal control
+characters.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +15,9 @@ if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario
 
 WRONG_INPUT, NOT_COMPLETED, DIFFERENT, OUR_FAULT, INTERRUPTED = 2, 3, 1, 70, 130
-"""Exit codes: wrong input; flight that ended early; difference or fault found; an error of skyarm itself
-(EX_SOFTWARE of sysexits.h); Ctrl-C as shells report it (128 and the signal's number)."""
+"""Exit codes: wrong input; flight that ended early; difference or fault found; an error
+of skyarm itself (EX_SOFTWARE of sysexits.h); Ctrl-C as shells report it (128 and the
+signal's number)."""
 
 MOST_WARNINGS = 8
 """Largest number of warnings about one file."""
@@ -32,8 +35,14 @@ RESUMED = ("tune", "compare", "sweep", "reproduce")
 
 
 def say_ended(what: str, code: int) -> int:
-    """Print that the command was ended from outside, and what then becomes of its files; returns the exit code."""
-    again = "; the same command goes on" if any(word in RESUMED for word in sys.argv[1:2]) else ""
+    """Print that the command was ended from outside, and what then becomes of its
+    files; returns the exit code.
+    """
+    again = (
+        "; the same command goes on"
+        if any(word in RESUMED for word in sys.argv[1:2])
+        else ""
+    )
     return say(f"{what}; finished files are whole{again}", code)
 
 
@@ -57,7 +66,12 @@ def say_suspicious(scenario: Scenario) -> None:
     say_unlikely(scenario.name, warnings_before_flight(scenario))
 
 
-def say_warning(message: Warning | str, category: type[Warning], *_where: object, **_more: object) -> None:
+def say_warning(
+    message: Warning | str, category: type[Warning], *_where: object, **_more: object
+) -> None:
     """Print a Python warning on one line, without its source location."""
     _said.add(str(message))
-    say(f"{'warning' if issubclass(category, RuntimeWarning | UserWarning) else category.__name__}: {message}")
+    say(
+        f"{'warning' if issubclass(category, RuntimeWarning | UserWarning) else category.__name__}:"
+        f" {message}"
+    )

@@ -15,22 +15,29 @@ if TYPE_CHECKING:
     from types import FrameType
 
 PATIENCE = 200_000
-"""Number of new objects before the first garbage collection; imported libraries and traced programs are many lasting
-objects."""
+"""Number of new objects before the first garbage collection; imported libraries and
+traced programs are many lasting objects."""
 
 BLAS_THREADS = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
-"""Environment variables of NumPy's linear algebra. Matrices here have at most some hundred rows, where the
-busy-waiting threads of BLAS slow eigenvalues down up to tenfold on shared cores, and never speed them up."""
+"""Environment variables of NumPy's linear algebra. Matrices here have at most some
+hundred rows, where the busy-waiting threads of BLAS slow eigenvalues down up to tenfold
+on shared cores, and never speed them up."""
 
 REPLACEABLE = "llvmlite"
-"""Package that may be missing, old or broken; machine code reports it where needed, and a single flight continues
-without it."""
+"""Package that may be missing, old or broken; machine code reports it where needed, and
+a single flight continues without it."""
 
-WORDS = {"SIGINT": "interrupted", "SIGTERM": "ended (SIGTERM)", "SIGHUP": "ended with its terminal (SIGHUP)"}
+WORDS = {
+    "SIGINT": "interrupted",
+    "SIGTERM": "ended (SIGTERM)",
+    "SIGHUP": "ended with its terminal (SIGHUP)",
+}
 
 
 def main() -> None:
-    """Execute a command and exit: 0 done, 2 wrong input, 3 not completed, 70 our fault, 128 + n ended by signal n."""
+    """Execute a command and exit: 0 done, 2 wrong input, 3 not completed, 70 our fault,
+    128 + n ended by signal n.
+    """
     gc.set_threshold(PATIENCE)
     for name in BLAS_THREADS:  # read when NumPy loads; what the user has set stays
         os.environ.setdefault(name, "1")
@@ -42,11 +49,20 @@ def main() -> None:
         try:
             from skyarm.cli.lines import WRONG_INPUT, say
             from skyarm.records.files.own_sources import begin_command
-            from skyarm.records.files.packages import FLOORS, RIVAL, below_floor, installed_versions, rival_of_mujoco
+            from skyarm.records.files.packages import (
+                FLOORS,
+                RIVAL,
+                below_floor,
+                installed_versions,
+                rival_of_mujoco,
+            )
 
             begin_command()
-            # before the libraries load: an old one may fail as it does, or do nothing and exit with 0
-            there = installed_versions(name for name in (*FLOORS, RIVAL) if name != REPLACEABLE)
+            # before the libraries load: an old one may fail as it does, or do nothing
+            # and exit with 0
+            there = installed_versions(
+                name for name in (*FLOORS, RIVAL) if name != REPLACEABLE
+            )
             short = below_floor(there)
             if sys.argv[1:2] != ["doctor"]:  # which lists it with the rest
                 short = short or rival_of_mujoco(there)
@@ -57,7 +73,8 @@ def main() -> None:
 
                 code = perform()
         except BaseException:
-            # a library that a signal cut off while it loaded may have turned it into an error of its own
+            # a library that a signal cut off while it loaded may have turned it into an
+            # error of its own
             if not came:
                 raise
     if came:
@@ -73,12 +90,15 @@ def main() -> None:
 
 
 class EndedBySignal(BaseException):
-    """Exception raised when a termination signal arrives, not caught by handlers of Exception."""
+    """Exception raised when a termination signal arrives, not caught by handlers of
+    Exception.
+    """
 
 
 @contextmanager
 def endings() -> Iterator[list[signal.Signals]]:
-    """Context manager that turns termination signals into an exception; yields the signals received.
+    """Context manager that turns termination signals into an exception; yields the
+    signals received.
 
     What the caller ignores (``nohup`` ignores HUP) stays ignored.
     """
@@ -89,7 +109,9 @@ def endings() -> Iterator[list[signal.Signals]]:
         raise EndedBySignal
 
     def unraisable(lost: sys.UnraisableHookArgs) -> None:
-        """Hide errors in destructors after a termination signal interrupted a library."""
+        """Hide errors in destructors after a termination signal interrupted a
+        library.
+        """
         if not came:
             dropped(lost)
 
@@ -98,7 +120,11 @@ def endings() -> Iterator[list[signal.Signals]]:
     if threading.current_thread() is threading.main_thread():
         signals = [getattr(signal, name) for name in WORDS if hasattr(signal, name)]
         handlers = zip(signals, map(signal.getsignal, signals), strict=True)
-        usual = {each: handler for each, handler in handlers if handler not in (signal.SIG_IGN, None)}
+        usual = {
+            each: handler
+            for each, handler in handlers
+            if handler not in (signal.SIG_IGN, None)
+        }
         for each in usual:
             signal.signal(each, note)
     try:

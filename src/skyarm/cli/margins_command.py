@@ -1,4 +1,6 @@
-"""Command ``skyarm margins``: eigenvalues and stability margins of the linearised closed loop."""
+"""Command ``skyarm margins``: eigenvalues and stability margins of the linearised
+closed loop.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +9,24 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import Law, Scenario, one_law, out_option, require_not_another, require_within
+from skyarm.cli.arguments import (
+    Law,
+    Scenario,
+    one_law,
+    out_option,
+    require_not_another,
+    require_within,
+)
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
-from skyarm.cli.output import bar, give, plain, plugin_facts, tell, tell_report, write_json
+from skyarm.cli.output import (
+    bar,
+    give,
+    plain,
+    plugin_facts,
+    tell,
+    tell_report,
+    write_json,
+)
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.safety_layer import SafetyParameters
 from skyarm.records.files import output_file, taken_back, write_atomically
@@ -22,25 +39,38 @@ DPI = 150
 MOST_INSTANTS = 10_000
 """Largest number of instants along a flight; each takes about half a second."""
 
-Safety = Annotated[bool, typer.Option("--safety", help="add the safety layer to the law")]
+Safety = Annotated[
+    bool, typer.Option("--safety", help="add the safety layer to the law")
+]
 
 
 def margins(
     scenario: Scenario,
     laws: Law = None,
     instants: Annotated[
-        int, typer.Option(help="number of instants along the flight at which margins are computed, next to hover")
+        int,
+        typer.Option(
+            help=(
+                "number of instants along the flight at which margins are computed,"
+                " next to hover"
+            )
+        ),
     ] = 4,
     safety: Safety = False,
-    file: Annotated[str | None, out_option("JSON file for eigenvalues and margins", metavar="FILE")] = None,
+    file: Annotated[
+        str | None, out_option("JSON file for eigenvalues and margins", metavar="FILE")
+    ] = None,
     page: Annotated[
-        str | None, typer.Option("--html", metavar="PAGE", help="page with Nyquist diagrams (.html)")
+        str | None,
+        typer.Option(
+            "--html", metavar="PAGE", help="page with Nyquist diagrams (.html)"
+        ),
     ] = None,
 ) -> None:
     """Linearise the closed loop: eigenvalues, margins.
 
-    In hover and along the scenario: delay and gain of the actuators, disk margins of every loop, alone and together.
-    Exit code 3 if the flight ended before its time.
+    In hover and along the scenario: delay and gain of the actuators, disk margins of
+    every loop, alone and together. Exit code 3 if the flight ended before its time.
     """
     from skyarm.studies.stability.flight_margins import evidence, hover_loci
     from skyarm.studies.stability.frozen_scenario import without_adaptation
@@ -53,14 +83,19 @@ def margins(
         written = None if file is None else output_file(file, "--out", ".json")
         drawn = None if page is None else output_file(page, "--html", ".html")
         with bar(planned.name) as advance:
-            examined = evidence(frozen, instants, lambda done, total: advance(done, total, "instants"))
+            examined = evidence(
+                frozen, instants, lambda done, total: advance(done, total, "instants")
+            )
     tell_report(margin_lines(examined))
     if frozen is not planned:
         tell("the law's slow adaptation of load and friction is held")
     if examined.left_out:
         tell(f"disturbances are left out: {', '.join(examined.left_out)}")
     if scheduled_changes(planned):
-        tell("changes in flight are left out: these are the margins of the scenario as it begins")
+        tell(
+            "changes in flight are left out: these are the margins of the scenario as"
+            " it begins"
+        )
     if not examined.completed:
         tell("the flight ended before its time: no instants beyond")
     document = {"schema": 1, **plain(examined), **plugin_facts()}
@@ -81,7 +116,8 @@ def margins(
 
 
 def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
-    """Load a scenario for the stability margins, with another controller or the safety layer if requested.
+    """Load a scenario for the stability margins, with another controller or the safety
+    layer if requested.
 
     Raises:
         ValueError: one line.

@@ -15,7 +15,12 @@ import typer
 
 from skyarm.cli.arguments import Force, Out, word_completion
 from skyarm.cli.output import give, tell
-from skyarm.records.files import must_be_one_of, require_writable, shown, write_atomically
+from skyarm.records.files import (
+    must_be_one_of,
+    require_writable,
+    shown,
+    write_atomically,
+)
 from skyarm.records.files.earlier_files import naming
 from skyarm.records.files.names import is_result_name
 from skyarm.records.files.writing import require_new
@@ -30,7 +35,10 @@ KINDS: dict[str, tuple[tuple[str, str], ...]] = {
         ("hover.toml.txt", "NAME_hover.toml"),
         ("vehicle_test.py.txt", "test_NAME.py"),
     ),
-    "scenario": (("scenario.toml.txt", "NAME.toml"), ("scenario_test.py.txt", "test_NAME.py")),
+    "scenario": (
+        ("scenario.toml.txt", "NAME.toml"),
+        ("scenario_test.py.txt", "test_NAME.py"),
+    ),
     "law": (("law.py.txt", "NAME.py"), ("law_test.py.txt", "test_NAME.py")),
     "study": (("study.toml.txt", "NAME.toml"), ("study_test.py.txt", "test_NAME.py")),
 }
@@ -58,56 +66,98 @@ def new(
             autocompletion=word_completion(*KINDS),
         ),
     ],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="name of the files and of what they describe")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME", help="name of the files and of what they describe"
+        ),
+    ],
     source: Annotated[
         str,
         typer.Option(
-            "--from", metavar="FILE", help="vehicle: write the whole vehicle of a .urdf, .xml or other file as TOML"
+            "--from",
+            metavar="FILE",
+            help=(
+                "vehicle: write the whole vehicle of a .urdf, .xml or other file as"
+                " TOML"
+            ),
         ),
     ] = "",
-    tip: Annotated[str, typer.Option(metavar="NAME", help="with --from: link or frame that is the end effector")] = "",
+    tip: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME", help="with --from: link or frame that is the end effector"
+        ),
+    ] = "",
     out: Out = ".",
     force: Force = False,
 ) -> None:
     """Write starter files of a vehicle, scenario, law or study.
 
-    Commented files, which fly as they are, with a test for pytest. Of a vehicle --from FILE numbers that FILE lacks are
-    comments to fill in, and the scenario and the test are written if there is none.
+    Commented files, which fly as they are, with a test for pytest. Of a vehicle --from
+    FILE numbers that FILE lacks are comments to fill in, and the scenario and the test
+    are written if there is none.
     """
     if source and kind != "vehicle":
-        raise ValueError(f"--from = {shown(source)}: must be left out unless KIND is vehicle")
+        raise ValueError(
+            f"--from = {shown(source)}: must be left out unless KIND is vehicle"
+        )
     if tip and not source:
         raise ValueError(f"--tip = {shown(tip)}: must stand beside --from")
     own, flies = own_vehicle_file(source, name, tip) if source else ("", True)
     files = write_starter(kind, name, out, force=force, own=own, flies=flies)
     fails = bool(own and flies) and not assess(files[0], poses=64).flies
     first = FIRST[kind if flies and not fails else "unfinished"]
-    first = shlex.join(word.format(file=Path(out, name), name=name) for word in first.split())
+    first = shlex.join(
+        word.format(file=Path(out, name), name=name) for word in first.split()
+    )
     give(kind=kind, name=name, files=files, next=first)
-    what = "fly it" if flies else "without rotors that are whole it does not fly; what it lacks"
+    what = (
+        "fly it"
+        if flies
+        else "without rotors that are whole it does not fly; what it lacks"
+    )
     what = "the check of the vehicle finds a fault; which one" if fails else what
     tell(f"written: {', '.join(map(str, files))}", f"{what}: {first}")
 
 
 def write_starter(
-    kind: str, name: str, folder: str | Path, *, force: bool = False, own: str = "", flies: bool = True
+    kind: str,
+    name: str,
+    folder: str | Path,
+    *,
+    force: bool = False,
+    own: str = "",
+    flies: bool = True,
 ) -> list[Path]:
-    """Write the starter files of a new vehicle, scenario, law or study into a folder, all or none.
+    """Write the starter files of a new vehicle, scenario, law or study into a folder,
+    all or none.
 
-    Files of these names are replaced only by ``force``. ``own`` is the text of a vehicle in place of the starter's; its
-    scenario and test are written if it flies.
+    Files of these names are replaced only by ``force``. ``own`` is the text of a
+    vehicle in place of the starter's; its scenario and test are written if it flies.
 
     Raises:
-        ValueError: one line: no such kind, no name for files of this kind, or a file that is there already.
+        ValueError: one line: no such kind, no name for files of this kind, or a file
+            that is there already.
         OSError: the folder cannot be written.
     """
     if kind not in KINDS:
         raise ValueError(f"kind = {shown(kind)}: {must_be_one_of(tuple(KINDS), kind)}")
-    allowed = "must be a letter, then up to 59 letters, digits and _, no word of Python's and no device of Windows"
+    allowed = (
+        "must be a letter, then up to 59 letters, digits and _, no word of Python's and"
+        " no device of Windows"
+    )
     if not NAME.fullmatch(name) or keyword.iskeyword(name) or not is_result_name(name):
         raise ValueError(f"name = {shown(name)}: {allowed}")
-    if kind == "law" and (name in sys.stdlib_module_names or name == "conftest" or find_spec(name) is not None):
-        raise ValueError(f"name = {shown(name)}: must not be that of a module: {name}.py would hide it")
+    if kind == "law" and (
+        name in sys.stdlib_module_names
+        or name == "conftest"
+        or find_spec(name) is not None
+    ):
+        raise ValueError(
+            f"name = {shown(name)}: must not be that of a module: {name}.py would"
+            " hide it"
+        )
     starters = resources.files("skyarm.cli") / "starters"
     texts = {Path(folder, f"{name}.toml"): own} if own else {}
     for ships, written in (OWN if flies else ()) if own else KINDS[kind]:

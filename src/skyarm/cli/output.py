@@ -1,7 +1,8 @@
 """Output of all commands: text, tables and progress bars, or one JSON document.
 
-Every command has ``--json``, ``--quiet`` and ``--plugin`` (:func:`with_output_options`) and hands its result to
-:func:`give`. The document's first keys are the same for all commands; docs/command_line.md lists the others.
+Every command has ``--json``, ``--quiet`` and ``--plugin`` (:func:`with_output_options`)
+and hands its result to :func:`give`. The document's first keys are the same for all
+commands; docs/command_line.md lists the others.
 """
 
 from __future__ import annotations
@@ -51,22 +52,30 @@ STYLES = {"ok": "green", "note": "dim", "warning": "yellow", "fault": "bold red"
 
 
 class Terminal(Console):
-    """Rich console that prints names from files as plain text, without markup or control characters.
+    """Rich console that prints names from files as plain text, without markup or
+    control characters.
 
-    Every text is printed with its control characters written out, at the last place before styles and the terminal's
-    own commands are added, so that no command can forget it.
+    Every text is printed with its control characters written out, at the last place
+    before styles and the terminal's own commands are added, so that no command can
+    forget it.
     """
 
-    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
         """Render text with control characters written out."""
         for segment in super().render(renderable, options):
             if segment.control or segment.text.isprintable():
                 yield segment
             else:
-                yield Segment("\n".join(map(printable, segment.text.split("\n"))), segment.style)
+                yield Segment(
+                    "\n".join(map(printable, segment.text.split("\n"))), segment.style
+                )
 
     def out(self, *objects: Any, **options: Any) -> None:
-        """Raise an error, since this method would bypass the removal of control characters."""
+        """Raise an error, since this method would bypass the removal of control
+        characters.
+        """
         raise NotImplementedError("Terminal.out() writes past render(); use print()")
 
 
@@ -76,7 +85,9 @@ console = Terminal(**PLAIN)
 
 
 def tell(*lines: Line | RenderableType, screen: Console | None = None) -> None:
-    """Print lines (never wrapped) and tables, to standard output or to the given console."""
+    """Print lines (never wrapped) and tables, to standard output or to the given
+    console.
+    """
     for line in lines:
         drawn = _drawn(line)
         (screen or console).print(drawn, soft_wrap=isinstance(drawn, (str, Text)))
@@ -85,21 +96,44 @@ def tell(*lines: Line | RenderableType, screen: Console | None = None) -> None:
 def _drawn(line: Line | RenderableType) -> RenderableType:
     """Convert a line or table of a report to a Rich object."""
     if isinstance(line, Mark):
-        return Text(printable(line.text), style="bold" if line.strong else STYLES.get(line.title, ""))
+        return Text(
+            printable(line.text),
+            style="bold" if line.strong else STYLES.get(line.title, ""),
+        )
     if not isinstance(line, pages.Table):
         return line
     tables = []
     for part in _in_parts(line):
         names = [name.removeprefix(">") for name in part.head]
-        tables.append(table := Table(box=None, pad_edge=False, show_header=any(names), header_style="dim"))
+        tables.append(
+            table := Table(
+                box=None, pad_edge=False, show_header=any(names), header_style="dim"
+            )
+        )
         # names stay whole where they leave room for values
-        whole = max((len(str(row[0])) for row in part.rows), default=0) <= console.width - ROOM
+        whole = (
+            max((len(str(row[0])) for row in part.rows), default=0)
+            <= console.width - ROOM
+        )
         for name, head in zip(names, part.head, strict=True):
             text, kept = Text(name, overflow="fold"), whole and not table.columns
-            table.add_column(text, justify="left" if name == head else "right", no_wrap=kept)
+            table.add_column(
+                text, justify="left" if name == head else "right", no_wrap=kept
+            )
         for row in part.rows:  # rich would read [s] in a cell as markup
-            table.add_row(*(Text(printable(c), overflow="fold") if isinstance(c, str) else _drawn(c) for c in row))
-    return Group(*([_drawn(pages.heading(line.caption))] if line.caption else []), *tables)
+            table.add_row(
+                *(
+                    (
+                        Text(printable(c), overflow="fold")
+                        if isinstance(c, str)
+                        else _drawn(c)
+                    )
+                    for c in row
+                )
+            )
+    return Group(
+        *([_drawn(pages.heading(line.caption))] if line.caption else []), *tables
+    )
 
 
 ROOM = 24
@@ -110,13 +144,20 @@ WIDE = 4
 
 
 def _in_parts(table: pages.Table) -> list[pages.Table]:
-    """The table itself; or, where the words of its heads do not fit, its columns as rows, a few rows beside each other.
+    """The table itself; or, where the words of its heads do not fit, its columns as
+    rows, a few rows beside each other.
 
     A table with a row that alone is too wide stays as it is.
     """
     words = [max(len(word) for word in (*name.split(), "")) for name in table.head]
-    cells = [max((len(str(row[i])) for row in table.rows), default=0) for i in range(len(words))]
-    if len(words) < WIDE or sum(map(max, words, cells)) + 2 * len(words) <= console.width:
+    cells = [
+        max((len(str(row[i])) for row in table.rows), default=0)
+        for i in range(len(words))
+    ]
+    if (
+        len(words) < WIDE
+        or sum(map(max, words, cells)) + 2 * len(words) <= console.width
+    ):
         return [table]
     first = max(map(len, table.head))
     parts, used = list[list[Sequence[Any]]](), console.width
@@ -131,7 +172,10 @@ def _in_parts(table: pages.Table) -> list[pages.Table]:
         used += width
     names = [name.removeprefix(">") for name in table.head]
     turned = [[*zip(names, *rows, strict=True)] for rows in parts]
-    return [pages.Table(head=["", *(f">{name}" for name in head[1:])], rows=rows) for head, *rows in turned]
+    return [
+        pages.Table(head=["", *(f">{name}" for name in head[1:])], rows=rows)
+        for head, *rows in turned
+    ]
 
 
 def tell_report(lines: Sequence[str]) -> None:
@@ -142,7 +186,9 @@ def tell_report(lines: Sequence[str]) -> None:
 
 @dataclass
 class _Asked:
-    """Output options of the running command (JSON, quiet), and the results collected so far."""
+    """Output options of the running command (JSON, quiet), and the results collected so
+    far.
+    """
 
     as_json: bool = False
     quiet: bool = False
@@ -159,7 +205,9 @@ def give(result: Facts | None = None, **more: Any) -> None:
 
 
 def plugin_facts() -> Facts:
-    """Digests of loaded plugins and law files for a JSON document; empty without any."""
+    """Digests of loaded plugins and law files for a JSON document; empty without
+    any.
+    """
     return {"plugins": identities()} if identities() else {}
 
 
@@ -169,13 +217,16 @@ def is_document_wanted() -> bool:
 
 
 def say_cause(line: str) -> None:
-    """Print the cause of a failure to standard error if ``--quiet`` suppresses standard output."""
+    """Print the cause of a failure to standard error if ``--quiet`` suppresses standard
+    output.
+    """
     if _asked.get(_Asked()).quiet:
         say(line)
 
 
 Command = Callable[..., float | None]
-"""Function of a command: its parameters are the options, its result an exit code or None."""
+"""Function of a command: its parameters are the options, its result an exit code or
+None."""
 
 
 def with_output_options(name: str, function: Command) -> Command:
@@ -183,7 +234,9 @@ def with_output_options(name: str, function: Command) -> Command:
     signature = inspect.signature(function, eval_str=True)
     own = list(signature.parameters.values())
     added = [
-        inspect.Parameter(parameter, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option)
+        inspect.Parameter(
+            parameter, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option
+        )
         for parameter, option in EVERY.items()
         if parameter not in signature.parameters
     ]
@@ -191,7 +244,9 @@ def with_output_options(name: str, function: Command) -> Command:
     @functools.wraps(function)
     def perform(*arguments: Any, **options: Any) -> float | None:
         asked = {each.name: bool(options.pop(each.name, False)) for each in added}
-        with _output(name, _Asked(asked.get("as_json", False), asked.get("quiet", False))):
+        with _output(
+            name, _Asked(asked.get("as_json", False), asked.get("quiet", False))
+        ):
             code = function(*arguments, **options)
             fine = isinstance(code, Integral | float | None) and (code or 0) % 1 == 0
             return require_result(function, code, fine, "an exit code, or None")
@@ -203,7 +258,9 @@ def with_output_options(name: str, function: Command) -> Command:
 
 @contextmanager
 def _output(name: str, asked: _Asked) -> Iterator[None]:
-    """Context manager of a running command: discards text and prints the JSON document if requested."""
+    """Context manager of a running command: discards text and prints the JSON document
+    if requested.
+    """
     before = _asked.set(asked)
     try:
         if not (asked.as_json or asked.quiet):
@@ -221,7 +278,15 @@ def _output(name: str, asked: _Asked) -> Iterator[None]:
 
             head = {"schema": SCHEMA, "command": name, "skyarm": __version__}
             # ASCII: names from files stay text on whatever reads it
-            sys.stdout.write(json_text({**(asked.result or {"lines": words.getvalue().splitlines()}), **head}, head))
+            sys.stdout.write(
+                json_text(
+                    {
+                        **(asked.result or {"lines": words.getvalue().splitlines()}),
+                        **head,
+                    },
+                    head,
+                )
+            )
             sys.stdout.flush()
         if ended is not None:
             raise ended
@@ -231,7 +296,12 @@ def _output(name: str, asked: _Asked) -> Iterator[None]:
 
 def json_text(document: Facts, first: Iterable[str] = ()) -> str:
     """Format a document as strict JSON text, with some keys first."""
-    return json.dumps(plain({**dict.fromkeys(first), **document}), indent=1, allow_nan=False) + "\n"
+    return (
+        json.dumps(
+            plain({**dict.fromkeys(first), **document}), indent=1, allow_nan=False
+        )
+        + "\n"
+    )
 
 
 def write_json(file: Path, document: Facts) -> Path:
@@ -240,7 +310,9 @@ def write_json(file: Path, document: Facts) -> Path:
 
 
 def plain(value: Any) -> Any:
-    """Convert dataclasses, arrays and paths to values that JSON can hold; non-finite numbers become None."""
+    """Convert dataclasses, arrays and paths to values that JSON can hold; non-finite
+    numbers become None.
+    """
     if is_dataclass(value) and not isinstance(value, type):
         return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
     if isinstance(value, complex):
@@ -258,11 +330,12 @@ def plain(value: Any) -> Any:
 
 @contextmanager
 def bar(title: str, pause: float = PAUSE) -> Iterator[Advance]:
-    """Context manager with a progress bar; yields the function (done, total, last) that updates it.
+    """Context manager with a progress bar; yields the function (done, total, last) that
+    updates it.
 
-    A bar where the console writes, or on standard error where only that is a terminal. Without a terminal a plain line
-    on standard error, at most one in ``pause`` s, so that a log file shows that something goes on. Nothing with
-    ``--quiet``.
+    A bar where the console writes, or on standard error where only that is a terminal.
+    Without a terminal a plain line on standard error, at most one in ``pause`` s, so
+    that a log file shows that something goes on. Nothing with ``--quiet``.
     """
     if _asked.get(_Asked()).quiet:
         yield lambda *_, **_more: None
@@ -280,7 +353,11 @@ def bar(title: str, pause: float = PAUSE) -> Iterator[Advance]:
             now = time.monotonic()
             if now - printed[0] >= pause:
                 printed[0] = now
-                say(f"{title}: {done} of {total} {last}" if total else f"{title}: {last}")
+                say(
+                    f"{title}: {done} of {total} {last}"
+                    if total
+                    else f"{title}: {last}"
+                )
 
         try:
             yield line

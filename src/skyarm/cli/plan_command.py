@@ -19,22 +19,39 @@ from skyarm.records.files.toml import Entry
 def plan(
     task: Annotated[
         str,
-        typer.Argument(help="a task's file (.toml) or a shipped task", autocompletion=name_completion("task")),
+        typer.Argument(
+            help="a task's file (.toml) or a shipped task",
+            autocompletion=name_completion("task"),
+        ),
     ],
-    out: Annotated[str, out_option("file of the plan (.npz)", metavar="FILE")] = "plan.npz",
+    out: Annotated[
+        str, out_option("file of the plan (.npz)", metavar="FILE")
+    ] = "plan.npz",
     scenario: Annotated[
-        str | None, typer.Option("--scenario", metavar="FILE", help="scenario that flies the plan (.toml)")
+        str | None,
+        typer.Option(
+            "--scenario", metavar="FILE", help="scenario that flies the plan (.toml)"
+        ),
     ] = None,
     report: Annotated[
-        str | None, typer.Option("--report", metavar="PAGE", help="page with the motion and its limits (.html)")
+        str | None,
+        typer.Option(
+            "--report",
+            metavar="PAGE",
+            help="page with the motion and its limits (.html)",
+        ),
     ] = None,
-    seconds: Annotated[float, typer.Option(help="emergency end: without a plan by then there is none, s")] = 600.0,
+    seconds: Annotated[
+        float,
+        typer.Option(help="emergency end: without a plan by then there is none, s"),
+    ] = 600.0,
     force: Force = False,
 ) -> None:
     """Plan a flight of base and arm from a task.
 
-    Phases with goals for tip, base and joints, obstacles and limits; the result flies as a reference.
-    Exit code 3 if no plan within the limits was found, 1 if the check of its scenario finds a fault.
+    Phases with goals for tip, base and joints, obstacles and limits; the result flies
+    as a reference. Exit code 3 if no plan within the limits was found, 1 if the check
+    of its scenario finds a fault.
     """
     from skyarm.planning.plan_file import plan_bytes
     from skyarm.planning.plan_report import flight_document, summary, summary_lines
@@ -49,14 +66,23 @@ def plan(
     loaded = load_task(task)
     if scenario is not None:
         require_grippers(loaded)
-    files = [(out, "--out", ".npz"), (scenario, "--scenario", ".toml"), (report, "--report", ".html")]
+    files = [
+        (out, "--out", ".npz"),
+        (scenario, "--scenario", ".toml"),
+        (report, "--report", ".html"),
+    ]
     with taken_back(*(Path(each).parent for each, _, _ in files if each)):
         file, flight, page = (
-            None if each is None else output_file(each, name, suffix, force=force) for each, name, suffix in files
+            None if each is None else output_file(each, name, suffix, force=force)
+            for each, name, suffix in files
         )
         try:
             with bar(f"{loaded.name}: planning") as advance:
-                found = solve(loaded, seconds=seconds, on_progress=lambda line: advance(0, 0, line))
+                found = solve(
+                    loaded,
+                    seconds=seconds,
+                    on_progress=lambda line: advance(0, 0, line),
+                )
         except PlanError as error:
             tell(str(error))
             say_cause(str(error))
@@ -74,14 +100,22 @@ def plan(
             tell(f"page: {page}")
         if flight is not None:
             beside = Path(os.path.relpath(file, flight.parent))
-            document = flight_document(found, beside, vehicle_of_file(task, flight.parent))
+            document = flight_document(
+                found, beside, vehicle_of_file(task, flight.parent)
+            )
             faults = _faults(document, flight.parent)
             give(faults=faults)
             if faults:
-                tell(*faults, f"no scenario: skyarm check finds what cannot be flown; {flight} is not written")
+                tell(
+                    *faults,
+                    f"no scenario: skyarm check finds what cannot be flown; {flight} is"
+                    " not written",
+                )
                 raise typer.Exit(DIFFERENT)
             write_atomically(flight, scenario_text(document).encode())
-            tell(f"scenario: {flight}; fly it by: skyarm run {shlex.quote(str(flight))}")
+            tell(
+                f"scenario: {flight}; fly it by: skyarm run {shlex.quote(str(flight))}"
+            )
 
 
 def _faults(document: dict[str, Entry], folder: Path) -> list[str]:
@@ -91,4 +125,8 @@ def _faults(document: dict[str, Entry], folder: Path) -> list[str]:
     from skyarm.studies.assess.finding import FAULT
 
     found = check(scenario_from(document, folder))
-    return [f"fault: {each.question}: {each.text}" for each in found.every if each.level == FAULT]
+    return [
+        f"fault: {each.question}: {each.text}"
+        for each in found.every
+        if each.level == FAULT
+    ]

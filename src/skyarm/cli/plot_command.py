@@ -23,52 +23,83 @@ from skyarm.view.figures.flight_plot import plot as draw
 def plot(
     flights: Annotated[
         list[str],
-        typer.Argument(metavar="FLIGHT...", help="logs, with a label as NAME=FILE; or the folder of one sweep"),
+        typer.Argument(
+            metavar="FLIGHT...",
+            help="logs, with a label as NAME=FILE; or the folder of one sweep",
+        ),
     ],
-    file: Annotated[str, out_option("the picture to write: .png, .svg or .pdf", metavar="FILE")],
+    file: Annotated[
+        str, out_option("the picture to write: .png, .svg or .pdf", metavar="FILE")
+    ],
     kind: Annotated[
         str | None,
         typer.Option(
-            help="with flights: tracking, attitude, tip, contact, efforts, rotors, parts, team, path or all; "
-            "all if left out",
+            help=(
+                "with flights: tracking, attitude, tip, contact, efforts, rotors,"
+                " parts, team, path or all; "
+                "all if left out"
+            ),
             autocompletion=word_completion(*KINDS, ALL, PATH),
         ),
     ] = None,
     window: Annotated[
         tuple[float, float] | None,
         typer.Option(
-            metavar="START STOP", help="with flights: the times that are drawn, s; the whole flight if left out"
+            metavar="START STOP",
+            help=(
+                "with flights: the times that are drawn, s; the whole flight if"
+                " left out"
+            ),
         ),
     ] = None,
     metric: Annotated[
-        list[str] | None, typer.Option(metavar="METRIC", help="with a sweep: the metric that is drawn; repeat")
+        list[str] | None,
+        typer.Option(
+            metavar="METRIC", help="with a sweep: the metric that is drawn; repeat"
+        ),
     ] = None,
     over: Annotated[
         str | None,
         typer.Option(
-            metavar="NUMBER", help="with a sweep: the horizontal axis, a varied number or an expression of them"
+            metavar="NUMBER",
+            help=(
+                "with a sweep: the horizontal axis, a varied number or an expression of"
+                " them"
+            ),
         ),
     ] = None,
 ) -> None:
     """Draw flights, or curves of a sweep's metrics.
 
-    Of a sweep the median and a band of 5 to 95 % over all else that varies. An expression has + - * / ( ) and sqrt, as
-    in --over "length = sqrt(a * a + b * b)".
+    Of a sweep the median and a band of 5 to 95 % over all else that varies. An
+    expression has + - * / ( ) and sqrt, as in --over "length = sqrt(a * a + b * b)".
     """
     folders = [name for name in flights if name and Path(name).is_dir()]
     if folders and len(flights) > 1:
-        raise ValueError(f"folder = {shown(folders[0])}: must stand alone; a picture is of one sweep, or of flights")
+        raise ValueError(
+            f"folder = {shown(folders[0])}: must stand alone; a picture is of one"
+            " sweep, or of flights"
+        )
     of_sweeps = {"--metric": metric, "--over": over}
-    for option, value in ({"--kind": kind, "--window": window} if folders else of_sweeps).items():
+    for option, value in (
+        {"--kind": kind, "--window": window} if folders else of_sweeps
+    ).items():
         if value is not None:
-            where = "logs of flights, and this is a folder" if folders else "a folder that 'skyarm sweep' wrote"
+            where = (
+                "logs of flights, and this is a folder"
+                if folders
+                else "a folder that 'skyarm sweep' wrote"
+            )
             raise ValueError(f"{option} = {shown(value)}: must come with {where}")
     if not folders:
         logs, target = _logs_by_label(flights), picture_file(file, "--out")
         draw(logs, target, kind=ALL if kind is None else kind, window=window)
     elif not metric or not over:
         missing = "--over" if metric else "--metric"
-        raise ValueError(f"{missing}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")
+        raise ValueError(
+            f"{missing}: is missing; a picture of a sweep needs --metric NAME and"
+            " --over NUMBER"
+        )
     else:
         from skyarm.studies.sweep.sweep_figures import plot_sweep
 
@@ -83,13 +114,18 @@ def _logs_by_label(names: Sequence[str]) -> dict[str, Log]:
     given = []
     for name in names:
         label, equals, path = name.partition("=")
-        given.append((label.strip(), path) if equals and not Path(name).exists() else ("", name))
+        given.append(
+            (label.strip(), path) if equals and not Path(name).exists() else ("", name)
+        )
     logs = [_log(path) for _, path in given]
     usual = flight_labels(logs, [path for _, path in given])
     labels = [label or other for (label, _), other in zip(given, usual, strict=True)]
     for i, label in enumerate(labels):
         if label in labels[:i]:
-            raise ValueError(f"flight = {shown(names[i])}: must have another name than a flight before it")
+            raise ValueError(
+                f"flight = {shown(names[i])}: must have another name than a flight"
+                " before it"
+            )
     return dict(zip(labels, logs, strict=True))
 
 

@@ -58,39 +58,66 @@ def run(
     plant: Annotated[
         str | None,
         typer.Option(
-            help="rigid_body or mujoco, in place of the file's", autocompletion=word_completion(registered="plant")
+            help="rigid_body or mujoco, in place of the file's",
+            autocompletion=word_completion(registered="plant"),
         ),
     ] = None,
     laws: Laws = None,
     autopilot: Annotated[
         str | None,
         typer.Option(
-            help="autopilot of the base: px4, px4:instance=3; px4:outside for 'skyarm fly'",
+            help=(
+                "autopilot of the base: px4, px4:instance=3; px4:outside for 'skyarm"
+                " fly'"
+            ),
             autocompletion=name_completion("autopilot"),
         ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="seed of the noise, in place of the file's")] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="seed of the noise, in place of the file's")
+    ] = None,
     duration: Duration = None,
     force: Annotated[
-        bool, typer.Option("--force", help="replace an earlier log; without it, the earlier log gets a number")
+        bool,
+        typer.Option(
+            "--force",
+            help="replace an earlier log; without it, the earlier log gets a number",
+        ),
     ] = False,
     logs: Annotated[
         list[str] | None,
         typer.Option(
-            "--log", metavar="FILE", help="file of the log, in place of --out; its suffix chooses the format; repeat"
+            "--log",
+            metavar="FILE",
+            help=(
+                "file of the log, in place of --out; its suffix chooses the format;"
+                " repeat"
+            ),
         ),
     ] = None,
     picture: Annotated[
-        str | None, typer.Option("--plot", metavar="FILE", help="draw the flight into this file (.png, .svg or .pdf)")
+        str | None,
+        typer.Option(
+            "--plot",
+            metavar="FILE",
+            help="draw the flight into this file (.png, .svg or .pdf)",
+        ),
     ] = None,
     ros: Annotated[
-        int | None, typer.Option(metavar="2", help="publish topics of ROS 2 and take commands, at real time")
+        int | None,
+        typer.Option(
+            metavar="2", help="publish topics of ROS 2 and take commands, at real time"
+        ),
     ] = None,
-    pace: Annotated[float, typer.Option(help="with --ros: flight over wall time; 0: as fast as possible")] = 1.0,
+    pace: Annotated[
+        float,
+        typer.Option(help="with --ros: flight over wall time; 0: as fast as possible"),
+    ] = 1.0,
 ) -> None:
     """Fly a scenario; write its log (npz, CSV, MCAP).
 
-    The log is OUT/NAME.npz and .csv, or --log's; earlier ones are kept. Exit code 3: ended early.
+    The log is OUT/NAME.npz and .csv, or --log's; earlier ones are kept. Exit code 3:
+    ended early.
     """
     if logs:
         require_left_out(context, ["--out"], " beside --log, whose files say where")
@@ -100,23 +127,41 @@ def run(
     names = law_names(laws)
     require_different(names, "--laws")
     if len(names) > 1:
-        require_left_out(context, ["--log", "--ros"], " with several laws, whose logs are OUT/NAME_LAW")
+        require_left_out(
+            context,
+            ["--log", "--ros"],
+            " with several laws, whose logs are OUT/NAME_LAW",
+        )
     if autopilot is None:
-        load = partial(load_scenario, scenario, plant=plant, seed=seed, duration=duration)
+        load = partial(
+            load_scenario, scenario, plant=plant, seed=seed, duration=duration
+        )
         flights = [load(controller=name) for name in names or (None,)]
     else:
         law = ",".join(names) or None
-        flights = [load_under_autopilot(scenario, autopilot, law, plant=plant, seed=seed, duration=duration)]
+        flights = [
+            load_under_autopilot(
+                scenario, autopilot, law, plant=plant, seed=seed, duration=duration
+            )
+        ]
     files = [log_files(logs)] if logs else _files_by_law(Path(out), flights, names)
     drawn = None if picture is None else picture_file(picture, "--plot")
     flown = list[tuple[Log, Facts, BaseException | None]]()
     for planned, own in zip(flights, files, strict=True):
         hint = outside_command(scenario, planned)
-        flown.append(_fly_one(planned, own, None if logs else out, ros, pace, hint, force=force))
+        flown.append(
+            _fly_one(planned, own, None if logs else out, ros, pace, hint, force=force)
+        )
         if flown[-1][2] is not None:
             break
     documents = [each | {"picture": drawn} for _, each, _ in flown]
-    tell(*_picture_of([log for log, *_ in flown], [file for each in documents for file in each["logs"]], drawn))
+    tell(
+        *_picture_of(
+            [log for log, *_ in flown],
+            [file for each in documents for file in each["logs"]],
+            drawn,
+        )
+    )
     give(documents[0] if len(names) < 2 else {"flights": documents})
     for log, each, interrupted in flown:
         if interrupted is not None:
@@ -127,8 +172,12 @@ def run(
         raise typer.Exit(NOT_COMPLETED)
 
 
-def _picture_of(flown: Sequence[Log], files: Sequence[Path], drawn: str | Path | None) -> list[str]:
-    """Draw flights into a picture; returns the line that names it, or the command that would draw their logs."""
+def _picture_of(
+    flown: Sequence[Log], files: Sequence[Path], drawn: str | Path | None
+) -> list[str]:
+    """Draw flights into a picture; returns the line that names it, or the command that
+    would draw their logs.
+    """
     if drawn is not None:
         from skyarm.view.figures.flight_plot import plot
 
@@ -137,22 +186,44 @@ def _picture_of(flown: Sequence[Log], files: Sequence[Path], drawn: str | Path |
     whole = [file for file in files if file.suffix == ".npz"]
     if not whole:
         return []
-    return [f"picture: skyarm plot {shlex.join(map(str, whole))} -o {shlex.quote(str(whole[0].with_suffix('.png')))}"]
+    return [
+        f"picture: skyarm plot {shlex.join(map(str, whole))} -o"
+        f" {shlex.quote(str(whole[0].with_suffix('.png')))}"
+    ]
 
 
-def _files_by_law(folder: Path, flights: Sequence[Scenario], names: Sequence[str]) -> list[list[Path]]:
-    """Log files of each flight, named after the scenario and, for several laws, the law."""
+def _files_by_law(
+    folder: Path, flights: Sequence[Scenario], names: Sequence[str]
+) -> list[list[Path]]:
+    """Log files of each flight, named after the scenario and, for several laws, the
+    law.
+    """
     stems = [flights[0].name]
     if len(names) > 1:
-        shorts = [Path(name).stem if is_gains_file(name) else law_of_file_name(name) for name in names]
+        shorts = [
+            Path(name).stem if is_gains_file(name) else law_of_file_name(name)
+            for name in names
+        ]
         laws = [re.sub(r"\W+", "_", short) for short in shorts]
         # two files of gains may have one name
-        stems = [f"{stems[0]}_{law}" + (f"_{i}" if laws.count(law) > 1 else "") for i, law in enumerate(laws)]
-    return [[folder / f"{stem}{suffix}" for suffix in (".npz", ".csv")] for stem in stems]
+        stems = [
+            f"{stems[0]}_{law}" + (f"_{i}" if laws.count(law) > 1 else "")
+            for i, law in enumerate(laws)
+        ]
+    return [
+        [folder / f"{stem}{suffix}" for suffix in (".npz", ".csv")] for stem in stems
+    ]
 
 
 def _fly_one(
-    planned: Scenario, files: Sequence[Path], out: str | None, ros: int | None, pace: float, hint: str, *, force: bool
+    planned: Scenario,
+    files: Sequence[Path],
+    out: str | None,
+    ros: int | None,
+    pace: float,
+    hint: str,
+    *,
+    force: bool,
 ) -> tuple[Log, Facts, BaseException | None]:
     """Fly a scenario, write its log and print its summary.
 
@@ -168,7 +239,9 @@ def _fly_one(
         require_replaceable(*files, renames=not force)
         say_suspicious(planned)
         with bar(planned.name) as advance:
-            log, interrupted, lines, topics = _fly(planned, ros, pace, advance, hint, files[0].parent)
+            log, interrupted, lines, topics = _fly(
+                planned, ros, pace, advance, hint, files[0].parent
+            )
         written, earlier = save_logs(log, files, replace=force)
     values = facts(log)
     if planned.worlds:
@@ -176,7 +249,13 @@ def _fly_one(
 
         for name, own in zip(planned.agents, log.agents.values(), strict=True):
             one, before = planned.of(name), f"{name}: " if len(log.agents) > 1 else ""
-            say_unlikely(planned.name, [before + line for line in (*lost_force(one, own), *missed_contact(one, own))])
+            say_unlikely(
+                planned.name,
+                [
+                    before + line
+                    for line in (*lost_force(one, own), *missed_contact(one, own))
+                ],
+            )
     tell(
         *summary(log, values),
         *lines,
@@ -190,25 +269,40 @@ def _fly_one(
 
 
 def _fly(
-    planned: Scenario, ros: int | None, pace: float, advance: Advance, hint: str, folder: Path
+    planned: Scenario,
+    ros: int | None,
+    pace: float,
+    advance: Advance,
+    hint: str,
+    folder: Path,
 ) -> tuple[Log, BaseException | None, Sequence[str], Facts]:
-    """Fly a scenario; returns log, interrupting exception or None, and lines and facts about ROS.
+    """Fly a scenario; returns log, interrupting exception or None, and lines and facts
+    about ROS.
 
-    Ctrl-C keeps the log up to then. The rows of a long flight are in a file of the folder meanwhile.
+    Ctrl-C keeps the log up to then. The rows of a long flight are in a file of the
+    folder meanwhile.
     """
     rate = planned.rates.control
 
     def progress(done: int, total: int) -> None:
-        advance(done, total, f"{done / rate:.0f} s flown, {(total - done) / rate:.0f} s left")
+        advance(
+            done,
+            total,
+            f"{done / rate:.0f} s flown, {(total - done) / rate:.0f} s left",
+        )
 
     def preparing(seconds: float, most: float) -> None:
         if seconds < most:
-            advance(last=f"take-off of {planned.agent.controller.name}, {seconds:.0f} s")
+            advance(
+                last=f"take-off of {planned.agent.controller.name}, {seconds:.0f} s"
+            )
         elif hint:
             say(f"it hovers: {hint}")
 
     if ros is not None:
-        live = function_of_option("run --ros")(planned, ros, pace=pace, advance=advance, preparing=preparing)
+        live = function_of_option("run --ros")(
+            planned, ros, pace=pace, advance=advance, preparing=preparing
+        )
         return live.log, live.interrupted, live.lines, live.facts
     return (*run_until_interrupted(planned, progress, preparing, folder), (), {})
 
@@ -217,7 +311,8 @@ def log_files(names: Sequence[str]) -> list[Path]:
     """Check the log files named by ``--log`` before the flight; returns their paths.
 
     Raises:
-        ValueError: a suffix that no log format is registered for, with those there are; or a file that is named twice.
+        ValueError: a suffix that no log format is registered for, with those there are;
+            or a file that is named twice.
         OSError: one of them cannot be written.
     """
     names_by_place: dict[Path, str] = {}
@@ -225,17 +320,24 @@ def log_files(names: Sequence[str]) -> list[Path]:
         require_format(name, "--log")
         place = output_file(name, "--log").resolve()
         if place in names_by_place:
-            raise ValueError(f"--log = {shown(name)}: must be another file than --log = {shown(names_by_place[place])}")
+            raise ValueError(
+                f"--log = {shown(name)}: must be another file than --log ="
+                f" {shown(names_by_place[place])}"
+            )
         names_by_place[place] = name
     return [Path(name) for name in names]
 
 
-def save_logs(log: Log, files: Sequence[Path], *, replace: bool = False) -> tuple[list[Path], list[Path]]:
-    """Write the logs of a flight; return their paths, and the new paths of renamed earlier logs.
+def save_logs(
+    log: Log, files: Sequence[Path], *, replace: bool = False
+) -> tuple[list[Path], list[Path]]:
+    """Write the logs of a flight; return their paths, and the new paths of renamed
+    earlier logs.
 
-    A log that was read keeps its name: the flight is numbered in its place. Where another process holds the folder for
-    longer than a minute, the names end in this process's number, or the next that is free. A log that cannot be
-    written keeps no other from its file: all are tried before the first error is raised.
+    A log that was read keeps its name: the flight is numbered in its place. Where
+    another process holds the folder for longer than a minute, the names end in this
+    process's number, or the next that is free. A log that cannot be written keeps no
+    other from its file: all are tried before the first error is raised.
     """
     beside = not replace and any(map(is_input, files))
     written, errors = [], []

@@ -1,4 +1,6 @@
-"""Command ``skyarm show``: list what ships, a vehicle's parameters with units, or a flight's measured quantities."""
+"""Command ``skyarm show``: list what ships, a vehicle's parameters with units, or a
+flight's measured quantities.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,13 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import name_completion, out_option, require_left_out, require_not_another, shipped_names
+from skyarm.cli.arguments import (
+    name_completion,
+    out_option,
+    require_left_out,
+    require_not_another,
+    shipped_names,
+)
 from skyarm.cli.lines import say_unlikely
 from skyarm.cli.output import bar, console, give, is_document_wanted, tell
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
@@ -22,7 +30,12 @@ from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
 from skyarm.studies.assess.data_sheet import sheet, vehicle_facts
 from skyarm.studies.sweep.study_file import LIBRARY as STUDIES
 from skyarm.studies.sweep.study_file import list_studies
-from skyarm.vehicle.vehicle_files import FOREIGN, ROTORS_ALONE, list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_files import (
+    FOREIGN,
+    ROTORS_ALONE,
+    list_vehicles,
+    load_vehicle,
+)
 from skyarm.vehicle.vehicle_tables import RIGID
 from skyarm.view.pages import Facts, table_of
 
@@ -33,63 +46,113 @@ def show(
         str | None,
         typer.Argument(
             metavar="VEHICLE|FLIGHT|words",
-            help="file or name of a vehicle, or a log; words: keys of a scenario file; left out: what ships",
+            help=(
+                "file or name of a vehicle, or a log; words: keys of a scenario file;"
+                " left out: what ships"
+            ),
             autocompletion=name_completion("vehicle"),
         ),
     ] = None,
-    gravity: Annotated[float, typer.Option(help="m/s^2, for hover and static efforts")] = 9.81,
-    drawing: Annotated[str | None, out_option("drawing (.png, .svg, .pdf) in place of numbers", metavar="FILE")] = None,
+    gravity: Annotated[
+        float, typer.Option(help="m/s^2, for hover and static efforts")
+    ] = 9.81,
+    drawing: Annotated[
+        str | None,
+        out_option("drawing (.png, .svg, .pdf) in place of numbers", metavar="FILE"),
+    ] = None,
     vehicle: Annotated[
-        str | None, typer.Option(help="with a flight: a vehicle; tells which of its numbers the flight excites")
+        str | None,
+        typer.Option(
+            help=(
+                "with a flight: a vehicle; tells which of its numbers the flight"
+                " excites"
+            )
+        ),
     ] = None,
     columns: Annotated[
-        str | None, typer.Option(metavar="FILE", help="with a flight: file that says what its columns mean")
+        str | None,
+        typer.Option(
+            metavar="FILE", help="with a flight: file that says what its columns mean"
+        ),
     ] = None,
     compare: Annotated[
         bool,
-        typer.Option("--compare", help="of a .urdf or .xml file: what MuJoCo reads in it, beside what is read here"),
+        typer.Option(
+            "--compare",
+            help=(
+                "of a .urdf or .xml file: what MuJoCo reads in it, beside what is read"
+                " here"
+            ),
+        ),
     ] = False,
 ) -> None:
     """List what ships, or show a vehicle or a flight.
 
-    Without a vehicle: names and titles of vehicles, scenarios, studies and controllers. Of a vehicle: mass, centre of
-    mass, hover speed and thrust margin, arm reach, static joint torques of a level base; limits of the joints,
-    inertias, motor constants; sources of the numbers.
+    Without a vehicle: names and titles of vehicles, scenarios, studies and controllers.
+    Of a vehicle: mass, centre of mass, hover speed and thrust margin, arm reach, static
+    joint torques of a level base; limits of the joints, inertias, motor constants;
+    sources of the numbers.
 
-    Of a measured flight: channels, rates, gaps and clock; with --vehicle its faults, and of each number of the vehicle
-    whether the flight excites it. words: the grammar of a scenario file.
+    Of a measured flight: channels, rates, gaps and clock; with --vehicle its faults,
+    and of each number of the vehicle whether the flight excites it. words: the grammar
+    of a scenario file.
     """
     if shown is None:
         require_left_out(
-            context, ["--gravity", "--out", "--vehicle", "--columns", "--compare"], " without a vehicle or flight"
+            context,
+            ["--gravity", "--out", "--vehicle", "--columns", "--compare"],
+            " without a vehicle or flight",
         )
         return _show_library()
     if shown == WORDS_OF_A_FILE:
-        require_left_out(context, ["--gravity", "--out", "--vehicle", "--columns", "--compare"], " beside words")
+        require_left_out(
+            context,
+            ["--gravity", "--out", "--vehicle", "--columns", "--compare"],
+            " beside words",
+        )
         return _show_words()
     if _is_flight(shown):
         require_left_out(context, ["--gravity", "--compare"], " of a flight")
         if drawing is not None:
-            require_left_out(context, ["--vehicle"], " beside --out, a drawing of the flight's channels alone")
+            require_left_out(
+                context,
+                ["--vehicle"],
+                " beside --out, a drawing of the flight's channels alone",
+            )
         function_of_option("show FLIGHT")(shown, columns, vehicle, drawing)
         return None
     if kind_of_file(shown) == "suite":
-        require_left_out(context, ["--gravity", "--out", "--vehicle", "--columns", "--compare"], " of a suite")
+        require_left_out(
+            context,
+            ["--gravity", "--out", "--vehicle", "--columns", "--compare"],
+            " of a suite",
+        )
         return _show_suite(shown)
     require_left_out(context, ["--vehicle", "--columns"], " of a vehicle")
     number(require_gravity(gravity, "--gravity"), "--gravity", low=0.0, strict=True)
     require_not_another(shown, "vehicle")
     if drawing is not None:
-        require_left_out(context, ["--gravity", "--compare"], " beside --out, a drawing, which shows no numbers of it")
+        require_left_out(
+            context,
+            ["--gravity", "--compare"],
+            " beside --out, a drawing, which shows no numbers of it",
+        )
         return _draw(shown, drawing)
     loaded = load_vehicle(shown)
     if compare:
         rows = beside_mujoco(loaded, shown)
-        give(compare=[dict(zip(("quantity", *COLUMNS[1:]), row, strict=True)) for row in rows])
+        give(
+            compare=[
+                dict(zip(("quantity", *COLUMNS[1:]), row, strict=True)) for row in rows
+            ]
+        )
         tell(table_of(COLUMNS, rows, left=len(COLUMNS)))
         return None
     at = f"{shown}: rotors = "
-    with errors_as(ValueError, at, of=AllocationError), bar(f"{loaded.name}: reach and static efforts"):
+    with (
+        errors_as(ValueError, at, of=AllocationError),
+        bar(f"{loaded.name}: reach and static efforts"),
+    ):
         numbers = vehicle_facts(loaded, gravity)
     say_unlikely(loaded.name, unlikely_in_vehicle(loaded))
     give(numbers)
@@ -104,12 +167,24 @@ def _show_suite(file: str) -> None:
     suite = load_suite(file)
     head = ("trial", "title", "values", "flights at each", "scenario")
     rows = [
-        (each.name, each.title, f"{', '.join(f'{value:g}' for value in each.values)} {each.unit}".rstrip(),
-         str(each.flights), each.file or "hover")
+        (
+            each.name,
+            each.title,
+            f"{', '.join(f'{value:g}' for value in each.values)} {each.unit}".rstrip(),
+            str(each.flights),
+            each.file or "hover",
+        )
         for each in suite.trials
     ]
-    give(title=suite.title, laws=list(suite.laws), trials=[dict(zip(head, row, strict=True)) for row in rows])
-    tell(f"{suite.title}; laws {', '.join(suite.laws)}", table_of(head, rows, left=len(head)))
+    give(
+        title=suite.title,
+        laws=list(suite.laws),
+        trials=[dict(zip(head, row, strict=True)) for row in rows],
+    )
+    tell(
+        f"{suite.title}; laws {', '.join(suite.laws)}",
+        table_of(head, rows, left=len(head)),
+    )
 
 
 WORDS_OF_A_FILE = "words"
@@ -123,7 +198,10 @@ def _show_words() -> None:
     rows = [without_links(row) for row in grammar()]
     give(words=[row._asdict() for row in rows])
     columns = ("word", "of kind", "entry", "unit", "allowed", "varies", "meaning")
-    lines = [(row.path, row.of, row.entry, row.unit, row.bounds, row.varies, row.meaning) for row in rows]
+    lines = [
+        (row.path, row.of, row.entry, row.unit, row.bounds, row.varies, row.meaning)
+        for row in rows
+    ]
     if is_document_wanted():
         return
     if console.is_terminal:
@@ -135,7 +213,11 @@ def _show_words() -> None:
 def _is_flight(name: str) -> bool:
     """True for the path of a file or folder that is not a vehicle model."""
     path = Path(re.sub(r"#\d+$", "", name))  # of FILE#2, the second flight of a file
-    if not name or path.suffix in (".toml", *ROTORS_ALONE, *RIGID, *FOREIGN) or name in list_vehicles():
+    if (
+        not name
+        or path.suffix in (".toml", *ROTORS_ALONE, *RIGID, *FOREIGN)
+        or name in list_vehicles()
+    ):
         return False
     return path.is_file() or path.is_dir()
 
@@ -158,23 +240,50 @@ def contents() -> Facts:
 
     vehicles = {name: load_vehicle(name) for name in list_vehicles()}
     # a study's title alone: reading the study would read its scenario, too
-    studies = {name: read_toml((STUDIES / f"{name}.toml").read_bytes()) for name in list_studies()}
+    studies = {
+        name: read_toml((STUDIES / f"{name}.toml").read_bytes())
+        for name in list_studies()
+    }
     return {
         "schema": 1,
         "vehicles": [
-            {"name": name, "mass_kg": float(v.mass), "rotors": len(v.rotors), "joints": v.n, "flies": not v.planar}
+            {
+                "name": name,
+                "mass_kg": float(v.mass),
+                "rotors": len(v.rotors),
+                "joints": v.n,
+                "flies": not v.planar,
+            }
             for name, v in vehicles.items()
         ],
-        "scenarios": [{"name": name, "title": load_scenario(name).title} for name in list_scenarios()],
-        "studies": [{"name": name, "title": str(table.get("title", ""))} for name, table in studies.items()],
-        "tasks": [{"name": name, "vehicle": load_task(name).vehicle.name} for name in shipped_names("task")],
-        "presets": [{"name": name, "title": each.title, "law": each.law} for name, each in PRESETS.items()],
+        "scenarios": [
+            {"name": name, "title": load_scenario(name).title}
+            for name in list_scenarios()
+        ],
+        "studies": [
+            {"name": name, "title": str(table.get("title", ""))}
+            for name, table in studies.items()
+        ],
+        "tasks": [
+            {"name": name, "vehicle": load_task(name).vehicle.name}
+            for name in shipped_names("task")
+        ],
+        "presets": [
+            {"name": name, "title": each.title, "law": each.law}
+            for name, each in PRESETS.items()
+        ],
         "laws": [
-            {"name": name, "title": each.title, "options": list(each.options()), "tuned": name in tuned_factors()}
+            {
+                "name": name,
+                "title": each.title,
+                "options": list(each.options()),
+                "tuned": name in tuned_factors(),
+            }
             for name, each in LAWS.items()
         ],
         "autopilots": [
-            {"name": name, "title": each.title, "options": list(each.options())} for name, each in AUTOPILOTS.items()
+            {"name": name, "title": each.title, "options": list(each.options())}
+            for name, each in AUTOPILOTS.items()
         ],
     }
 
@@ -185,11 +294,17 @@ def _show_library() -> None:
     rows = []
     for each in library["vehicles"]:
         name = each["name"] if each["flies"] else f"{each['name']} (model only)"
-        rows.append((name, f"{each['mass_kg']:.3f}", str(each["rotors"]), str(each["joints"])))
+        rows.append(
+            (name, f"{each['mass_kg']:.3f}", str(each["rotors"]), str(each["joints"]))
+        )
     tell(table_of(("vehicle", "mass, kg", "rotors", "joints"), rows))
     tell(
         "",
-        table_of(("task (skyarm plan NAME)", "vehicle"), [tuple(each.values()) for each in library["tasks"]], left=2),
+        table_of(
+            ("task (skyarm plan NAME)", "vehicle"),
+            [tuple(each.values()) for each in library["tasks"]],
+            left=2,
+        ),
     )
     for head, kind in (
         ("scenario", "scenarios"),
@@ -198,5 +313,8 @@ def _show_library() -> None:
         ("control law (+: LAW_tuned, too)", "laws"),
         ("autopilot (skyarm run --autopilot NAME)", "autopilots"),
     ):
-        named = [(each["name"] + (" +" if each.get("tuned") else ""), each["title"]) for each in library[kind]]
+        named = [
+            (each["name"] + (" +" if each.get("tuned") else ""), each["title"])
+            for each in library[kind]
+        ]
         tell("", table_of((head, "what"), named, left=2))

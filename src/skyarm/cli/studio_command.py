@@ -1,4 +1,6 @@
-"""Command ``skyarm studio``: interactive simulation, or replay of a measured flight, on a local web page."""
+"""Command ``skyarm studio``: interactive simulation, or replay of a measured flight, on
+a local web page.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skyarm.cli.arguments import Laws, law_names, name_completion, out_option, require_left_out
+from skyarm.cli.arguments import (
+    Laws,
+    law_names,
+    name_completion,
+    out_option,
+    require_left_out,
+)
 from skyarm.cli.output import tell
 from skyarm.records.files import require_writable
 from skyarm.records.registry.registrations import function_of_option
@@ -47,52 +55,89 @@ def studio(
         ),
     ] = "case2",
     laws: Laws = None,
-    port: Annotated[int, typer.Option(help="port of the page; 0 takes a free one")] = 8080,
-    host: Annotated[str, typer.Option(metavar="ADDRESS", help="address of this machine for other devices")] = LOOPBACK[
-        0
-    ],
-    no_browser: Annotated[bool, typer.Option("--no-browser", help="print the address and open no browser")] = False,
+    port: Annotated[
+        int, typer.Option(help="port of the page; 0 takes a free one")
+    ] = 8080,
+    host: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS", help="address of this machine for other devices"
+        ),
+    ] = LOOPBACK[0],
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="print the address and open no browser")
+    ] = False,
     out: Annotated[str, out_option("folder of saved flights")] = "out/studio",
     vehicle: Annotated[
         str | None,
         typer.Option(
-            help="replay a measured flight next to this model under the recorded commands",
+            help=(
+                "replay a measured flight next to this model under the recorded"
+                " commands"
+            ),
             autocompletion=name_completion("vehicle"),
         ),
     ] = None,
-    horizon: Annotated[float, typer.Option(help="with --vehicle: time between resets to the measured state, s")] = 1.0,
+    horizon: Annotated[
+        float,
+        typer.Option(
+            help="with --vehicle: time between resets to the measured state, s"
+        ),
+    ] = 1.0,
     delay: Annotated[
-        float | None, typer.Option(help="with --vehicle: delay of the commands, s; the identified one if left out")
+        float | None,
+        typer.Option(
+            help=(
+                "with --vehicle: delay of the commands, s; the identified one if"
+                " left out"
+            )
+        ),
     ] = None,
     columns: Annotated[
         str | None,
         typer.Option(
             metavar="FILE",
-            help="with --vehicle: meaning of its columns; if left out columns.toml next to it",
+            help=(
+                "with --vehicle: meaning of its columns; if left out columns.toml next"
+                " to it"
+            ),
         ),
     ] = None,
 ) -> None:
     """Fly live on a page: sliders, gusts, laws side by side.
 
-    The printed address contains a token. A saved flight is a log for 'skyarm run'. With --vehicle a measured
-    flight is a ghost next to the flight of the model under the same commands.
+    The printed address contains a token. A saved flight is a log for 'skyarm run'. With
+    --vehicle a measured flight is a ghost next to the flight of the model under the
+    same commands.
     """
     if not 0 <= port <= 65535:
         raise StudioError(f"--port = {port}: must be from 0 to 65535")
     if vehicle is not None:
-        require_left_out(context, OF_SIMULATION, " with --vehicle: no law flies in a replay")
-        replay: PredictionReplay = function_of_option("studio --vehicle")(scenario, vehicle, horizon, delay, columns)
+        require_left_out(
+            context, OF_SIMULATION, " with --vehicle: no law flies in a replay"
+        )
+        replay: PredictionReplay = function_of_option("studio --vehicle")(
+            scenario, vehicle, horizon, delay, columns
+        )
 
         def replay_page(server: ViserServer) -> PageLoop:
             from skyarm.view.studio.replay_page import ReplayPage
 
             return ReplayPage(server, replay)
 
-        _serve(host, port, no_browser, f"skyarm studio: {replay.title}", lambda: replay_page)
+        _serve(
+            host,
+            port,
+            no_browser,
+            f"skyarm studio: {replay.title}",
+            lambda: replay_page,
+        )
         return
     require_left_out(context, OF_REPLAY, " without --vehicle")
     names = law_names(laws)
-    made = [each for each in (Path(out), *Path(out).parents) if not os.path.lexists(each)]
+    made = [
+        each for each in (Path(out), *Path(out).parents) if not os.path.lexists(each)
+    ]
     folder = require_writable(out)
     for each in made:  # they come with the first flight that is saved
         each.rmdir()
@@ -108,7 +153,11 @@ def studio(
 
 
 def _serve(
-    host: str, port: int, no_browser: bool, title: str, prepare: Callable[[], Callable[[ViserServer], PageLoop]]
+    host: str,
+    port: int,
+    no_browser: bool,
+    title: str,
+    prepare: Callable[[], Callable[[ViserServer], PageLoop]],
 ) -> None:
     """Serve a page until Ctrl-C.
 
@@ -117,13 +166,16 @@ def _serve(
         port: port of the page; 0 takes a free one.
         no_browser: whether no browser is opened.
         title: title of the page.
-        prepare: called once the port is taken; returns the function that makes the page on a server.
+        prepare: called once the port is taken; returns the function that makes the page
+            on a server.
     """
     require_viser()
     listening = listening_socket(port, host)
     try:
         page_on = prepare()
-        guard = AccessGuard(int(listening.getsockname()[1]), secrets.token_hex(16), host)
+        guard = AccessGuard(
+            int(listening.getsockname()[1]), secrets.token_hex(16), host
+        )
         server = open_server(listening, guard, title)
     except BaseException:
         listening.close()
@@ -132,7 +184,9 @@ def _serve(
         page = page_on(server)
         tell(f"studio: {guard.address()}")
         if not no_browser:
-            threading.Thread(target=webbrowser.open, args=(guard.address(),), daemon=True).start()
+            threading.Thread(
+                target=webbrowser.open, args=(guard.address(),), daemon=True
+            ).start()
         with _ended_by(page):
             page.run()
     finally:
@@ -142,7 +196,9 @@ def _serve(
 
 @contextmanager
 def _ended_by(page: PageLoop) -> Iterator[None]:
-    """Context manager in which Ctrl-C and SIGTERM end the studio's loop in an orderly way."""
+    """Context manager in which Ctrl-C and SIGTERM end the studio's loop in an orderly
+    way.
+    """
     usual = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
     for each in usual:
         signal.signal(each, lambda *_: page.stop())

@@ -57,48 +57,77 @@ def sweep(
     ],
     laws: Laws = None,
     out: Annotated[
-        str | None, out_option("folder of results; if left out: out/NAME, with a folder FOLDER/stats")
+        str | None,
+        out_option(
+            "folder of results; if left out: out/NAME, with a folder FOLDER/stats"
+        ),
     ] = None,
     flying: Flying = 0,
     on: On = None,
     part: Annotated[
-        str | None, typer.Option(metavar="K/N", help="fly the K-th of N parts, each on a machine with the same folder")
+        str | None,
+        typer.Option(
+            metavar="K/N",
+            help="fly the K-th of N parts, each on a machine with the same folder",
+        ),
     ] = None,
     save: Annotated[
         list[str] | None,
-        typer.Option(metavar="EPISODE", help="with a study: save as a scenario: a number, failed or a metric; repeat"),
+        typer.Option(
+            metavar="EPISODE",
+            help=(
+                "with a study: save as a scenario: a number, failed or a metric; repeat"
+            ),
+        ),
     ] = None,
     success: Annotated[
         list[str] | None,
-        typer.Option(metavar="METRIC=LARGEST", help="with a folder: largest value of a metric in a success; repeat"),
+        typer.Option(
+            metavar="METRIC=LARGEST",
+            help="with a folder: largest value of a metric in a success; repeat",
+        ),
     ] = None,
     paths: Annotated[
         tuple[str, str] | None,
         typer.Option(
-            "--map", metavar="X Y", help="with a folder: two varied numbers, the horizontal and vertical axis"
+            "--map",
+            metavar="X Y",
+            help="with a folder: two varied numbers, the horizontal and vertical axis",
         ),
     ] = None,
 ) -> None:
     """Fly a study's episodes, or sum up the folder of a sweep.
 
-    Rows are Parquet; the same command continues what was interrupted. Of a folder: success rates, quantiles, paired
-    differences and maps, as report.html and stats.json. With --save nothing is flown: an episode's number, or of the
-    rows the first without success or with the largest value of a metric, becomes a file for 'skyarm run'.
+    Rows are Parquet; the same command continues what was interrupted. Of a folder:
+    success rates, quantiles, paired differences and maps, as report.html and
+    stats.json. With --save nothing is flown: an episode's number, or of the rows the
+    first without success or with the largest value of a metric, becomes a file for
+    'skyarm run'.
     """
     if study not in shipped_names("study") and Path(study).is_dir() and study:
-        require_left_out(context, ["--laws", "--workers", "--on", "--part", "--save"], " with the folder of a sweep")
+        require_left_out(
+            context,
+            ["--laws", "--workers", "--on", "--part", "--save"],
+            " with the folder of a sweep",
+        )
         _sum_up(study, out, success, paths)
         return
-    require_left_out(context, ["--success", "--map"], "; only the folder of a sweep has it")
+    require_left_out(
+        context, ["--success", "--map"], "; only the folder of a sweep has it"
+    )
     if save:
-        require_left_out(context, ["--workers", "--on", "--part"], " with --save: nothing is flown")
+        require_left_out(
+            context, ["--workers", "--on", "--part"], " with --save: nothing is flown"
+        )
         _save_episodes(study, law_names(laws) or None, out, save)
     else:
         _fly(study, law_names(laws) or None, out, workers(flying), on, part)
 
 
 def _load(study: str, controllers: list[str] | None) -> Study:
-    """Load a study without warnings about parameters of its file that each episode replaces."""
+    """Load a study without warnings about parameters of its file that each episode
+    replaces.
+    """
     from skyarm.scenario.without_effect import WithoutEffectWarning
     from skyarm.studies.sweep import load_study
 
@@ -112,29 +141,56 @@ LONGEST_NUMBER = 20
 """Largest number of digits of an episode's index."""
 
 
-def _save_episodes(study: str, controllers: list[str] | None, out: str | None, episodes: list[str]) -> None:
-    """Write episodes of a study as scenario files, chosen by number, first failure or largest metric value."""
+def _save_episodes(
+    study: str, controllers: list[str] | None, out: str | None, episodes: list[str]
+) -> None:
+    """Write episodes of a study as scenario files, chosen by number, first failure or
+    largest metric value.
+    """
     from skyarm.studies.sweep.plan import prepare, save_episode
     from skyarm.studies.sweep.stats import FAILED, Rows
     from skyarm.studies.sweep.study import StudyError
 
     loaded = _load(study, controllers)
-    folder, named = Path("out") / loaded.name if out is None else Path(out), (FAILED, *loaded.metrics)
+    folder, named = (
+        Path("out") / loaded.name if out is None else Path(out),
+        (
+            FAILED,
+            *loaded.metrics,
+        ),
+    )
     for which in episodes:
         if not which.isdecimal() and which not in named:
-            raise StudyError(f"--save = {shown(which)}: {must_be_one_of(named, which)}, or a number")
-        if which.isdecimal() and (len(which) > LONGEST_NUMBER or int(which) >= loaded.episodes):
-            raise StudyError(f"--save = {shown(which)}: must be less than {loaded.episodes}, the episodes of {study}")
-    rows = None if all(each.isdecimal() for each in episodes) else Rows(folder, loaded.success)
+            raise StudyError(
+                f"--save = {shown(which)}: {must_be_one_of(named, which)}, or a number"
+            )
+        if which.isdecimal() and (
+            len(which) > LONGEST_NUMBER or int(which) >= loaded.episodes
+        ):
+            raise StudyError(
+                f"--save = {shown(which)}: must be less than {loaded.episodes}, the"
+                f" episodes of {study}"
+            )
+    rows = (
+        None
+        if all(each.isdecimal() for each in episodes)
+        else Rows(folder, loaded.success)
+    )
     if rows is not None and not rows.manifest.is_of(prepare(loaded).manifest):
-        raise StudyError(f"{folder}: holds rows of another study than {study}; choose its --out")
+        raise StudyError(
+            f"{folder}: holds rows of another study than {study}; choose its --out"
+        )
     names, meant = file_names(loaded.scenarios, "", ".toml"), list[tuple[str, int]]()
     with errors_as(StudyError, "--save = ", of=StudyError):
         for which in episodes:
             absent, before = list[StudyError](), len(meant)
             for label in loaded.scenarios:
                 try:
-                    episode = int(which) if rows is None or which.isdecimal() else rows.episode(label, which)
+                    episode = (
+                        int(which)
+                        if rows is None or which.isdecimal()
+                        else rows.episode(label, which)
+                    )
                     meant.append((label, episode))
                 except StudyError as error:
                     # of one controller, whose others may have such an episode
@@ -153,7 +209,12 @@ def _save_episodes(study: str, controllers: list[str] | None, out: str | None, e
 
 
 def _fly(
-    study: str, controllers: list[str] | None, out: str | None, count: int, on: str | None, part: str | None
+    study: str,
+    controllers: list[str] | None,
+    out: str | None,
+    count: int,
+    on: str | None,
+    part: str | None,
 ) -> None:
     """Run the missing episodes of a study, and write them to its folder."""
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
@@ -176,12 +237,15 @@ def _fly(
             rate = (done - before[0]) * laws / max(time.perf_counter() - begin, 1e-9)
             advance(done * laws, total * laws, f"flights, {rate:.0f} a second")
 
-        summary = run_sweep(loaded, folder, workers=count, on=place, part=part, progress=progress)
+        summary = run_sweep(
+            loaded, folder, workers=count, on=place, part=part, progress=progress
+        )
     flights = summary.flown * laws
     stored = f", {summary.found * laws} were there" if summary.found else ""
     tell(
-        f"{summary.rows} flights in {folder}: {loaded.episodes} episodes under {', '.join(loaded.scenarios)}; "
-        f"{flights} flown in {summary.seconds:.1f} s{stored}",
+        f"{summary.rows} flights in {folder}: {loaded.episodes} episodes under"
+        f" {', '.join(loaded.scenarios)}; {flights} flown in {summary.seconds:.1f}"
+        f" s{stored}",
         f"next: skyarm sweep {_argument(folder)}",
     )
     give(
@@ -197,11 +261,20 @@ def _fly(
 
 
 def _argument(folder: Path) -> str:
-    """Folder as an argument of the command, whose shipped studies go before folders of their names."""
-    return shlex.quote(f"./{folder}" if str(folder) in shipped_names("study") else str(folder))
+    """Folder as an argument of the command, whose shipped studies go before folders of
+    their names.
+    """
+    return shlex.quote(
+        f"./{folder}" if str(folder) in shipped_names("study") else str(folder)
+    )
 
 
-def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tuple[str, str] | None) -> None:
+def _sum_up(
+    folder: str,
+    out: str | None,
+    success: list[str] | None,
+    paths: tuple[str, str] | None,
+) -> None:
     """Compute statistics of a sweep's episodes, and write them as JSON and HTML."""
     from skyarm.studies.sweep.maps import robustness_maps
     from skyarm.studies.sweep.stats import Rows, page, parse_limits, statistics, summary
@@ -211,10 +284,14 @@ def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tupl
         rows = Rows(Path(folder), rows.limits | parse_limits(success))
     with bar(f"statistics of {folder}"):
         maps = robustness_maps(rows, paths)
-        target = require_writable(require_no_link(Path(folder) / "stats") if out is None else out)
+        target = require_writable(
+            require_no_link(Path(folder) / "stats") if out is None else out
+        )
         results, pictures = statistics(rows), _draw_maps(maps)
     write_inside(target / "stats.json", json_text(results).encode())
-    write_inside(target / "report.html", page(results, rows.manifest, pictures).encode())
+    write_inside(
+        target / "report.html", page(results, rows.manifest, pictures).encode()
+    )
     files = ["report.html", "stats.json", *pictures.write(target)]
     give(results, folder=target, files=files)
     tell(*summary(results), f"statistics in {target}: {', '.join(files)}")
@@ -227,6 +304,12 @@ def _draw_maps(maps: Sequence[RobustnessMap]) -> Pictures:
     from skyarm.view.figures.style import image_bytes
 
     return Pictures(
-        maps={each.controller: image_bytes(robustness_figure(each), dpi=DPI) for each in maps if each.constant is None},
-        constant={each.controller: each.constant for each in maps if each.constant is not None},
+        maps={
+            each.controller: image_bytes(robustness_figure(each), dpi=DPI)
+            for each in maps
+            if each.constant is None
+        },
+        constant={
+            each.controller: each.constant for each in maps if each.constant is not None
+        },
     )

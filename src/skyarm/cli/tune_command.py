@@ -1,4 +1,6 @@
-"""Command ``skyarm tune``: gains of a control law for a vehicle, or options of the law of a team."""
+"""Command ``skyarm tune``: gains of a control law for a vehicle, or options of the law
+of a team.
+"""
 
 from __future__ import annotations
 
@@ -49,20 +51,37 @@ GAINS, PAGE, BEST = "tuned.toml", "tune.html", "best.toml"
 
 def tune(
     target: Annotated[
-        str, typer.Argument(metavar="SCENARIO|VEHICLE", help="a file (.toml) or the name of a shipped one")
+        str,
+        typer.Argument(
+            metavar="SCENARIO|VEHICLE",
+            help="a file (.toml) or the name of a shipped one",
+        ),
     ],
     laws: Law = None,
-    out: Annotated[str | None, out_option("folder of the results; out/tune_... if left out")] = None,
+    out: Annotated[
+        str | None, out_option("folder of the results; out/tune_... if left out")
+    ] = None,
     candidates: Annotated[
         int | None,
-        typer.Option(help="sets of gains that are tried, in whole rounds, 132 or more; left out: 1640, of a team 234"),
+        typer.Option(
+            help=(
+                "sets of gains that are tried, in whole rounds, 132 or more; left out:"
+                " 1640, of a team 234"
+            )
+        ),
     ] = None,
     plants: Annotated[
-        int | None, typer.Option(help="perturbed plants that each candidate flies; left out: 24, of a team 8")
+        int | None,
+        typer.Option(
+            help="perturbed plants that each candidate flies; left out: 24, of a team 8"
+        ),
     ] = None,
     knobs: Annotated[
         list[str] | None,
-        typer.Option(metavar="PATH", help="gain or option of the law that may change; repeat; all if left out"),
+        typer.Option(
+            metavar="PATH",
+            help="gain or option of the law that may change; repeat; all if left out",
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(help="seed of plants, noise and search")] = 0,
     flying: Flying = 0,
@@ -70,10 +89,16 @@ def tune(
 ) -> None:
     """Tune a vehicle's or a team's law; write the Pareto front.
 
-    best.toml is the scenario under the picked law. The same command continues what was interrupted. Exit code 3 if no
-    gains meet the margins.
+    best.toml is the scenario under the picked law. The same command continues what was
+    interrupted. Exit code 3 if no gains meet the margins.
     """
-    from skyarm.studies.tune.tuning import effort_of, plan_of, require_size, subject_of, tune_plan
+    from skyarm.studies.tune.tuning import (
+        effort_of,
+        plan_of,
+        require_size,
+        subject_of,
+        tune_plan,
+    )
 
     require_size(candidates, plants, seed, "--")
     from skyarm.studies.flights.executor import LOCAL, require_place
@@ -82,29 +107,49 @@ def tune(
     inputs = wanted_of(target, one_law(laws))
     from skyarm.studies.flights.store import ROWS, require_parquet
     from skyarm.studies.tune.front import POINTS
-    from skyarm.studies.tune.tune_page import front_lines, front_name, gains_text, plain_tuning, tune_page
+    from skyarm.studies.tune.tune_page import (
+        front_lines,
+        front_name,
+        gains_text,
+        plain_tuning,
+        tune_page,
+    )
 
     scenario = inputs.scenario
     say_suspicious(scenario)
     effort = effort_of(subject_of(scenario), candidates, plants)
-    plan = plan_of(scenario, inputs.has_motion, inputs.label, names_of("--knobs", knobs) or None, effort, seed)
+    plan = plan_of(
+        scenario,
+        inputs.has_motion,
+        inputs.label,
+        names_of("--knobs", knobs) or None,
+        effort,
+        seed,
+    )
     folder = Path("out") / f"tune_{inputs.name}" if out is None else Path(out)
     begin = time.perf_counter()
     try:
         require_parquet()
     except ValueError as error:
         say(f"this search cannot be resumed: {error}")
-    with taken_back(folder, folder / ROWS), bar(f"{inputs.label} for {scenario.name}") as advance:
+    with (
+        taken_back(folder, folder / ROWS),
+        bar(f"{inputs.label} for {scenario.name}") as advance,
+    ):
         require_writable(folder)
         files = (GAINS, PAGE, BEST, *map(front_name, range(POINTS)))
         require_replaceable(*(folder / name for name in files))
-        tuning = tune_plan(plan, workers=count, on=place, folder=folder, progress=advance)
+        tuning = tune_plan(
+            plan, workers=count, on=place, folder=folder, progress=advance
+        )
     has_gains, law = plan.subject.has_gains_file, one_law(laws)
 
     def save(file: Path, point: Point) -> Path | None:
         if not has_gains:
             return _save_scenario(file, tuning.under(scenario, point), target, law)
-        write_atomically(file, gains_text(tuning, point, inputs.words, inputs.kept).encode())
+        write_atomically(
+            file, gains_text(tuning, point, inputs.words, inputs.kept).encode()
+        )
         return file
 
     for i, point in enumerate(tuning.points):
@@ -114,28 +159,56 @@ def tune(
     write_atomically(folder / PAGE, tune_page(tuning).encode())
     gains = save(folder / GAINS, tuning.pick) if has_gains else None
     best = (
-        _save_scenario(folder / BEST, tuning.under(scenario, tuning.pick), target, law) if inputs.has_motion else None
+        _save_scenario(folder / BEST, tuning.under(scenario, tuning.pick), target, law)
+        if inputs.has_motion
+        else None
     )
     tell_report(front_lines(tuning, time.perf_counter() - begin))
     if tuning.pick.margins.why_none and "margins" in plan.subject.columns(plan.flight):
         say(f"margins are not asked for: {tuning.pick.margins.why_none}")
     if not tuning.meets:
-        say("no point meets all constraints; the pick is the one that is least short of them")
+        say(
+            "no point meets all constraints; the pick is the one that is least short of"
+            " them"
+        )
     plugin = shlex.quote(inputs.label.rpartition(":")[0])
     loads = f" --plugin {plugin}" if is_law_of_file(inputs.label) else ""
     flown = shlex.quote(str(target)) if inputs.has_motion else "SCENARIO"
     tell(
-        f"written: {gains or best or 'no scenario'}; the page of the front: {folder / PAGE}",
-        *([] if gains is None else [f"next: skyarm run {flown}{loads} --laws {shlex.quote(str(gains))}"]),
-        *([] if best is None else [f"the scenario under them, with all digits: skyarm run {shlex.quote(str(best))}"]),
+        f"written: {gains or best or 'no scenario'}; the page of the front:"
+        f" {folder / PAGE}",
+        *(
+            []
+            if gains is None
+            else [f"next: skyarm run {flown}{loads} --laws {shlex.quote(str(gains))}"]
+        ),
+        *(
+            []
+            if best is None
+            else [
+                "the scenario under them, with all digits: skyarm run"
+                f" {shlex.quote(str(best))}"
+            ]
+        ),
     )
-    give(plain_tuning(tuning), **plugin_facts(), folder=folder, gains=gains, page=folder / PAGE, best=best)
+    give(
+        plain_tuning(tuning),
+        **plugin_facts(),
+        folder=folder,
+        gains=gains,
+        page=folder / PAGE,
+        best=best,
+    )
     if not tuning.meets:
         raise typer.Exit(NOT_COMPLETED)
 
 
-def _save_scenario(file: Path, scenario: Scenario, target: str, law: str | None) -> Path | None:
-    """Write a scenario under tuned gains; None, with a message, if no file can represent it."""
+def _save_scenario(
+    file: Path, scenario: Scenario, target: str, law: str | None
+) -> Path | None:
+    """Write a scenario under tuned gains; None, with a message, if no file can
+    represent it.
+    """
     with edits_kept(file):
         try:
             return save_scenario(file, scenario, target, law)
@@ -157,7 +230,8 @@ class Wanted:
 
 
 def wanted_of(target: str, controller: str | None) -> Wanted:
-    """Load the inputs of a gain tuning from a scenario or vehicle and an optional control law.
+    """Load the inputs of a gain tuning from a scenario or vehicle and an optional
+    control law.
 
     Raises:
         ValueError: one line.
@@ -166,9 +240,16 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
     from skyarm.studies.tune.tuning import subject_of
 
     of_a_vehicle, names = _is_vehicle(target), shipped_names("scenario")
-    if not (of_a_vehicle or target in names or Path(target).suffix or os.path.lexists(target)):
+    if not (
+        of_a_vehicle
+        or target in names
+        or Path(target).suffix
+        or os.path.lexists(target)
+    ):
         allowed = must_be_one_of((*names, *shipped_names("vehicle")), target)
-        raise ValueError(f"scenario or vehicle = {shown(target)}: {allowed}, or the path of a file")
+        raise ValueError(
+            f"scenario or vehicle = {shown(target)}: {allowed}, or the path of a file"
+        )
     if of_a_vehicle:
         scenario = of_vehicle(load_vehicle(target), controller)
         words = law_entry(controller or scenario.agent.controller.name)
@@ -176,29 +257,50 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         scenario = load_scenario(target, controller=controller)
         if not subject_of(scenario).has_gains_file:
             if Path(target).suffix not in ("", ".toml"):
-                allowed = "must be a scenario (.toml) or a shipped one, since the options of a team are written into it"
+                allowed = (
+                    "must be a scenario (.toml) or a shipped one, since the options of"
+                    " a team are written into it"
+                )
                 raise ValueError(f"scenario = {shown(target)}: {allowed}")
             label = subject_of(scenario).label(scenario)
             return Wanted(
-                scenario=scenario, has_motion=True, words={}, kept={}, label=label, name=f"{scenario.name}_{label}"
+                scenario=scenario,
+                has_motion=True,
+                words={},
+                kept={},
+                label=label,
+                name=f"{scenario.name}_{label}",
             )
         file = LIBRARY / f"{target}.toml" if target in names else Path(target)
         # nothing of a log
-        document: Tables = read_toml(file.read_bytes()) if file.name.endswith(".toml") else {}
+        document: Tables = (
+            read_toml(file.read_bytes()) if file.name.endswith(".toml") else {}
+        )
         table = document.get("controller", {}) if controller is None else {}
         words = {name: value for name, value in table.items() if name not in LAYERS}
         words = words or law_entry(scenario.agent.controller.name)  # of a log
     gains: Tables = {}
     tuned = controller if is_gains_file(controller) else words.get("tuned")
     if is_gains_file(tuned):
-        path = Path(str(tuned)) if controller is not None else Path(target).parent / str(tuned)
+        path = (
+            Path(str(tuned))
+            if controller is not None
+            else Path(target).parent / str(tuned)
+        )
         stated: Tables = read_toml(path.read_bytes())
         words, gains = dict(stated["law"]), dict(stated.get("gains", {}))
     elif controller is not None:
         words = law_entry(controller)
     label = str(words.get("preset", words.get("law")))
     name = f"{scenario.name}_{law_of_file_name(label)}"
-    return Wanted(scenario=scenario, has_motion=not of_a_vehicle, words=words, kept=gains, label=label, name=name)
+    return Wanted(
+        scenario=scenario,
+        has_motion=not of_a_vehicle,
+        words=words,
+        kept=gains,
+        label=label,
+        name=name,
+    )
 
 
 def _is_vehicle(target: str) -> bool:
@@ -206,4 +308,8 @@ def _is_vehicle(target: str) -> bool:
     if target in shipped_names("scenario"):
         return False
     models = (".urdf", ".xacro", ".sdf", ".xml")
-    return target in shipped_names("vehicle") or Path(target).suffix in models or kind_of_file(target) == "vehicle"
+    return (
+        target in shipped_names("vehicle")
+        or Path(target).suffix in models
+        or kind_of_file(target) == "vehicle"
+    )

@@ -1,4 +1,6 @@
-"""Compilation of traceable functions into straight-line programs, independent of simulation."""
+"""Compilation of traceable functions into straight-line programs, independent of
+simulation.
+"""
 
 from skyarm.compile.tracing.program import Program, trace
 from skyarm.compile.tracing.tracer import Graph, Node, TracedBranchError

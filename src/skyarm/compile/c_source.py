@@ -1,9 +1,11 @@
-"""C99 source of a traced program: statements, structs of dataclasses, and a file with one step function.
+"""C99 source of a traced program: statements, structs of dataclasses, and a file with
+one step function.
 
-One assignment an operation, nothing of the library but math.h. The file switches contraction off on GCC, clang and
-MSVC, so that a double program has the bits of the Python floats; elsewhere a * b + c may become one rounding. Every
-operation is IEEE's: infinities and NaN pass through, and a build with fast-math ends in an error. A file is its own
-header: with ``NAME_INTERFACE_ONLY`` defined it declares and defines nothing.
+One assignment an operation, nothing of the library but math.h. The file switches
+contraction off on GCC, clang and MSVC, so that a double program has the bits of the
+Python floats; elsewhere a * b + c may become one rounding. Every operation is IEEE's:
+infinities and NaN pass through, and a build with fast-math ends in an error. A file is
+its own header: with ``NAME_INTERFACE_ONLY`` defined it declares and defines nothing.
 """
 
 from __future__ import annotations
@@ -20,18 +22,30 @@ from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Place, Tree, is_leaf, is_record, parts, walk
 from skyarm.records.units import Unit, units
 
-INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "and": "&&", "or": "||"}
+INFIX = {
+    "add": "+",
+    "sub": "-",
+    "mul": "*",
+    "div": "/",
+    "lt": "<",
+    "le": "<=",
+    "and": "&&",
+    "or": "||",
+}
 LIBRARY = {"abs": "fabs", "sqrt": "sqrt", "floor": "floor", "copysign": "copysign"}
 
 HELPERS = {
-    "power_of_two": """\
+    "power_of_two": (
+        """\
 /* 2^k of a whole k; the bounds keep the conversion to int defined. */
 static {kind} {name}({kind} k)
 {{
     return k > {low} && k < {high} ? {ldexp}({one}, (int)k) : ({kind})NAN;
 }}
-""",
-    "exponent": """\
+"""
+    ),
+    "exponent": (
+        """\
 /* Whole e with |x| = m 2^e and 1 <= m < 2. */
 static {kind} {name}({kind} x)
 {{
@@ -41,8 +55,10 @@ static {kind} {name}({kind} x)
     (void){frexp}(x, &e);
     return ({kind})(e - 1);
 }}
-""",
-    "mantissa": """\
+"""
+    ),
+    "mantissa": (
+        """\
 /* m of |x| = m 2^e with 1 <= m < 2, with the sign of x. */
 static {kind} {name}({kind} x)
 {{
@@ -51,9 +67,11 @@ static {kind} {name}({kind} x)
         return ({kind})NAN;
     return {two} * {frexp}(x, &e);
 }}
-""",
+"""
+    ),
 }
-"""C helper functions by operation, equal to :mod:`skyarm.algebra.scalars.floats` also for subnormal numbers."""
+"""C helper functions by operation, equal to :mod:`skyarm.algebra.scalars.floats` also
+for subnormal numbers."""
 
 KEEP_IEEE = """\
 /* NaN must stay visible and every operation keep its rounding. */
@@ -72,7 +90,8 @@ this code must see NaN and round every operation"
 #pragma fp_contract (off)
 #endif
 """
-"""C text before the generated code: it refuses fast-math and switches contraction off."""
+"""C text before the generated code: it refuses fast-math and switches contraction
+off."""
 
 END_IEEE = """\
 #if defined(__clang__)
@@ -83,7 +102,8 @@ END_IEEE = """\
 #pragma fp_contract (on)
 #endif
 """
-"""C text after the generated code: it restores the compiler flags of a program that includes the file."""
+"""C text after the generated code: it restores the compiler flags of a program that
+includes the file."""
 
 
 @positional
@@ -98,11 +118,15 @@ class Floats:
         return "float" if self.single else "double"
 
     def function(self, name: str) -> str:
-        """Name of a math.h function for the floating-point type, such as sin or sinf."""
+        """Name of a math.h function for the floating-point type, such as sin or
+        sinf.
+        """
         return f"{name}f" if self.single else name
 
     def literal(self, value: float) -> str:
-        """C literal of a number, exact after rounding to the type; negative numbers in parentheses."""
+        """C literal of a number, exact after rounding to the type; negative numbers in
+        parentheses.
+        """
         if self.single:
             value = to_single(value)
         if math.isnan(value):
@@ -120,28 +144,39 @@ class Floats:
 
 
 def helpers(program: Lowered, floats: Floats, prefix: str) -> str:
-    """C definitions of the helper functions, named ``prefix_operation``, that a program's statements call."""
+    """C definitions of the helper functions, named ``prefix_operation``, that a
+    program's statements call.
+    """
     used = {node.op for node in program.nodes}
     numbers = {"zero": 0.0, "one": 1.0, "two": 2.0, "low": -1100.0, "high": 1100.0}
     words = {name: floats.literal(value) for name, value in numbers.items()}
     words |= {name: floats.function(name) for name in ("ldexp", "frexp")}
     texts = [
-        text.format(kind=floats.kind, name=f"{prefix}_{op}", **words) for op, text in HELPERS.items() if op in used
+        text.format(kind=floats.kind, name=f"{prefix}_{op}", **words)
+        for op, text in HELPERS.items()
+        if op in used
     ]
     return "\n".join(texts)
 
 
 def statements(
-    program: Lowered, floats: Floats, prefix: str, inputs: Sequence[str], outputs: Sequence[str]
+    program: Lowered,
+    floats: Floats,
+    prefix: str,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
 ) -> list[str]:
-    """C statements of a function body that evaluates a traced program from its inputs to its outputs.
+    """C statements of a function body that evaluates a traced program from its inputs
+    to its outputs.
 
     Args:
         program: basic operations.
         floats: type of every number.
         prefix: first part of the names of the functions of :func:`helpers`.
-        inputs: C expression of each input; one that the program does not use is not read.
-        outputs: C place of each output. All reading is done before the first writing, so places may be inputs too.
+        inputs: C expression of each input; one that the program does not use is not
+            read.
+        outputs: C place of each output. All reading is done before the first writing,
+            so places may be inputs too.
     """
     names: dict[int, str] = {}
     lines: list[str] = []
@@ -152,13 +187,22 @@ def statements(
             lines.append(f"const {floats.kind} v{node.index} = {expression};")
     for node in program.nodes:
         if node.op == "const":
-            names[node.index] = str(int(node.value)) if is_condition(node) else floats.literal(node.value)
+            names[node.index] = (
+                str(int(node.value))
+                if is_condition(node)
+                else floats.literal(node.value)
+            )
         elif node.op != "input":
             kind = "int" if is_condition(node) else floats.kind
-            value = _expression(node, [names[arg.index] for arg in node.args], floats, prefix)
+            value = _expression(
+                node, [names[arg.index] for arg in node.args], floats, prefix
+            )
             names[node.index] = f"v{node.index}"
             lines.append(f"const {kind} v{node.index} = {value};")
-    lines += [f"{place} = {names[node.index]};" for node, place in zip(program.outputs, outputs, strict=True)]
+    lines += [
+        f"{place} = {names[node.index]};"
+        for node, place in zip(program.outputs, outputs, strict=True)
+    ]
     return lines
 
 
@@ -184,12 +228,14 @@ Units = Mapping[Place, Mapping[str, Unit]]
 
 @positional
 class RecordField:
-    """Field of a dataclass that becomes a member of a C struct: path, unit, array sizes and scalars.
+    """Field of a dataclass that becomes a member of a C struct: path, unit, array sizes
+    and scalars.
 
     Attributes:
         path: place in the record, for example ("links", "0", "body", "mass").
         note: unit and meaning of its numbers.
-        shape: () for a scalar, (3,) for a vector, (4, 4) for rows. entries: (place, value) of all, structural ones too.
+        shape: () for a scalar, (3,) for a vector, (4, 4) for rows. entries: (place,
+            value) of all, structural ones too.
     """
 
     path: Place
@@ -210,7 +256,9 @@ class Member:
 
 @positional
 class Struct:
-    """C struct of a dataclass: its members, and the C name of each scalar of the dataclass (None if left out)."""
+    """C struct of a dataclass: its members, and the C name of each scalar of the
+    dataclass (None if left out).
+    """
 
     members: tuple[Member, ...]
     places: tuple[str | None, ...]
@@ -219,46 +267,69 @@ class Struct:
 def fields(
     record: Tree, others: Units = MappingProxyType({}), path: Place = (), note: str = ""
 ) -> Iterator[RecordField]:
-    """List the fields of a nested dataclass that contain scalars, in the order of the scalars."""
+    """List the fields of a nested dataclass that contain scalars, in the order of the
+    scalars.
+    """
     if isinstance(record, VECTORS) or _grid(record):
         yield RecordField(path, note, _shape(record), tuple(walk(record)))
     elif isinstance(record, tuple) or is_record(record):
         said = others.get(path) or (units(type(record)) if is_record(record) else {})
         for name, value in parts(record).items():
-            own = note if isinstance(record, tuple) else said[name].words if name in said else ""
+            own = (
+                note
+                if isinstance(record, tuple)
+                else said[name].words
+                if name in said
+                else ""
+            )
             yield from fields(value, others, (*path, name), own)
     elif is_leaf(record):
         yield RecordField(path, note, (), (((), record),))
 
 
 def _grid(value: Tree) -> bool:
-    """True for a tuple of scalars, or a tuple of equally long tuples of scalars: a one- or two-dimensional array."""
+    """True for a tuple of scalars, or a tuple of equally long tuples of scalars: a one-
+    or two-dimensional array.
+    """
     if not isinstance(value, tuple):
         return False
     rows = [item if isinstance(item, tuple) else (item,) for item in value]
     plain = all(isinstance(x, (float, int)) for row in rows for x in row)
     lengths = {len(row) for row in rows}
     # C99 knows no array without elements
-    return plain and len(lengths) == 1 and 0 not in lengths and len({isinstance(item, tuple) for item in value}) == 1
+    return (
+        plain
+        and len(lengths) == 1
+        and 0 not in lengths
+        and len({isinstance(item, tuple) for item in value}) == 1
+    )
 
 
 def _shape(value: Tree) -> tuple[int, ...]:
     if isinstance(value, tuple):
-        return (len(value), len(value[0])) if isinstance(value[0], tuple) else (len(value),)
+        return (
+            (len(value), len(value[0]))
+            if isinstance(value[0], tuple)
+            else (len(value),)
+        )
     return (3, 3) if isinstance(value, Mat3) else (len(parts(value)),)
 
 
 def make_struct(
-    record: Tree, name: Callable[[Place], str], keep: Sequence[bool], others: Units = MappingProxyType({})
+    record: Tree,
+    name: Callable[[Place], str],
+    keep: Sequence[bool],
+    others: Units = MappingProxyType({}),
 ) -> Struct:
     """C struct of a dataclass, with the units of the fields as comments.
 
     Args:
         record: its leaves give the values.
         name: a member's name from a path.
-        keep: True for each leaf to include; a vector that is not included as a whole, or holds structure,
-            falls into members of its own.
-        others: units of records, by place, whose fields mean something else there than they say.
+        keep: True for each leaf to include; a vector that is not included as a whole,
+            or holds structure, falls into members of its own.
+        others: units of records, by place, whose fields mean something else there than
+            they say.
 
     Raises:
         ValueError: two fields get one name.
@@ -270,7 +341,14 @@ def make_struct(
         included = [keep[len(places) + i] for i in range(len(leaves))]
         if len(leaves) == len(field.entries) and all(included):
             own = name(field.path)
-            members.append(Member(own, field.shape, field.note, tuple(float(value) for _, value in leaves)))
+            members.append(
+                Member(
+                    own,
+                    field.shape,
+                    field.note,
+                    tuple(float(value) for _, value in leaves),
+                )
+            )
             places += [own + index for index in _indices(field.shape)]
             continue
         for (place, value), include in zip(leaves, included, strict=True):
@@ -278,7 +356,11 @@ def make_struct(
             places.append(own if include else None)
             if include:
                 members.append(Member(own, (), field.note, (float(value),)))
-    repeated = {member.name for member in members if sum(other.name == member.name for other in members) > 1}
+    repeated = {
+        member.name
+        for member in members
+        if sum(other.name == member.name for other in members) > 1
+    }
     if repeated:
         raise ValueError(f"struct: fields share the names {sorted(repeated)}")
     return Struct(tuple(members), tuple(places))
@@ -292,8 +374,12 @@ def _indices(shape: tuple[int, ...]) -> list[str]:
 
 
 def declaration(name: str, struct: Struct, floats: Floats) -> str:
-    """C declaration ``struct name { ... };``; a struct without members gets a placeholder member."""
-    members = struct.members or (Member("reserved", (), "not used: C99 knows no empty struct", (0.0,)),)
+    """C declaration ``struct name { ... };``; a struct without members gets a
+    placeholder member.
+    """
+    members = struct.members or (
+        Member("reserved", (), "not used: C99 knows no empty struct", (0.0,)),
+    )
     lines = [f"struct {name} {{"]
     for member in members:
         sizes = "".join(f"[{size}]" for size in member.shape)
@@ -307,7 +393,9 @@ def initialiser(struct: Struct, floats: Floats) -> str:
     if not struct.members:
         return f"{{{floats.literal(0.0)}}}"
     lines = [
-        f"    {_in_braces(list(member.values), member.shape, floats)}, /* {member.name} */" for member in struct.members
+        f"    {_in_braces(list(member.values), member.shape, floats)}, /*"
+        f" {member.name} */"
+        for member in struct.members
     ]
     return "\n".join(["{", *lines, "}"])
 
@@ -316,7 +404,10 @@ def _in_braces(values: list[float], shape: tuple[int, ...], floats: Floats) -> s
     if not shape:
         return floats.literal(values[0])
     step = math.prod(shape[1:])
-    parts = [_in_braces(values[i * step : (i + 1) * step], shape[1:], floats) for i in range(shape[0])]
+    parts = [
+        _in_braces(values[i * step : (i + 1) * step], shape[1:], floats)
+        for i in range(shape[0])
+    ]
     return f"{{{', '.join(parts)}}}"
 
 
@@ -333,10 +424,12 @@ class StepFile:
     Attributes:
         name: begins every name that others see, a C identifier.
         floats: type of every number.
-        program: inputs in the order parameters, then ``inputs``, then memory; outputs in the order memory, ``output``.
+        program: inputs in the order parameters, then ``inputs``, then memory; outputs
+            in the order memory, ``output``.
         structs: structs of "parameters", "memory", each of ``inputs`` and ``output``.
         notes: one line on each struct.
-        inputs: names of the structs that a call only reads. output: name of the struct that it only writes.
+        inputs: names of the structs that a call only reads. output: name of the struct
+            that it only writes.
     """
 
     name: str
@@ -354,9 +447,21 @@ class StepFile:
     def _interface(self) -> str:
         name = self.name
         guard = f"{name.upper()}_INTERFACE"
-        lines = [f"#ifndef {guard}", f"#define {guard}", "", "#ifdef __cplusplus", 'extern "C" {', "#endif", ""]
+        lines = [
+            f"#ifndef {guard}",
+            f"#define {guard}",
+            "",
+            "#ifdef __cplusplus",
+            'extern "C" {',
+            "#endif",
+            "",
+        ]
         for key in (*self.inputs, "memory", self.output, "parameters"):
-            lines += [f"/* {self.notes[key]} */", declaration(f"{name}_{key}", self.structs[key], self.floats), ""]
+            lines += [
+                f"/* {self.notes[key]} */",
+                declaration(f"{name}_{key}", self.structs[key], self.floats),
+                "",
+            ]
         lines += [
             *(f"extern {constant};" for constant in self._constants()),
             "",
@@ -380,18 +485,29 @@ class StepFile:
     def _signature(self, function: str, *, tuned: bool) -> str:
         read = (*(("parameters",) if tuned else ()), *self.inputs)
         arguments = [f"const struct {self.name}_{key} *{key}" for key in read]
-        arguments += [f"struct {self.name}_{key} *{key}" for key in ("memory", self.output)]
+        arguments += [
+            f"struct {self.name}_{key} *{key}" for key in ("memory", self.output)
+        ]
         return f"void {self.name}_{function}(\n    " + ",\n    ".join(arguments) + ")"
 
     def _implementation(self) -> str:
         name, structs, floats = self.name, self.structs, self.floats
         read = ("parameters", *self.inputs, "memory")
         inputs = [_place(key, place) for key in read for place in structs[key].places]
-        outputs = [_place(key, place) for key in ("memory", self.output) for place in structs[key].places]
+        outputs = [
+            _place(key, place)
+            for key in ("memory", self.output)
+            for place in structs[key].places
+        ]
         body = [f"(void){key};" for key in (*read, self.output)]
         body += statements(self.program, floats, name, inputs, outputs)
         values = (structs["parameters"], structs["memory"])
-        lines = [f"#ifndef {name.upper()}_INTERFACE_ONLY", "#include <math.h>", "", KEEP_IEEE]
+        lines = [
+            f"#ifndef {name.upper()}_INTERFACE_ONLY",
+            "#include <math.h>",
+            "",
+            KEEP_IEEE,
+        ]
         if not floats.single:
             word = f"{name}_needs_64_bit_double_without_fsingle_precision_constant"
             # a negative size is an error where 0.1 is a float
@@ -400,9 +516,18 @@ class StepFile:
             lines += [f"{constant} = {initialiser(each, floats)};", ""]
         lines += [
             helpers(self.program, floats, name),
-            *(self._signature("step_with", tuned=True), "{", *(f"    {line}" for line in body), "}", ""),
+            *(
+                self._signature("step_with", tuned=True),
+                "{",
+                *(f"    {line}" for line in body),
+                "}",
+                "",
+            ),
             *(self._signature("step", tuned=False), "{"),
-            f"    {name}_step_with(&{name}_default_parameters, {', '.join((*self.inputs, 'memory', self.output))});",
+            (
+                f"    {name}_step_with(&{name}_default_parameters,"
+                f" {', '.join((*self.inputs, 'memory', self.output))});"
+            ),
             *("}", "", END_IEEE, "#endif", ""),
         ]
         return "\n".join(lines)
@@ -414,5 +539,7 @@ def _place(key: str, place: str | None) -> str:
 
 
 def _comment(lines: Sequence[str]) -> str:
-    indented = [" " * (len(line) - len(line.lstrip())) + comment(line) for line in lines]
+    indented = [
+        " " * (len(line) - len(line.lstrip())) + comment(line) for line in lines
+    ]
     return "\n".join(["/*", *(f" * {line}".rstrip() for line in indented), " */"])

@@ -1,6 +1,7 @@
 """Error and warning for machine code that is not available, with cause and remedy.
 
-The causes: llvmlite is missing, too old for our assembly, broken, or its LLVM does not know this processor.
+The causes: llvmlite is missing, too old for our assembly, broken, or its LLVM does not
+know this processor.
 """
 
 from __future__ import annotations
@@ -20,14 +21,17 @@ class NoMachineCodeError(RuntimeError):
 
 
 class SlowFlightWarning(RuntimeWarning):
-    """Warning: an episode runs in Python floats, because machine code is not available."""
+    """Warning: an episode runs in Python floats, because machine code is not
+    available.
+    """
 
 
 @contextmanager
 def llvm_needed() -> Iterator[None]:
     """Turn any exception of the LLVM compiler into NoMachineCodeError.
 
-    Only around calls of llvmlite: all that a broken library may raise is taken for a missing one.
+    Only around calls of llvmlite: all that a broken library may raise is taken for a
+    missing one.
     """
     try:
         yield
@@ -38,16 +42,22 @@ def llvm_needed() -> Iterator[None]:
 
 
 def require_floor(version: str) -> None:
-    """Raise RuntimeError if the installed llvmlite is too old for the generated assembly."""
+    """Raise RuntimeError if the installed llvmlite is too old for the generated
+    assembly.
+    """
     if below_floor({NAME: version}):
         raise RuntimeError("its LLVM is too old")
 
 
 def _error_text(error: Exception) -> str:
-    """Error message where LLVM fails: the cause, the required version and the installed version."""
+    """Error message where LLVM fails: the cause, the required version and the installed
+    version.
+    """
     lines = str(error).strip().splitlines()
     cause = lines[0] if lines else type(error).__name__
-    version = getattr(sys.modules.get(NAME), "__version__", None) or installed_versions([NAME]).get(NAME)
+    version = getattr(sys.modules.get(NAME), "__version__", None) or installed_versions(
+        [NAME]
+    ).get(NAME)
     there = f", {version} is installed" if version else ""
     return (
         f"no machine code here ({cause}): needs {NAME} {FLOORS[NAME]} or newer{there}; "
@@ -60,5 +70,7 @@ class MissingExtraError(ImportError):
 
 
 def missing_extra(extra: str) -> MissingExtraError:
-    """Make the error for an optional library that is not installed, with the extra that installs it."""
+    """Make the error for an optional library that is not installed, with the extra that
+    installs it.
+    """
     return MissingExtraError(needs_extra(extra))

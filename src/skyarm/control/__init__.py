@@ -1,1 +1,3 @@
-"""Controllers: control laws as pure functions step(memory, measurement, reference, dt, *, par) -> (memory, command)."""
+"""Controllers: control laws as pure functions step(memory, measurement, reference, dt,
+*, par) -> (memory, command).
+"""

@@ -1,8 +1,9 @@
-"""Controllers by name: laws with their options, presets with published gains, and laws with tuned gains.
+"""Controllers by name: laws with their options, presets with published gains, and laws
+with tuned gains.
 
-:data:`LAWS` lists the laws, :data:`PRESETS` the presets, :func:`tuned_factors` the laws with tuned gains, whose names
-end in :data:`TUNED`. :func:`make_named` makes a controller from any of these names, :func:`make_controller` from a law
-and its options.
+:data:`LAWS` lists the laws, :data:`PRESETS` the presets, :func:`tuned_factors` the laws
+with tuned gains, whose names end in :data:`TUNED`. :func:`make_named` makes a
+controller from any of these names, :func:`make_controller` from a law and its options.
 """
 
 from __future__ import annotations
@@ -34,13 +35,16 @@ from skyarm.records.registry.shipped import TUNED
 __all__ = ["TUNED", "Controller", "ControllerError"]
 
 BEARS_UNDRIVEN = ("rotors_sim_position", "decoupled_pd", "guo2023")
-"""Names of the laws that keep the base in flight without joint torques. The others count on them and fall with a slung
-load whose joints nothing drives (``tests/studies/assess/test_hanging_joints.py`` flies them)."""
+"""Names of the laws that keep the base in flight without joint torques. The others
+count on them and fall with a slung load whose joints nothing drives
+(``tests/studies/assess/test_hanging_joints.py`` flies them)."""
 
 
 @positional
 class Entry:
-    """Catalogue entry of a control law, whose module is imported only when a controller is made."""
+    """Catalogue entry of a control law, whose module is imported only when a controller
+    is made.
+    """
 
     row: Registration
 
@@ -50,7 +54,9 @@ class Entry:
         return self.row.title
 
     def function(self) -> Callable[..., Controller]:
-        """Function that makes the law's controller: (model, **options) -> Controller."""
+        """Function that makes the law's controller: (model, **options) ->
+        Controller.
+        """
         maker: Callable[..., Controller] = self.row.load()
         return maker
 
@@ -60,11 +66,17 @@ class Entry:
         parameters = inspect.signature(maker).parameters.values()
         named = tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
         more = any(p.kind is p.VAR_KEYWORD for p in parameters)
-        return (*named, *getattr(sys.modules[maker.__module__], "ENTRIES", ())) if more else named
+        return (
+            (*named, *getattr(sys.modules[maker.__module__], "ENTRIES", ()))
+            if more
+            else named
+        )
 
 
 class _Entries(Mapping[str, Entry]):
-    """Lazy mapping from names to the catalogue entries of registered laws or autopilots."""
+    """Lazy mapping from names to the catalogue entries of registered laws or
+    autopilots.
+    """
 
     def __init__(self, kind: str) -> None:
         self._kind = kind
@@ -83,7 +95,8 @@ LAWS: Mapping[str, Entry] = _Entries("law")
 """Control laws by name: those of the library and those that users registered."""
 
 AUTOPILOTS: Mapping[str, Entry] = _Entries("autopilot")
-"""Autopilots by name: external programs, connected by a socket, that control the base in place of a law."""
+"""Autopilots by name: external programs, connected by a socket, that control the base
+in place of a law."""
 
 
 def entry_of(name: str) -> Entry:
@@ -97,21 +110,30 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     Args:
         name: a key of ``LAWS``.
         model: model of the controller.
-        options: options of the law's maker, for example ``gains``, ``joint_gains``, ``mixer_policy`` of the paper's
-            laws (:func:`skyarm.control.laws.paper.make_hybrid_computed_torque`).
+        options: options of the law's maker, for example ``gains``, ``joint_gains``,
+            ``mixer_policy`` of the paper's laws
+            (:func:`skyarm.control.laws.paper.make_hybrid_computed_torque`).
 
     Raises:
-        ControllerError: unknown law, an option the law does not have, or one with a wrong value.
+        ControllerError: unknown law, an option the law does not have, or one with a
+            wrong value.
         AllocationError: the model's rotors do not span torque and thrust.
     """
     if not is_one_of(name, LAWS) and not is_one_of(name, AUTOPILOTS):
-        raise ControllerError(f"controller.law = {shown(name)}: {must_be_one_of(LAWS, name, SEE)}")
+        raise ControllerError(
+            f"controller.law = {shown(name)}: {must_be_one_of(LAWS, name, SEE)}"
+        )
     if not isinstance(model, Model):
-        raise ControllerError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
+        raise ControllerError(
+            f"model = {shown(model)}: must be a Model of vehicle and gravity"
+        )
     entry = entry_of(name)
     for option, value in options.items():
         if option not in entry.options():
-            raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, entry.options(), option)}")
+            raise ControllerError(
+                f"controller.{option} = {shown(value)}:"
+                f" {no_option(name, entry.options(), option)}"
+            )
     make = _make_shipped if entry.row.source == SHIPPED else call_maker
     made = make(entry.function(), name, model, options)
     # a maker may return another law's controller
@@ -119,8 +141,9 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
 
 
 _make_shipped = keep_results(64)(call_maker)
-"""Function as ``call_maker`` for makers of the library, which are pure: the members of a team share a law, and so do
-scenarios that are read again. A user's maker may look at whatever it likes."""
+"""Function as ``call_maker`` for makers of the library, which are pure: the members of
+a team share a law, and so do scenarios that are read again. A user's maker may look at
+whatever it likes."""
 
 
 def suitable_options(law: str, given: Mapping[str, float]) -> dict[str, Any]:
@@ -135,7 +158,8 @@ HUMMINGBIRD = GeometricGains(
     attitude=Vec3(0.7, 0.7, 0.035),
     rate=Vec3(0.1, 0.1, 0.025),
 )
-"""Gains of RotorS (lee_controller_hummingbird.yaml), repeated in Tables A1 and A2 of Barakou et al. 2026."""
+"""Gains of RotorS (lee_controller_hummingbird.yaml), repeated in Tables A1 and A2 of
+Barakou et al. 2026."""
 
 ACCELERATION = JointGains(stiffness=(350.0, 150.0), damping=(12.0, 10.0))
 """Joint gains on acceleration (1/s^2 and 1/s) of Barakou et al. 2026, Table A1."""
@@ -174,44 +198,61 @@ PRESETS: Mapping[str, Preset] = {
         {"gains": HUMMINGBIRD, "joint_gains": TORQUE},
     ),
     "rotors_sim_hummingbird": Preset(
-        "RotorS's controller with its Hummingbird's gains, joints free", "rotors_sim_position", {"gains": HUMMINGBIRD}
+        "RotorS's controller with its Hummingbird's gains, joints free",
+        "rotors_sim_position",
+        {"gains": HUMMINGBIRD},
     ),
     "centroidal_joint": Preset(
-        "the centroidal law, base and joints on their references", "centroidal", {"mode": "joint"}
+        "the centroidal law, base and joints on their references",
+        "centroidal",
+        {"mode": "joint"},
     ),
-    "centroidal_tip": Preset("the centroidal law, the tip on its reference", "centroidal", {"mode": "tip"}),
+    "centroidal_tip": Preset(
+        "the centroidal law, the tip on its reference", "centroidal", {"mode": "tip"}
+    ),
 }
-"""Presets by name: controllers of Barakou et al. 2026 with their gains, and the centroidal law in both modes."""
+"""Presets by name: controllers of Barakou et al. 2026 with their gains, and the
+centroidal law in both modes."""
 
 
-def preset(name: str, model: Model, known: Mapping[str, float] | None = None) -> Controller:
+def preset(
+    name: str, model: Model, known: Mapping[str, float] | None = None
+) -> Controller:
     """Make the controller of a named preset for a model.
 
     Args:
         name: a key of ``PRESETS``.
         model: model of the controller.
-        known: properties of the loop, as far as the law has such options: ``delay``, ``control_period``,
-            ``reference_period``, s.
+        known: properties of the loop, as far as the law has such options: ``delay``,
+            ``control_period``, ``reference_period``, s.
 
     Raises:
         ControllerError: unknown name, or gains for another number of joints.
     """
     if not is_one_of(name, PRESETS):
-        raise ControllerError(f"controller.preset = {shown(name)}: {must_be_one_of(PRESETS, name, SEE)}")
+        raise ControllerError(
+            f"controller.preset = {shown(name)}: {must_be_one_of(PRESETS, name, SEE)}"
+        )
     law, options = PRESETS[name].law, PRESETS[name].options
     try:
-        return make_controller(law, model, **{**suitable_options(law, known or {}), **options})
+        return make_controller(
+            law, model, **{**suitable_options(law, known or {}), **options}
+        )
     except ControllerError as error:
         cure = (
-            f"; its gains are of one vehicle: law = {law!r} has some for any, or takes yours"
+            f"; its gains are of one vehicle: law = {law!r} has some for any, or takes"
+            " yours"
             if "gains" in options
             else ""
         )
-        raise ControllerError(f"controller.preset = {name!r}: does not fit this model ({error}){cure}") from None
+        raise ControllerError(
+            f"controller.preset = {name!r}: does not fit this model ({error}){cure}"
+        ) from None
 
 
 def rescale(controller: Controller, factors: Mapping[str, Scalar]) -> Controller:
-    """Controller with some constants, given by parameter paths such as base.position, multiplied by factors.
+    """Controller with some constants, given by parameter paths such as base.position,
+    multiplied by factors.
 
     Raises:
         ControllerError: a path that its constants do not have.
@@ -222,35 +263,56 @@ def rescale(controller: Controller, factors: Mapping[str, Scalar]) -> Controller
         try:
             numbers = part(par, place)
         except (AttributeError, IndexError):
-            raise ControllerError(f"controller.{path}: the law has no such constant") from None
-        par = replace_at(par, {place: rebuild(numbers, iter([mul(leaf, factor) for leaf in leaves(numbers)]))})
+            raise ControllerError(
+                f"controller.{path}: the law has no such constant"
+            ) from None
+        par = replace_at(
+            par,
+            {
+                place: rebuild(
+                    numbers, iter([mul(leaf, factor) for leaf in leaves(numbers)])
+                )
+            },
+        )
     return replace(controller, par=par)
 
 
 @lru_cache(maxsize=1)
 def tuned_factors() -> Mapping[str, Mapping[str, float]]:
-    """Tuned gains by law and parameter path, as factors on the law's default gains for any vehicle.
+    """Tuned gains by law and parameter path, as factors on the law's default gains for
+    any vehicle.
 
-    How the factors in the file next to this one were found is described in docs/laws.md, Tuned gains.
+    How the factors in the file next to this one were found is described in
+    docs/laws.md, Tuned gains.
     """
-    text = resources.files("skyarm.control").joinpath("tuned.toml").read_text(encoding="utf-8")
+    text = (
+        resources.files("skyarm.control")
+        .joinpath("tuned.toml")
+        .read_text(encoding="utf-8")
+    )
     laws: Mapping[str, Mapping[str, float]] = tomllib.loads(text)["law"]
     return laws
 
 
 def make_tuned(name: str, model: Model, **options: Any) -> Controller:
-    """Make a controller of a law by name, with tuned gains in place of the default ones.
+    """Make a controller of a law by name, with tuned gains in place of the default
+    ones.
 
     Raises:
         ControllerError: a law that has not been tuned.
     """
     factors = tuned_factors()
     if not is_one_of(name, factors):
-        raise ControllerError(f"controller.law = {shown(name)}: has no tuned gains; there are {sorted(factors)}")
+        raise ControllerError(
+            f"controller.law = {shown(name)}: has no tuned gains; there are"
+            f" {sorted(factors)}"
+        )
     return rescale(make_controller(name, model, **options), factors[name])
 
 
-def make_named(name: str, model: Model, known: Mapping[str, float] | None = None) -> Controller:
+def make_named(
+    name: str, model: Model, known: Mapping[str, float] | None = None
+) -> Controller:
     """Make a controller by any name (preset, law or tuned law), with default options.
 
     Args:
@@ -298,7 +360,8 @@ def require_different(names: Sequence[str], field: str) -> None:
         if key in seen:
             alike = f"{shown(seen[key])} and {shown(name)} are one"
             raise ControllerError(
-                f"{field} = {shown(list(names))}: must be a list of different presets or laws; {alike}"
+                f"{field} = {shown(list(names))}: must be a list of different presets"
+                f" or laws; {alike}"
             )
         seen[key] = name
 
@@ -307,18 +370,25 @@ SEE = "skyarm show"
 """Command that lists all presets and laws."""
 
 FILE_LIKE = re.compile(r"(?P<stem>.+?)(\.py:?|\.\w+:\w*|\.py:.*)")
-"""Pattern of texts that were probably meant as FILE.py:make but do not have that form."""
+"""Pattern of texts that were probably meant as FILE.py:make but do not have that
+form."""
 
 
 def must_be_named(name: object, others: str = "") -> str:
     """Error text for an unknown controller name: suggestions and the allowed values."""
     every = every_name()
     if isinstance(name, str) and (match := FILE_LIKE.fullmatch(name)):
-        hint = f"a law of a file is FILE.py:make, its function named behind a colon, as {match['stem']}.py:make; "
+        hint = (
+            "a law of a file is FILE.py:make, its function named behind a colon, as"
+            f" {match['stem']}.py:make; "
+        )
     else:
         hint = did_you_mean(name, every)
     near = ", ".join(nearest(name, every))
-    allowed = f"a preset, a law or LAW{TUNED} ({near} ...; {SEE!r} shows all), or FILE.py:make on the command line"
+    allowed = (
+        f"a preset, a law or LAW{TUNED} ({near} ...; {SEE!r} shows all), or"
+        " FILE.py:make on the command line"
+    )
     return f"{hint}must be {others}{allowed}"
 
 

@@ -1,4 +1,6 @@
-"""Controllers: a control law's step function, its constants and its initial internal state."""
+"""Controllers: a control law's step function, its constants and its initial internal
+state.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ LawOptions = Mapping[str, Any]
 """Options of a control law by name, from a file or a call, not yet checked."""
 
 Law = Callable[..., tuple[Any, Command]]
-"""Signature of a control law: step(memory, measurement, reference, dt, *, par) -> (memory, command)."""
+"""Signature of a control law: step(memory, measurement, reference, dt, *, par) ->
+(memory, command)."""
 
 
 class ControllerError(ValueError):
@@ -31,18 +34,22 @@ class ControllerError(ValueError):
 
 @immutable
 class Controller:
-    """Control law as a step function, with its constants and its initial internal state.
+    """Control law as a step function, with its constants and its initial internal
+    state.
 
     Attributes:
         name: name of the law. law: step function. memory: initial internal state.
-        par: its constants: a frozen record with at least ``model`` (:class:`skyarm.control.model.Model`) and ``mixer``
-            (:class:`skyarm.dynamics.actuators.Mixer`), so that the model can be varied whatever the law.
-        margin: distance of an attitude (quaternion) to where the law is not defined, negative beyond; None if it is
-            defined everywhere.
+        par: its constants: a frozen record with at least ``model``
+            (:class:`skyarm.control.model.Model`) and ``mixer``
+            (:class:`skyarm.dynamics.actuators.Mixer`), so that the model can be varied
+            whatever the law.
+        margin: distance of an attitude (quaternion) to where the law is not defined,
+            negative beyond; None if it is defined everywhere.
         limit: text that describes that place.
-        compiled: the law is traceable, so that machine code, C and other engines can be made of it; a law that is
-            not is called with floats.
-        keeps_tip: the law takes the joints from their references to keep the tip on its own.
+        compiled: the law is traceable, so that machine code, C and other engines can be
+            made of it; a law that is not is called with floats.
+        keeps_tip: the law takes the joints from their references to keep the tip on its
+            own.
     """
 
     name: str
@@ -62,27 +69,38 @@ class Controller:
             require_fields(self.memory, "controller.memory", (Vehicle,))
 
     def require_compiled(self, what: str) -> None:
-        """Raise an error, naming the feature ``what``, if an autopilot flies the base or the law cannot be traced.
+        """Raise an error, naming the feature ``what``, if an autopilot flies the base
+        or the law cannot be traced.
 
         Raises:
-            ControllerError: the law cannot be traced, or a program of its own flies the base.
+            ControllerError: the law cannot be traced, or a program of its own flies the
+                base.
         """
         if (autopilot := autopilot_of(self)) is not None:
-            raise ControllerError(f"autopilot {autopilot.name!r}: flies alone and at its own pace, {what} needs a law")
+            raise ControllerError(
+                f"autopilot {autopilot.name!r}: flies alone and at its own pace, {what}"
+                " needs a law"
+            )
         self.require_traceable(what)
 
     def require_traceable(self, what: str) -> None:
-        """Raise an error, naming the feature ``what``, if the control law cannot be traced.
+        """Raise an error, naming the feature ``what``, if the control law cannot be
+        traced.
 
         Raises:
             ControllerError: the law cannot be traced.
         """
         if not self.compiled:
-            raise ControllerError(f"controller '{self.name}': its law cannot be traced, {what} needs a traceable law")
+            raise ControllerError(
+                f"controller '{self.name}': its law cannot be traced, {what} needs a"
+                " traceable law"
+            )
 
 
 def _whole(par: Any) -> Any:
-    """Constants of nested law layers with the outermost model and mixer filled in at every level."""
+    """Constants of nested law layers with the outermost model and mixer filled in at
+    every level.
+    """
     inner = getattr(par, "inner", None)
     if inner is None or getattr(inner, "model", par) is not None:
         return par
@@ -91,9 +109,11 @@ def _whole(par: Any) -> Any:
 
 
 def innermost(record: Any) -> Any:
-    """Constants or internal state of the control law inside all layers such as safety or servos.
+    """Constants or internal state of the control law inside all layers such as safety
+    or servos.
 
-    Layers share model and mixer, which stand with the outermost and are None in what this gives.
+    Layers share model and mixer, which stand with the outermost and are None in what
+    this gives.
     """
     while is_record(inner := getattr(record, "inner", None)):
         record = inner
@@ -101,37 +121,55 @@ def innermost(record: Any) -> Any:
 
 
 def with_innermost(record: Any, own: Tree) -> Any:
-    """Replace the constants (or internal state) of the control law inside all layers such as safety or servos."""
+    """Replace the constants (or internal state) of the control law inside all layers
+    such as safety or servos.
+    """
     inner = getattr(record, "inner", None)
-    return replace(record, inner=with_innermost(inner, own)) if is_record(inner) else own
+    return (
+        replace(record, inner=with_innermost(inner, own)) if is_record(inner) else own
+    )
 
 
 def with_applied_command(memory: Any, sent: Command) -> Any:
-    """Internal state of a law, with its stored commands replaced by the applied ones if it stores any.
+    """Internal state of a law, with its stored commands replaced by the applied ones if
+    it stores any.
 
-    A law that observes or integrates must know the applied command, not the desired one. It keeps them in a field
-    ``sent`` of its memory: one :class:`Command`, or a tuple of them with the newest last. Whoever alters a command on
-    its way (saturation, slew, fallback) writes the changed one there; a law without the field is left as it is.
+    A law that observes or integrates must know the applied command, not the desired
+    one. It keeps them in a field ``sent`` of its memory: one :class:`Command`, or a
+    tuple of them with the newest last. Whoever alters a command on its way (saturation,
+    slew, fallback) writes the changed one there; a law without the field is left as it
+    is.
 
-    A law that integrates has a field ``applied`` too, in which it writes :func:`all_applied`: here the actuators whose
-    command was changed become 0, and the law's integrators stand still for them in the next period.
+    A law that integrates has a field ``applied`` too, in which it writes
+    :func:`all_applied`: here the actuators whose command was changed become 0, and the
+    law's integrators stand still for them in the next period.
     """
     stored = getattr(memory, "sent", None)
     if isinstance(stored, Command):
         desired, updated = stored, replace(memory, sent=sent)
-    elif isinstance(stored, tuple) and stored and all(isinstance(each, Command) for each in stored):
+    elif (
+        isinstance(stored, tuple)
+        and stored
+        and all(isinstance(each, Command) for each in stored)
+    ):
         desired, updated = stored[-1], replace(memory, sent=(*stored[:-1], sent))
     else:
         return memory
-    return replace(updated, applied=_applied_flags(desired, sent)) if hasattr(memory, "applied") else updated
+    return (
+        replace(updated, applied=_applied_flags(desired, sent))
+        if hasattr(memory, "applied")
+        else updated
+    )
 
 
 def with_correction(memory: Any, par: Any, own: Command, sent: Command) -> Any:
-    """Internal state of a law inside any layers after its command ``own`` was corrected to ``sent``.
+    """Internal state of a law inside any layers after its command ``own`` was corrected
+    to ``sent``.
 
-    A layer that converts commands has a method ``inside`` in its memory: constants of the layer and a command -> that
-    command in the units of the law inside. Each stored command moves by the correction, so that without one none does,
-    and flags that a layer has cleared stay cleared.
+    A layer that converts commands has a method ``inside`` in its memory: constants of
+    the layer and a command -> that command in the units of the law inside. Each stored
+    command moves by the correction, so that without one none does, and flags that a
+    layer has cleared stay cleared.
     """
     if is_record(inner := getattr(memory, "inner", None)):
         inside = getattr(memory, "inside", lambda _, command: command)
@@ -149,11 +187,15 @@ def with_correction(memory: Any, par: Any, own: Command, sent: Command) -> Any:
 
 
 def _shifted(stored: Command, own: Command, sent: Command) -> Command:
-    """Stored command plus a correction, and the corrected command itself where it stores what the law commanded."""
+    """Stored command plus a correction, and the corrected command itself where it
+    stores what the law commanded.
+    """
 
     def shift(before: Scalars, old: Scalars, new: Scalars) -> Scalars:
         rows = zip(before, old, new, strict=True)
-        return tuple(where(logical_and(a <= b, a >= b), c, a + (c - b)) for a, b, c in rows)
+        return tuple(
+            where(logical_and(a <= b, a >= b), c, a + (c - b)) for a, b, c in rows
+        )
 
     return replace(
         stored,
@@ -163,13 +205,17 @@ def _shifted(stored: Command, own: Command, sent: Command) -> Command:
 
 
 def part_of(record: Tree, name: str) -> Any:
-    """Constants or internal state of one part of a control law, such as "load"; None if the law has no such part."""
+    """Constants or internal state of one part of a control law, such as "load"; None if
+    the law has no such part.
+    """
     own = innermost(record)
     return getattr(getattr(own, "parts", own), name, None)
 
 
 def preview_leads(par: Dataclass) -> Scalars:
-    """Lead times (s) of the future reference samples that a law, inside any layers, uses; empty without a preview."""
+    """Lead times (s) of the future reference samples that a law, inside any layers,
+    uses; empty without a preview.
+    """
     return getattr(innermost(par), "preview", ())
 
 
@@ -179,7 +225,9 @@ def follows_plan(par: Dataclass) -> bool:
 
 
 def presses(par: Dataclass) -> bool:
-    """True if a law, inside any layers, controls contact forces that a reference requests."""
+    """True if a law, inside any layers, controls contact forces that a reference
+    requests.
+    """
     return part_of(par, "interaction") is not None
 
 
@@ -190,24 +238,35 @@ def senses_force(par: Dataclass) -> bool:
 
 
 def learns_load(par: Dataclass) -> bool:
-    """True if a law, inside any layers, estimates the load at the tip that a reference announces."""
+    """True if a law, inside any layers, estimates the load at the tip that a reference
+    announces.
+    """
     return hasattr(part_of(par, "load"), "limit")
 
 
 def autopilot_of(controller: Controller) -> Any:
-    """Autopilot program that flies the base in the law's place (:mod:`skyarm.links.autopilots`); None for a law."""
+    """Autopilot program that flies the base in the law's place
+    (:mod:`skyarm.links.autopilots`); None for a law.
+    """
     return getattr(innermost(controller.par), "autopilot", None)
 
 
 def all_applied(joints: int) -> tuple[float, ...]:
-    """Initial flags, all 1, for the rotors together and for each joint: every command was applied as desired."""
+    """Initial flags, all 1, for the rotors together and for each joint: every command
+    was applied as desired.
+    """
     return (1.0,) * (1 + joints)
 
 
 def _applied_flags(desired: Command, sent: Command) -> Scalars:
-    """Flags for the rotors together and each joint: 1 where the applied command equals the desired one, else 0."""
+    """Flags for the rotors together and each joint: 1 where the applied command equals
+    the desired one, else 0.
+    """
     rotors: Scalar = True
     for a, b in zip(desired.rotor_speeds, sent.rotor_speeds, strict=True):
         rotors = logical_and(rotors, logical_and(a <= b, a >= b))
-    joints = (logical_and(a <= b, a >= b) for a, b in zip(desired.efforts, sent.efforts, strict=True))
+    joints = (
+        logical_and(a <= b, a >= b)
+        for a, b in zip(desired.efforts, sent.efforts, strict=True)
+    )
     return tuple(where(same, 1.0, 0.0) for same in (rotors, *joints))

@@ -1,8 +1,9 @@
-"""Checks of a user-defined control law and of its results, with the law's file and line in each message.
+"""Checks of a user-defined control law and of its results, with the law's file and line
+in each message.
 
-Shipped laws are not looked at: all of their code stands in the library, and its tests fly them. A law of which any
-function stands elsewhere, in a plugin, another package or a script, is
-someone's own; its trial compares floats with the traced program.
+Shipped laws are not looked at: all of their code stands in the library, and its tests
+fly them. A law of which any function stands elsewhere, in a plugin, another package or
+a script, is someone's own; its trial compares floats with the traced program.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ CALLED_AS = "law(memory, measurement, reference, dt, *, par)"
 RETURNS = "must return (memory, Command)"
 
 ONE_FOR = {"rotor_speeds": "rotor", "efforts": "joint", "tilts": "rotor that tilts"}
-"""Component (rotor, joint, tilting rotor) that each number of a command belongs to, by field of the command."""
+"""Component (rotor, joint, tilting rotor) that each number of a command belongs to, by
+field of the command."""
 
 MAY_BE_EMPTY = ("tilts",)
 
@@ -57,7 +59,8 @@ AS_FLOATS = "or Controller(compiled=False), which calls it with floats"
 
 
 PERIODS = 20
-"""Number of control periods over which a traced law is compared with its evaluation on floats."""
+"""Number of control periods over which a traced law is compared with its evaluation on
+floats."""
 
 Numbers = tuple[float, ...]
 
@@ -87,7 +90,8 @@ def _fault(law: Law, name: str, words: str, place: str = "") -> LawError:
 
 
 def check_controller(controller: Controller) -> None:
-    """Reject a controller with an invalid step function, signature, constants or initial state, before the law runs.
+    """Reject a controller with an invalid step function, signature, constants or
+    initial state, before the law runs.
 
     Raises:
         LawError: one line.
@@ -96,8 +100,15 @@ def check_controller(controller: Controller) -> None:
         return
     law = controller.law
     if isinstance(law, type) or not callable(law):
-        kind = f"the class {law.__qualname__}" if isinstance(law, type) else f"{shown(law)}, which cannot be called"
-        raise wrong(controller, f"is {kind}: must be a function, or an object with __call__, {CALLED_AS}")
+        kind = (
+            f"the class {law.__qualname__}"
+            if isinstance(law, type)
+            else f"{shown(law)}, which cannot be called"
+        )
+        raise wrong(
+            controller,
+            f"is {kind}: must be a function, or an object with __call__, {CALLED_AS}",
+        )
     try:
         inspect.signature(law).bind(None, None, None, None, par=None)
     except TypeError as error:
@@ -106,18 +117,31 @@ def check_controller(controller: Controller) -> None:
         pass  # built in: it has no signature to look at
     par = controller.par
     if not is_record(par):
-        raise wrong(controller, f"has the constants {shown(par)}: par must be a frozen dataclass with a field 'model'")
+        raise wrong(
+            controller,
+            f"has the constants {shown(par)}: par must be a frozen dataclass with a"
+            " field 'model'",
+        )
     if not isinstance(getattr(par, "model", None), Model):
-        raise wrong(controller, f"has constants without a Model: {type(par).__name__}.model must be the nominal one")
+        raise wrong(
+            controller,
+            f"has constants without a Model: {type(par).__name__}.model must be the"
+            " nominal one",
+        )
     if controller.compiled and (words := memory_mistake(controller.memory, "memory")):
-        raise wrong(controller, f"{words}, {AS_FLOATS}" if words.endswith("of numbers") else words)
+        raise wrong(
+            controller,
+            f"{words}, {AS_FLOATS}" if words.endswith("of numbers") else words,
+        )
 
 
 MEMORIES = "must be a tuple or a frozen dataclass of numbers"
 
 
 def memory_mistake(memory: object, path: str) -> str | None:
-    """Error text for an initial controller state that cannot be compiled; None for a valid state."""
+    """Error text for an initial controller state that cannot be compiled; None for a
+    valid state.
+    """
     # within a memory it is a constant, alone it never changes
     if isinstance(memory, str):
         return f"has {path} = {shown(memory)}: {MEMORIES}"
@@ -126,17 +150,23 @@ def memory_mistake(memory: object, path: str) -> str | None:
 
 
 def _kept_mistake(value: object, path: str) -> str | None:
-    """Error text for one value of a controller state that cannot be compiled; None for a valid value."""
+    """Error text for one value of a controller state that cannot be compiled; None for
+    a valid value.
+    """
     if isinstance(value, (bool, int)) and not isinstance(value, Enum):
         number = "1.0 or 0.0" if isinstance(value, bool) else f"{value}.0"
-        return f"has {path} = {value!r}: an int never changes in a program; must be {number}"
+        return (
+            f"has {path} = {value!r}: an int never changes in a program; must be"
+            f" {number}"
+        )
     if value is None or isinstance(value, (str, Enum)) or _is_number(value):
         return None
     return f"has {path} = {shown(value)}: {MEMORIES}"
 
 
 def checked_law(controller: Controller) -> Law:
-    """Step function that checks each result of a user-defined law; a shipped law is returned unchanged.
+    """Step function that checks each result of a user-defined law; a shipped law is
+    returned unchanged.
 
     A wrong result raises LawError. An error of the law's own code passes as it is.
     """
@@ -144,21 +174,42 @@ def checked_law(controller: Controller) -> Law:
     if not is_own(controller) or getattr(law, "func", None) is _check_step:
         return law
     counts = _counts(controller)
-    return partial(_check_step, law=law, name=controller.name, compiled=controller.compiled, counts=counts)
+    return partial(
+        _check_step,
+        law=law,
+        name=controller.name,
+        compiled=controller.compiled,
+        counts=counts,
+    )
 
 
 def bound_by(law: object) -> tuple[tuple[int, ...], tuple[object, ...]]:
-    """Identities of a law's functions, which functools.partial may bind together, and the constants that they bind."""
+    """Identities of a law's functions, which functools.partial may bind together, and
+    the constants that they bind.
+    """
     if not isinstance(law, partial):
         return ((id(law),), ()) if callable(law) else ((), (law,))
-    bound = [bound_by(each) for each in (law.func, *law.args, *(law.keywords[name] for name in sorted(law.keywords)))]
-    return tuple(i for functions, _ in bound for i in functions), tuple(c for _, many in bound for c in many)
+    bound = [
+        bound_by(each)
+        for each in (
+            law.func,
+            *law.args,
+            *(law.keywords[name] for name in sorted(law.keywords)),
+        )
+    ]
+    return tuple(i for functions, _ in bound for i in functions), tuple(
+        c for _, many in bound for c in many
+    )
 
 
 def _counts(controller: Controller) -> dict[str, int]:
     """Required number of rotor speeds, joint efforts and tilt angles in a command."""
     vehicle = controller.par.model.vehicle
-    return {"rotor_speeds": len(vehicle.rotors), "efforts": vehicle.n, "tilts": len(vehicle.tilts)}
+    return {
+        "rotor_speeds": len(vehicle.rotors),
+        "efforts": vehicle.n,
+        "tilts": len(vehicle.tilts),
+    }
 
 
 def _check_step(
@@ -188,7 +239,11 @@ def _check_step(
     following, command = result
     if not isinstance(command, Command):
         order = isinstance(following, Command)
-        pair = f"(Command, {kind_of(command)})" if order else f"(memory, {kind_of(command)})"
+        pair = (
+            f"(Command, {kind_of(command)})"
+            if order
+            else f"(memory, {kind_of(command)})"
+        )
         raise fault(f"returns {pair}: {RETURNS}{', in this order' if order else ''}")
     if compiled and (change := difference(memory, following, "memory")):
         raise fault(f"changes the structure of its memory: {change}")
@@ -199,11 +254,16 @@ def _check_step(
 
 
 def _field_mistake(field: str, values: object, count: int) -> str | None:
-    """Error text for a wrong field of a law's command, None if valid; the angles of tilting rotors may be omitted."""
+    """Error text for a wrong field of a law's command, None if valid; the angles of
+    tilting rotors may be omitted.
+    """
     if not isinstance(values, tuple):
         return f"gives {field} as {kind_of(values)}: must be a tuple of {count} numbers"
     if len(values) != count and (values or field not in MAY_BE_EMPTY):
-        return f"gives {len(values)} {field}: must be {count}, one for each {ONE_FOR[field]}"
+        return (
+            f"gives {len(values)} {field}: must be {count}, one for each"
+            f" {ONE_FOR[field]}"
+        )
     for i, value in enumerate(values):
         if not (type(value) is int or _is_number(value)):
             return f"gives {field}[{i}] as {kind_of(value)}: must be a number"
@@ -211,7 +271,9 @@ def _field_mistake(field: str, values: object, count: int) -> str | None:
 
 
 def mistake_in(error: Exception) -> str | None:
-    """Error text for an exception caused by untraceable user code; None for an ordinary bug in that code."""
+    """Error text for an exception caused by untraceable user code; None for an ordinary
+    bug in that code.
+    """
     text = " ".join(str(error).split())
     if isinstance(error, TracedBranchError):
         return f"{TRACED}: {text.rpartition('.py:')[2].partition(': ')[2] or text}"
@@ -224,32 +286,54 @@ def mistake_in(error: Exception) -> str | None:
     if "another trace" in text:
         return f"meets a number of an earlier call: {OUTSIDE}"
     if re.search(r"\bNode\b|ufunc", text):
-        words = text.replace("'Node'", "a traced number").replace("Node", "traced number")
+        words = text.replace("'Node'", "a traced number").replace(
+            "Node", "traced number"
+        )
         return f"{TRACED}: {words}; {ALLOWED}"
     return None
 
 
 def difference(example: object, record: object, path: str) -> str | None:
-    """Text on the first difference in structure between two nested dataclasses or tuples; None if alike."""
+    """Text on the first difference in structure between two nested dataclasses or
+    tuples; None if alike.
+    """
     below = pairs(example, record, path)
     if below is None:
         tuples = isinstance(example, tuple) or isinstance(record, tuple)
-        same = _is_number(record) if _is_number(example) else type(example) is type(record) and example == record
-        return None if same and not tuples else f"{path} is {kind_of(record)}, must stay {kind_of(example)}"
-    return next((change for a, b, name in below if (change := difference(a, b, name))), None)
+        same = (
+            _is_number(record)
+            if _is_number(example)
+            else type(example) is type(record) and example == record
+        )
+        return (
+            None
+            if same and not tuples
+            else f"{path} is {kind_of(record)}, must stay {kind_of(example)}"
+        )
+    return next(
+        (change for a, b, name in below if (change := difference(a, b, name))), None
+    )
 
 
 def _is_number(value: object) -> bool:
-    """True if a value is a float or a symbolic scalar; an int would become a constant of the compiled program."""
+    """True if a value is a float or a symbolic scalar; an int would become a constant
+    of the compiled program.
+    """
     if isinstance(value, (int, str, Enum, np.ndarray)) or is_record(value):
         return False
-    return isinstance(value, (float, Node)) or (hasattr(value, "__mul__") and hasattr(value, "__float__"))
+    return isinstance(value, (float, Node)) or (
+        hasattr(value, "__mul__") and hasattr(value, "__float__")
+    )
 
 
 def kind_of(value: object) -> str:
     """Short description of a value's type."""
     if value is None or isinstance(value, (int, str)):
-        return shown(value) if not isinstance(value, int) or isinstance(value, bool) else f"the int {value}"
+        return (
+            shown(value)
+            if not isinstance(value, int) or isinstance(value, bool)
+            else f"the int {value}"
+        )
     if isinstance(value, tuple):
         return f"a tuple of {len(value)}"
     if isinstance(value, np.ndarray):
@@ -257,11 +341,14 @@ def kind_of(value: object) -> str:
     return "a number" if _is_number(value) else f"a {type(value).__name__}"
 
 
-def call_maker(maker: Callable[..., Any], name: str, model: Model, options: dict[str, Any]) -> Controller:
+def call_maker(
+    maker: Callable[..., Any], name: str, model: Model, options: dict[str, Any]
+) -> Controller:
     """Call a user-defined function that makes a controller, and check the result.
 
     Raises:
-        LawError: it cannot be called as maker(model, **options), makes a record that cannot be, or no controller.
+        LawError: it cannot be called as maker(model, **options), makes a record that
+            cannot be, or no controller.
     """
 
     def wrong_maker(words: str, place: str = "") -> LawError:
@@ -280,21 +367,31 @@ def call_maker(maker: Callable[..., Any], name: str, model: Model, options: dict
             raise
         raise wrong_maker(f": {error}", place_of_error(error)) from error
     if not isinstance(made, Controller):
-        kind = f"the class {made.__qualname__}" if isinstance(made, type) else shown(made)
+        kind = (
+            f"the class {made.__qualname__}" if isinstance(made, type) else shown(made)
+        )
         raise wrong_maker(f" returns {kind}: its maker must return a Controller")
     check_controller(made)
     return made
 
 
-def try_law(controller: Controller, period: float, seen: Measurement, wanted: Sequence[Reference]) -> None:
-    """Reject a user-defined law that is not a pure function or whose first command is not finite.
+def try_law(
+    controller: Controller,
+    period: float,
+    seen: Measurement,
+    wanted: Sequence[Reference],
+) -> None:
+    """Reject a user-defined law that is not a pure function or whose first command is
+    not finite.
 
-    A shipped law is not tried, nor one that is called with floats: such a law may keep what it likes.
+    A shipped law is not tried, nor one that is called with floats: such a law may keep
+    what it likes.
 
     Args:
         controller: controller with all its layers.
         period: control period, s.
-        seen: first measurement; in the following periods the vehicle drifts slightly from there.
+        seen: first measurement; in the following periods the vehicle drifts slightly
+            from there.
         wanted: references of the periods.
 
     Raises:
@@ -304,7 +401,9 @@ def try_law(controller: Controller, period: float, seen: Measurement, wanted: Se
         return
     law, par = checked_law(controller), controller.par
 
-    def step(memory: Any, measured: Measurement, reference: Reference) -> tuple[Any, Command]:
+    def step(
+        memory: Any, measured: Measurement, reference: Reference
+    ) -> tuple[Any, Command]:
         return law(memory, measured, reference, period, par=par)
 
     start = in_floats(controller.memory)
@@ -318,10 +417,17 @@ def try_law(controller: Controller, period: float, seen: Measurement, wanted: Se
         if k == 0:
             _require_numbers(controller, instant, numbers[len(now) :])
         if k < len(expected) and not _same_numbers(numbers, expected[k]):
-            raise wrong(controller, f"gives other numbers as a program in period {k} than with floats: {OUTSIDE}")
+            raise wrong(
+                controller,
+                f"gives other numbers as a program in period {k} than with floats:"
+                f" {OUTSIDE}",
+            )
         now = numbers[: len(now)]
     if fingerprint(step, start, *instants[0]) != fingerprint(step, start, *instants[0]):
-        raise wrong(controller, f"gives another program in period 0 whenever it is traced: {OUTSIDE}")
+        raise wrong(
+            controller,
+            f"gives another program in period 0 whenever it is traced: {OUTSIDE}",
+        )
 
 
 def _results_with_floats(
@@ -330,20 +436,34 @@ def _results_with_floats(
     memory: Tree,
     instants: Sequence[tuple[Measurement, Reference]],
 ) -> list[Numbers]:
-    """Results of a law called with floats for several periods, until an arithmetic error ends the calls."""
+    """Results of a law called with floats for several periods, until an arithmetic
+    error ends the calls.
+    """
     results: list[Numbers] = []
     for k, (measured, reference) in enumerate(instants):
-        given = {"memory": memory, "measurement": measured, "reference": reference, "par": controller.par}
+        given = {
+            "memory": memory,
+            "measurement": measured,
+            "reference": reference,
+            "par": controller.par,
+        }
         before = contents(given)
         try:
             result = step(memory, measured, reference)
         except ArithmeticError:
             break  # floats refuse 1 / 0, a program goes on with inf
         if (name := changed_argument(given, before)) is not None:
-            raise wrong(controller, f"writes to its argument {name!r} in period {k}: must return new records")
+            raise wrong(
+                controller,
+                f"writes to its argument {name!r} in period {k}: must return new"
+                " records",
+            )
         numbers, memory = leaves(result), result[0]
         if any(isinstance(number, Node) for number in numbers):
-            raise wrong(controller, f"gives a number of an earlier trace in period {k}: {OUTSIDE}")
+            raise wrong(
+                controller,
+                f"gives a number of an earlier trace in period {k}: {OUTSIDE}",
+            )
         results.append(tuple(map(float, numbers)))
     return results
 
@@ -352,42 +472,70 @@ def _same_numbers(first: Sequence[Scalar], second: Sequence[Scalar]) -> bool:
     """True if two sequences contain the same numbers; NaN equals NaN."""
     if len(first) != len(second):
         return False
-    return all(a is b or a == b or (a != a and b != b) for a, b in zip(first, second, strict=True))  # noqa: PLR0124
+    return all(
+        a is b or a == b or (a != a and b != b)
+        for a, b in zip(first, second, strict=True)
+    )  # noqa: PLR0124
 
 
-def _require_numbers(controller: Controller, instant: tuple[Tree, ...], command: Sequence[float]) -> None:
-    """Reject a first command that is not finite although its inputs are, or turns a rotor backwards that cannot.
+def _require_numbers(
+    controller: Controller, instant: tuple[Tree, ...], command: Sequence[float]
+) -> None:
+    """Reject a first command that is not finite although its inputs are, or turns a
+    rotor backwards that cannot.
 
-    A speed above a rotor's largest one is a warning: a law may start far from its reference.
+    A speed above a rotor's largest one is a warning: a law may start far from its
+    reference.
     """
     if not all(map(math.isfinite, leaves(instant))):
         return
-    fields = [f"{name}[{i}]" for name, count in _counts(controller).items() for i in range(count)]
+    fields = [
+        f"{name}[{i}]"
+        for name, count in _counts(controller).items()
+        for i in range(count)
+    ]
     for field, value in zip(fields, command, strict=False):  # angles may be left out
         if not math.isfinite(value):
-            raise wrong(controller, f"gives {field} = {value} in its first period: must be a finite number")
+            raise wrong(
+                controller,
+                f"gives {field} = {value} in its first period: must be a finite number",
+            )
     rotors = controller.par.model.vehicle.rotors
     speeds = command[: len(rotors)]
     try:
         require_speeds(rotors, speeds, "rotor_speeds")
     except ValueError as error:
         fault = wrong(controller, f"gives {error}, in its first period")
-        if any(speed < rotor.min_speed for speed, rotor in zip(speeds, rotors, strict=True)):
+        if any(
+            speed < rotor.min_speed for speed, rotor in zip(speeds, rotors, strict=True)
+        ):
             raise fault from None
-        warnings.warn(f"{fault}; a flight clips it and counts it as saturation", stacklevel=2)
+        warnings.warn(
+            f"{fault}; a flight clips it and counts it as saturation", stacklevel=2
+        )
 
 
 def _drifting(first: Measurement, period: float) -> list[Measurement]:
-    """Measurements of a slowly drifting vehicle, one per period, for the trial of a law."""
-    return [replace(perturb(first, k), time=float(first.time) + k * period) for k in range(PERIODS)]
+    """Measurements of a slowly drifting vehicle, one per period, for the trial of a
+    law.
+    """
+    return [
+        replace(perturb(first, k), time=float(first.time) + k * period)
+        for k in range(PERIODS)
+    ]
 
 
 def perturb(record: Measurement, k: int) -> Measurement:
-    """Test measurement with every number slightly changed in period ``k`` > 0, unchanged in period 0."""
+    """Test measurement with every number slightly changed in period ``k`` > 0,
+    unchanged in period 0.
+    """
     start = [float(leaf) for leaf in leaves(record)]
     if k == 0:
         return rebuild(record, iter(start))
-    moved = [x + 1e-3 * (1.0 + 0.01 * abs(x)) * math.sin(0.7 * i + 0.9 * k) for i, x in enumerate(start)]
+    moved = [
+        x + 1e-3 * (1.0 + 0.01 * abs(x)) * math.sin(0.7 * i + 0.9 * k)
+        for i, x in enumerate(start)
+    ]
     perturbed = rebuild(record, iter(moved))
     return replace(perturbed, quaternion=perturbed.quaternion.normalized())
 

@@ -1,4 +1,6 @@
-"""Online estimates inside a control law's state (loop lags, tip load, tip force), for logs and displays."""
+"""Online estimates inside a control law's state (loop lags, tip load, tip force), for
+logs and displays.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +13,24 @@ from skyarm.records.leaves import Tree, is_record
 
 
 def found_by_law(memory: Tree) -> Mapping[str, Scalars]:
-    """Estimates of a control law by log array name: loop lags, tip load, tip force; empty without such estimates.
+    """Estimates of a control law by log array name: loop lags, tip load, tip force;
+    empty without such estimates.
 
-    A law shows a load by a field ``load`` of its memory: a record with a ``mass`` (kg) and a ``place`` (m, axes of the
-    tip). Any other field of this name is not logged. The tip's force is logged where its standard error is known.
+    A law shows a load by a field ``load`` of its memory: a record with a ``mass`` (kg)
+    and a ``place`` (m, axes of the tip). Any other field of this name is not logged.
+    The tip's force is logged where its standard error is known.
     """
     load = part_of(memory, "load")
     estimates = {"lag_found": lags_found(memory)}
-    if is_record(load) and hasattr(load, "mass") and isinstance(getattr(load, "place", None), Vec3):
-        estimates |= {"load_mass_found": (load.mass,), "load_place_found": tuple(load.place)}
+    if (
+        is_record(load)
+        and hasattr(load, "mass")
+        and isinstance(getattr(load, "place", None), Vec3)
+    ):
+        estimates |= {
+            "load_mass_found": (load.mass,),
+            "load_place_found": tuple(load.place),
+        }
     push = part_of(memory, "interaction")
     deviation = getattr(getattr(push, "scale", None), "deviation", None)
     if deviation is not None:
@@ -28,9 +39,11 @@ def found_by_law(memory: Tree) -> Mapping[str, Scalars]:
 
 
 def lags_found(memory: Tree) -> Scalars:
-    """Estimated lags (s) of the rotor and joint loops in a control law's state; empty if not estimated.
+    """Estimated lags (s) of the rotor and joint loops in a control law's state; empty
+    if not estimated.
 
-    A law shows them by a field ``lag`` of its memory: a record whose ``found`` is a tuple.
+    A law shows them by a field ``lag`` of its memory: a record whose ``found`` is a
+    tuple.
     """
     lag = part_of(memory, "lag")
     lags = getattr(lag, "found", None) if is_record(lag) else None
@@ -38,15 +51,20 @@ def lags_found(memory: Tree) -> Scalars:
 
 
 def numbers_found(memory: Tree) -> Scalars:
-    """All online estimates of a control law (loop lags, tip load, tip force) as one flat tuple."""
-    return tuple(number for numbers in found_by_law(memory).values() for number in numbers)
+    """All online estimates of a control law (loop lags, tip load, tip force) as one
+    flat tuple.
+    """
+    return tuple(
+        number for numbers in found_by_law(memory).values() for number in numbers
+    )
 
 
 def observed_push(memory: Tree) -> Vec3 | None:
-    """Tip force (N, world axes) estimated in a control law's state; None if not estimated.
+    """Tip force (N, world axes) estimated in a control law's state; None if not
+    estimated.
 
-    The estimate is a field ``tip_force`` of the memory, or part of contact force control (``interaction``) or of
-    admittance control (``admittance``).
+    The estimate is a field ``tip_force`` of the memory, or part of contact force
+    control (``interaction``) or of admittance control (``admittance``).
     """
     own = innermost(memory)
     force = getattr(own, "tip_force", None)
@@ -58,7 +76,9 @@ def observed_push(memory: Tree) -> Vec3 | None:
 
 @positional
 class PushAlone:
-    """Tip force estimate of a control law, separate from the rest of the law's state; empty if not estimated."""
+    """Tip force estimate of a control law, separate from the rest of the law's state;
+    empty if not estimated.
+    """
 
     tip_force: Vec3 | tuple[()]
 

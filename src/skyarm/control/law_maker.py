@@ -1,4 +1,6 @@
-"""Generation of a law's maker function, with options from the declared constants and default gains for a model."""
+"""Generation of a law's maker function, with options from the declared constants and
+default gains for a model.
+"""
 
 from __future__ import annotations
 
@@ -24,14 +26,24 @@ from skyarm.records.leaves import Tree
 
 RATIO_POSITION, RATIO_VELOCITY = 4.0 / 0.806, 2.2 / 0.806
 
-RATIO_ATTITUDE, RATIO_RATE = (0.7 / 0.007, 0.7 / 0.007, 0.035 / 0.012), (0.1 / 0.007, 0.1 / 0.007, 0.025 / 0.012)
+RATIO_ATTITUDE, RATIO_RATE = (
+    (0.7 / 0.007, 0.7 / 0.007, 0.035 / 0.012),
+    (
+        0.1 / 0.007,
+        0.1 / 0.007,
+        0.025 / 0.012,
+    ),
+)
 
 ACCELERATION_GAINS = (150.0, 17.0)
-"""Default joint gains on acceleration (1/s^2 and 1/s): 12.2 rad/s as joint 2 of Barakou et al. 2026, damping 0.7."""
+"""Default joint gains on acceleration (1/s^2 and 1/s): 12.2 rad/s as joint 2 of Barakou
+et al. 2026, damping 0.7."""
 
 
 def default_gains(model: Model) -> GeometricGains:
-    """RotorS's geometric gains of the Hummingbird, scaled to another vehicle's mass and base inertia."""
+    """RotorS's geometric gains of the Hummingbird, scaled to another vehicle's mass and
+    base inertia.
+    """
     mass, J = model.vehicle.mass, model.vehicle.base.inertia
     moments = (J.xx, J.yy, J.zz)
     return GeometricGains(
@@ -43,10 +55,12 @@ def default_gains(model: Model) -> GeometricGains:
 
 
 def default_joint_gains(model: Model, *, torque: bool = False) -> JointGains:
-    """Default joint gains on acceleration, or with ``torque`` on torque, scaled by each joint's inertia.
+    """Default joint gains on acceleration, or with ``torque`` on torque, scaled by each
+    joint's inertia.
 
-    Friction is not in the laws: a joint of inertia J with damping d lags by d rate / (J stiffness), which is large on a
-    light link behind a real gear. Give such joints their own gains.
+    Friction is not in the laws: a joint of inertia J with damping d lags by d rate / (J
+    stiffness), which is large on a light link behind a real gear. Give such joints
+    their own gains.
     """
     n = model.vehicle.n
     own: tuple[Any, ...] = (1.0,) * n
@@ -58,14 +72,17 @@ def default_joint_gains(model: Model, *, torque: bool = False) -> JointGains:
 
 
 def fitting_mixer(model: Model, policy: str) -> Mixer:
-    """Control allocation for a model's rotors, which treats speed limits by ``policy``, such as clip or priority.
+    """Control allocation for a model's rotors, which treats speed limits by ``policy``,
+    such as clip or priority.
 
     Raises:
         ControllerError: unknown policy.
         AllocationError: the model's rotors do not span torque and thrust.
     """
     if policy not in POLICIES:
-        raise ControllerError(f"controller.mixer = {shown(policy)}: must be one of {', '.join(POLICIES)}")
+        raise ControllerError(
+            f"controller.mixer = {shown(policy)}: must be one of {', '.join(POLICIES)}"
+        )
     return make_mixer(model.vehicle, policy)
 
 
@@ -89,39 +106,51 @@ def law_maker(
 ) -> Callable[..., Controller]:
     """Make the function (model, **options) -> Controller of a control law.
 
-    Its options are ``gains`` of the base and ``joint_gains`` (defaults that fit the model), ``mixer_policy``
-    (:class:`skyarm.dynamics.actuators.Mixer`), and the fields with a default of the law's constants, each checked by
-    its annotation. None stands for the default.
+    Its options are ``gains`` of the base and ``joint_gains`` (defaults that fit the
+    model), ``mixer_policy`` (:class:`skyarm.dynamics.actuators.Mixer`), and the fields
+    with a default of the law's constants, each checked by its annotation. None stands
+    for the default.
 
     Args:
         name: name of the law.
         law: step function.
         kind: class of its constants.
         shared: options among the fields of :class:`Parameters`.
-        readers: default and reader of each option that is written otherwise than stored.
+        readers: default and reader of each option that is written otherwise than
+            stored.
         constants: function from the model to further constants.
         memory: function from the constants to the initial internal state.
         torque_gains: joint gains act on torque.
         rate_error: form of the body rate error where that is no option.
-        bounds: further fields of :class:`Controller` that follow from the constants, such as ``margin``.
+        bounds: further fields of :class:`Controller` that follow from the constants,
+            such as ``margin``.
         of_controller: further fields of :class:`Controller`.
     """
     readers = readers or {}
     inherited = {field.name for field in fields(Parameters)}
-    defaults: dict[str, Any] = {name: usual(Options)[name] for name in ("gains", "joint_gains", "mixer_policy")}
+    defaults: dict[str, Any] = {
+        name: usual(Options)[name] for name in ("gains", "joint_gains", "mixer_policy")
+    }
     for field in fields(kind):
-        if field.name in shared or (field.name not in inherited and field.default is not MISSING):
+        if field.name in shared or (
+            field.name not in inherited and field.default is not MISSING
+        ):
             defaults[field.name] = field.default
     defaults |= {option: default for option, (default, _) in readers.items()}
     keyword = inspect.Parameter.KEYWORD_ONLY
     signature = inspect.Signature(
         [inspect.Parameter("model", inspect.Parameter.POSITIONAL_OR_KEYWORD)]
-        + [inspect.Parameter(option, keyword, default=default) for option, default in defaults.items()]
+        + [
+            inspect.Parameter(option, keyword, default=default)
+            for option, default in defaults.items()
+        ]
     )
 
     def make(model: Model, **options: Any) -> Controller:
         signature.bind(model, **options)
-        chosen = defaults | {option: value for option, value in options.items() if value is not None}
+        chosen = defaults | {
+            option: value for option, value in options.items() if value is not None
+        }
         mixer = fitting_mixer(model, chosen.pop("mixer_policy"))
         if chosen["gains"] is None:
             chosen["gains"] = default_gains(model)
@@ -133,7 +162,9 @@ def law_maker(
         _require_fitting(values, model.vehicle.n)
         par = kind(model=model, mixer=mixer, **values)
         own = {**of_controller, **(bounds(par) if bounds else {})}
-        return Controller(name=name, law=law, par=par, memory=memory(par) if memory else (), **own)
+        return Controller(
+            name=name, law=law, par=par, memory=memory(par) if memory else (), **own
+        )
 
     make.__name__, make.__doc__ = f"make_{name}", f"The law {name!r} for a model."
     make.__signature__ = signature  # type: ignore[attr-defined]
@@ -142,12 +173,18 @@ def law_maker(
 
 
 def constants_of(maker: Callable[..., Any]) -> type[Parameters]:
-    """Class of a law's constants, whose fields declare the units of its options; the shared one for other functions."""
+    """Class of a law's constants, whose fields declare the units of its options; the
+    shared one for other functions.
+    """
     return getattr(maker, "constants", Parameters)
 
 
 def checked_option(
-    kind: type, option: str, value: Any, model: Model, readers: Mapping[str, tuple[Any, Reader]] = MappingProxyType({})
+    kind: type,
+    option: str,
+    value: Any,
+    model: Model,
+    readers: Mapping[str, tuple[Any, Reader]] = MappingProxyType({}),
 ) -> Any:
     """Option value validated and converted to the type of the law's constant.
 
@@ -169,22 +206,29 @@ def option_numbers(option: str, value: object, count: int) -> tuple[Any, ...]:
     """
     at = f"controller.{option}"
     with errors_as(ControllerError, of=RecordError):
-        rows = coerce.items(at, value, (count,), f"must be {count} number{'s' * (count > 1)}")
+        rows = coerce.items(
+            at, value, (count,), f"must be {count} number{'s' * (count > 1)}"
+        )
         return tuple(coerce.number(f"{at}[{i}]", each) for i, each in enumerate(rows))
 
 
 def _require_fitting(values: LawOptions, joints: int) -> None:
-    """Reject options per joint with a wrong number of values, and an unknown value of the option ``rate_error``."""
+    """Reject options per joint with a wrong number of values, and an unknown value of
+    the option ``rate_error``.
+    """
     gains = values["joint_gains"]
     for field, row in (("stiffness", gains.stiffness), ("damping", gains.damping)):
         if len(row) != joints:
             raise ControllerError(
-                f"controller.joint_gains.{field}: {len(row)} values, must be {joints} (one per joint)"
+                f"controller.joint_gains.{field}: {len(row)} values, must be {joints}"
+                " (one per joint)"
             )
     for option in ("friction_compensation", "rate_weights"):
         if len(values.get(option, ())) not in (0, joints):
             said = f"controller.{option} = {shown(values[option])}"
-            raise ControllerError(f"{said}: must be {joints} numbers, one for each joint")
+            raise ControllerError(
+                f"{said}: must be {joints} numbers, one for each joint"
+            )
     if values["rate_error"] not in RATE_ERRORS:
         said = f"controller.rate_error = {shown(values['rate_error'])}"
         raise ControllerError(f"{said}: must be one of {', '.join(RATE_ERRORS)}")

@@ -22,15 +22,24 @@ from skyarm.vehicle import Vehicle, VehicleError
 @immutable
 @checked("model", VehicleError)
 class Model:
-    """Model of a controller: its nominal vehicle and gravity (m/s^2), which may differ from the simulated plant."""
+    """Model of a controller: its nominal vehicle and gravity (m/s^2), which may differ
+    from the simulated plant.
+    """
 
     vehicle: Vehicle
     gravity: Annotated[
-        Scalar, nonnegative("m/s^2", "gravitational acceleration of the controller's model, downwards", usual=25.0)
+        Scalar,
+        nonnegative(
+            "m/s^2",
+            "gravitational acceleration of the controller's model, downwards",
+            usual=25.0,
+        ),
     ] = 9.81
 
     def path_names(self) -> Names:
-        """Names in parameter paths: the model's fields, and the loads carried by the vehicle."""
+        """Names in parameter paths: the model's fields, and the loads carried by the
+        vehicle.
+        """
         return field_paths(self) | {"payload": self.vehicle.load_names()}
 
 
@@ -49,7 +58,10 @@ class GeometricGains:
         nonnegative(
             "N/m",
             "Kp, force per position error, along each axis",
-            effect="higher values correct position errors faster and need faster attitude loops",
+            effect=(
+                "higher values correct position errors faster and need faster attitude"
+                " loops"
+            ),
         ),
     ]
     velocity: Annotated[
@@ -57,7 +69,9 @@ class GeometricGains:
         nonnegative(
             "N s/m",
             "Kv, force per velocity error, along each axis",
-            effect="higher values damp the position more and amplify noise of the velocity",
+            effect=(
+                "higher values damp the position more and amplify noise of the velocity"
+            ),
         ),
     ]
     attitude: Annotated[
@@ -73,7 +87,10 @@ class GeometricGains:
         nonnegative(
             "N m s/rad",
             "Kw, torque per body rate error, about each body axis",
-            effect="higher values damp the attitude more and amplify noise of the gyroscope",
+            effect=(
+                "higher values damp the attitude more and amplify noise of the"
+                " gyroscope"
+            ),
         ),
     ]
 
@@ -81,14 +98,19 @@ class GeometricGains:
 @immutable
 @checked("controller.joint_gains", ControllerError)
 class JointGains:
-    """Gains per joint: on torque (N m/rad, N m s/rad) or on acceleration (1/s^2, 1/s), depending on the law."""
+    """Gains per joint: on torque (N m/rad, N m s/rad) or on acceleration (1/s^2, 1/s),
+    depending on the law.
+    """
 
     stiffness: Annotated[
         tuple[float, ...],
         nonnegative(
             "1/s^2",
             "desired acceleration of each joint per error of its position",
-            effect="higher values hold the joints more tightly, amplify noise and tolerate less delay",
+            effect=(
+                "higher values hold the joints more tightly, amplify noise and tolerate"
+                " less delay"
+            ),
         ),
     ]
     damping: Annotated[
@@ -114,12 +136,15 @@ class Terms:
     """Terms of the computed torque law that an ablation can disable.
 
     Attributes:
-        coriolis: velocity products C(q, qd) qd. Body coordinates have other velocity products than Euler rates: the
-            body form without them takes rates for zero; the Euler form leaves the paper's C qd out, while (95) stays.
-        coupling: inertial blocks between base and arm in body coordinates, M_t_eta and M_r_eta: the base's acceleration
-            does not act on the joints and the joints' does not on the base. Weight and velocity products stay.
-        full_gravity: gravity by the true attitude; False evaluates the joints' weight at R = 1 (the paper's eq. 78-79)
-            and leaves the weight's torque on the base out.
+        coriolis: velocity products C(q, qd) qd. Body coordinates have other velocity
+            products than Euler rates: the body form without them takes rates for zero;
+            the Euler form leaves the paper's C qd out, while (95) stays.
+        coupling: inertial blocks between base and arm in body coordinates, M_t_eta and
+            M_r_eta: the base's acceleration does not act on the joints and the joints'
+            does not on the base. Weight and velocity products stay.
+        full_gravity: gravity by the true attitude; False evaluates the joints' weight
+            at R = 1 (the paper's eq. 78-79) and leaves the weight's torque on the base
+            out.
         feedforward: accelerations of the reference.
     """
 
@@ -130,10 +155,14 @@ class Terms:
 
     @classmethod
     def from_table(cls, names: object, where: str) -> Self:
-        """Terms of the computed torque law, all enabled except those in a list of names."""
+        """Terms of the computed torque law, all enabled except those in a list of
+        names.
+        """
         allowed = field_names(cls) or ()
         if not isinstance(names, list) or any(name not in allowed for name in names):
-            raise ValueError(f"{where} = {shown(names)}: must be a list of {', '.join(allowed)}")
+            raise ValueError(
+                f"{where} = {shown(names)}: must be a list of {', '.join(allowed)}"
+            )
         return cls(**dict.fromkeys(names, False))
 
 
@@ -143,12 +172,15 @@ class Parameters:
 
     Attributes:
         rate_error: see :func:`skyarm.control.blocks.geometric.rate_error`.
-        terms: ablation of the computed torque; without ``full_gravity`` it is the paper's text to the letter.
-        friction_compensation: for each joint, the share of its model's friction that its torque compensates, behind the
-            inertia matrix; () compensates none.
-        rate_weights: for each joint, weight of its desired rate in the difference of rates (set-point weighting of the
-            derivative, Astrom, Hagglund 2006, section 3.4); () is 1.
-        euler: the computed torque on the paper's Euler angles, which are undefined at a pitch of 90 degrees.
+        terms: ablation of the computed torque; without ``full_gravity`` it is the
+            paper's text to the letter.
+        friction_compensation: for each joint, the share of its model's friction that
+            its torque compensates, behind the inertia matrix; () compensates none.
+        rate_weights: for each joint, weight of its desired rate in the difference of
+            rates (set-point weighting of the derivative, Astrom, Hagglund 2006, section
+            3.4); () is 1.
+        euler: the computed torque on the paper's Euler angles, which are undefined at a
+            pitch of 90 degrees.
     """
 
     model: Model
@@ -161,8 +193,12 @@ class Parameters:
         tuple[float, ...],
         nonnegative(
             "",
-            "fraction of the modelled friction that the torque of each joint compensates; empty: none",
-            effect="higher values remove more of the friction; above 1 the compensation drives the joint itself",
+            "fraction of the modelled friction that the torque of each joint"
+            " compensates; empty: none",
+            effect=(
+                "higher values remove more of the friction; above 1 the compensation"
+                " drives the joint itself"
+            ),
         ),
     ] = ()
     rate_weights: Annotated[
@@ -182,7 +218,8 @@ class Options:
 
     Attributes:
         gains, joint_gains: None for those that fit the model.
-        mixer_policy: policy of the :class:`skyarm.dynamics.actuators.Mixer` at rotor limits.
+        mixer_policy: policy of the :class:`skyarm.dynamics.actuators.Mixer` at rotor
+            limits.
         terms: enabled terms of the computed torque.
     """
 
@@ -194,7 +231,8 @@ class Options:
 
 @immutable
 class LayerParameters:
-    """Constants of a law inside a layer (safety, tilting rotors, servos and thrust tables).
+    """Constants of a law inside a layer (safety, tilting rotors, servos and thrust
+    tables).
 
     Attributes:
         model, mixer: model and mixer of everything inside, passed to it at each call.
@@ -211,7 +249,10 @@ class LayerParameters:
     @classmethod
     def around(cls, par: Any, **constants: Any) -> Self:
         """Constants of a layer wrapped around the constants of a law."""
-        return cls(**{"mixer": par.mixer, "inner": replace(par, model=None, mixer=None)} | constants)
+        return cls(
+            **{"mixer": par.mixer, "inner": replace(par, model=None, mixer=None)}
+            | constants
+        )
 
     @property
     def inner_model(self) -> Model:
@@ -220,5 +261,7 @@ class LayerParameters:
 
     @property
     def own(self) -> Any:
-        """Constants of the law inside a layer, with the law's model and mixer filled in."""
+        """Constants of the law inside a layer, with the law's model and mixer filled
+        in.
+        """
         return replace(self.inner, model=self.inner_model, mixer=self.mixer)

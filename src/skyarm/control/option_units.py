@@ -1,7 +1,8 @@
-"""Type, unit, default, allowed values, meaning and effect of each option of the control laws.
+"""Type, unit, default, allowed values, meaning and effect of each option of the control
+laws.
 
-A field of a law's constants declares its own unit and meaning. ``option_units.toml`` has the others: options that are
-written otherwise than they are stored, and texts.
+A field of a law's constants declares its own unit and meaning. ``option_units.toml``
+has the others: options that are written otherwise than they are stored, and texts.
 """
 
 from __future__ import annotations
@@ -26,14 +27,16 @@ from skyarm.records.units import NUMBER, Unit, declared_fields, declared_units
 
 @positional
 class OptionText:
-    """Description of one option of a control law for tables and for ``skyarm show words``.
+    """Description of one option of a control law for tables and for ``skyarm show
+    words``.
 
     Attributes:
         unit: unit, meaning and bounds.
         entry: type in words; empty for that of ``default``.
         allowed: allowed values in words; empty for the bounds of ``unit``.
         usual: default in words; empty for ``default``.
-        effect: effect of a higher or lower value; empty if obvious, or if nobody tunes the option.
+        effect: effect of a higher or lower value; empty if obvious, or if nobody tunes
+            the option.
         default: value in the signature of the law's maker.
     """
 
@@ -46,7 +49,8 @@ class OptionText:
 
 
 _TEXTS = shipped_tables(__file__)
-"""Texts of the options that laws share, and of the options of each law, which change those."""
+"""Texts of the options that laws share, and of the options of each law, which change
+those."""
 
 _OF_UNIT = ("unit", "meaning", "low", "high", "strict")
 
@@ -77,29 +81,41 @@ COUNTS = {2: "two", 3: "three", 4: "four"}
 
 
 def option_texts(law: str) -> dict[str, OptionText]:
-    """Descriptions of the options of a law or an autopilot, by name, in the order of its maker."""
+    """Descriptions of the options of a law or an autopilot, by name, in the order of
+    its maker.
+    """
     entry = entry_of(law)
     maker = entry.function()
     fields = declared_fields(getattr(maker, "kind", constants_of(maker)))
     declared = declared_units(Options) | declared_units(maker)
-    usual = {name: each.default for name, each in inspect.signature(maker).parameters.items()}
+    usual = {
+        name: each.default for name, each in inspect.signature(maker).parameters.items()
+    }
     texts = {}
     for option in entry.options():
         own = _text_of(law, option)
         _, unit = fields.get(option) or declared.get(option) or (None, NUMBER)
-        value = VALUES.get(option, "") if law == "centroidal" and option not in usual else usual[option]
+        value = (
+            VALUES.get(option, "")
+            if law == "centroidal" and option not in usual
+            else usual[option]
+        )
         unit = _merge_units(unit, own.unit)
         if law == "centroidal" and option in RANGES:
             low, high = RANGES[option]
             unit = replace(unit, low=low, high=high)
         elif law == "centroidal" and option in GAINS:
             unit = replace(unit, low=0.0)
-        texts[option] = replace(own, unit=unit, default=value, entry=own.entry or _entry(value))
+        texts[option] = replace(
+            own, unit=unit, default=value, entry=own.entry or _entry(value)
+        )
     return texts
 
 
 def _entry(value: object) -> str:
-    """Type of an option in words, from its default; empty if the default does not tell."""
+    """Type of an option in words, from its default; empty if the default does not
+    tell.
+    """
     if isinstance(value, tuple) and len(value) in COUNTS:
         return f"{COUNTS[len(value)]} numbers"
     words = {bool: "true or false", int: "whole number", float: "number", str: "text"}
@@ -108,6 +124,12 @@ def _entry(value: object) -> str:
 
 def _merge_units(declared: Unit, described: Unit) -> Unit:
     """Unit of a field with the meaning that it has as an option."""
-    if declared is NUMBER or not (declared.unit or declared.meaning or math.isfinite(declared.low)):
+    if declared is NUMBER or not (
+        declared.unit or declared.meaning or math.isfinite(declared.low)
+    ):
         return described
-    return replace(declared, unit=declared.unit or described.unit, meaning=described.meaning or declared.meaning)
+    return replace(
+        declared,
+        unit=declared.unit or described.unit,
+        meaning=described.meaning or declared.meaning,
+    )

@@ -1,4 +1,6 @@
-"""Layer for tilting rotors around a law for pairs of fixed rotors, with compensation of the tilt servos' lag."""
+"""Layer for tilting rotors around a law for pairs of fixed rotors, with compensation of
+the tilt servos' lag.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,21 @@ from functools import partial
 from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra import Scalar, Scalars, differences, inner_product, ldl_solve
-from skyarm.algebra.scalars import absolute, add, clip, cos, data, divide, exp, maximum, minimum, mul, sqrt, sub, where
+from skyarm.algebra.scalars import (
+    absolute,
+    add,
+    clip,
+    cos,
+    data,
+    divide,
+    exp,
+    maximum,
+    minimum,
+    mul,
+    sqrt,
+    sub,
+    where,
+)
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.model import LayerParameters, Model
@@ -30,26 +46,30 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Rotor, Vehicle
 
 MOST_LEAD = 3.0
-"""Largest lead factor of a tilt servo's setpoint: it amplifies noise in the angle by as much."""
+"""Largest lead factor of a tilt servo's setpoint: it amplifies noise in the angle by as
+much."""
 
 STILL = 0.02
-"""Fraction of a rotor's largest squared speed below which its tilt angle, which hardly matters then, moves slowly."""
+"""Fraction of a rotor's largest squared speed below which its tilt angle, which hardly
+matters then, moves slowly."""
 
 STRONG = 4.0
-"""Upper bound of a rotor's largest squared speed, over that of hover: a rotor may have no largest speed."""
+"""Upper bound of a rotor's largest squared speed, over that of hover: a rotor may have
+no largest speed."""
 
 TURNING = 200.0
-"""Rate (1/s) of a tilt angle at the thrust below which it moves slowly, in proportion to the thrust. At that thrust it
-moves at once in a period of 5 ms."""
+"""Rate (1/s) of a tilt angle at the thrust below which it moves slowly, in proportion
+to the thrust. At that thrust it moves at once in a period of 5 ms."""
 
 YAW_DAMPING = 1.0
-"""Damping of the yaw torque correction, over the rotors' squared reach in torque about z at rest. Angles at which
-thrusts give no yaw torque then request none."""
+"""Damping of the yaw torque correction, over the rotors' squared reach in torque about
+z at rest. Angles at which thrusts give no yaw torque then request none."""
 
 
 @immutable
 class VectoredParameters(LayerParameters):
-    """Constants of a law inside the tilting-rotor layer, whose mixer is for pairs of fixed rotors.
+    """Constants of a law inside the tilting-rotor layer, whose mixer is for pairs of
+    fixed rotors.
 
     Attributes:
         lead: lead factor of each servo's setpoint.
@@ -74,27 +94,36 @@ class VectoredParameters(LayerParameters):
 
 @immutable
 class VectoredMemory:
-    """Internal state of a law with the tilting-rotor layer: state of the law, desired and modelled servo angles.
+    """Internal state of a law with the tilting-rotor layer: state of the law, desired
+    and modelled servo angles.
 
     Attributes:
         inner: memory of the law.
-        goals: angles of the last desired wrench. angles: angles that the modelled servos have reached.
-        matched: angles of servos that would lag just as the motors do, as the law reckons.
+        goals: angles of the last desired wrench. angles: angles that the modelled
+            servos have reached.
+        matched: angles of servos that would lag just as the motors do, as the law
+            reckons.
     """
 
     inner: Any
     goals: Annotated[Scalars, Unit("rad", "tilt angles that the last wrench requires")]
     angles: Annotated[Scalars, Unit("rad", "tilt angles of the modelled servos")]
-    matched: Annotated[Scalars, Unit("rad", "tilt angles of servos with the lag of the motors")]
+    matched: Annotated[
+        Scalars, Unit("rad", "tilt angles of servos with the lag of the motors")
+    ]
 
     def inside(self, par: VectoredParameters, command: Command) -> Command:
-        """Command to the pairs of fixed rotors that act as the tilting ones do at the modelled angles."""
+        """Command to the pairs of fixed rotors that act as the tilting ones do at the
+        modelled angles.
+        """
         speeds = speeds_of_pairs(par.model.vehicle, command.rotor_speeds, self.angles)
         return replace(command, rotor_speeds=speeds, tilts=())
 
 
 def law_inside(controller: Controller) -> Controller:
-    """Controller inside a layer: inside the allocation to tilting rotors it has a pair of fixed rotors for each."""
+    """Controller inside a layer: inside the allocation to tilting rotors it has a pair
+    of fixed rotors for each.
+    """
     # without the check of its results
     layer: Any = getattr(controller.law, "keywords", {}).get("law", controller.law)
     inner, memory = layer.keywords["inner"], controller.memory.inner
@@ -115,34 +144,46 @@ def pairs_model(model: Model) -> Model:
 
 
 def with_tilting(controller: Controller, model: Model) -> Controller:
-    """Wrap a law for pairs of fixed rotors so that it commands speeds and angles of tilting rotors.
+    """Wrap a law for pairs of fixed rotors so that it commands speeds and angles of
+    tilting rotors.
 
-    The law's wrench is a sum of forces, one for each rotor: its size is a squared speed, its direction an angle. Servos
-    are slow beside motors, so the thrusts are those that give torque and thrust of the wrench at the angles that are
-    reached now, with the least change from the wanted forces' parts along the axes as they stand. The force across the
-    thrust comes as the angles come. Angles are measured; where a measurement has none, they are the modelled servos'.
+    The law's wrench is a sum of forces, one for each rotor: its size is a squared
+    speed, its direction an angle. Servos are slow beside motors, so the thrusts are
+    those that give torque and thrust of the wrench at the angles that are reached now,
+    with the least change from the wanted forces' parts along the axes as they stand.
+    The force across the thrust comes as the angles come. Angles are measured; where a
+    measurement has none, they are the modelled servos'.
 
     Raises:
-        ControllerError: the model's vehicle has no rotor that tilts, or the law has the layer already.
+        ControllerError: the model's vehicle has no rotor that tilts, or the law has the
+            layer already.
     """
     check_controller(controller)
     if getattr(controller.par, "turns_rotors", False):
         raise ControllerError(f"law {controller.name!r} has its tilting rotors already")
     vehicle = model.vehicle
     if not vehicle.tilts:
-        raise ControllerError(f"model.vehicle = {vehicle.name!r}: must have a rotor with a tilt")
+        raise ControllerError(
+            f"model.vehicle = {vehicle.name!r}: must have a rotor with a tilt"
+        )
     rest = (0.0,) * len(vehicle.tilts)
     law = partial(vectored_law, inner=checked_law(controller))
     return replace(
         controller,
         law=law,
-        par=VectoredParameters.around(controller.par, model=model, lead=_leads(vehicle)),
-        memory=VectoredMemory(inner=controller.memory, goals=rest, angles=rest, matched=rest),
+        par=VectoredParameters.around(
+            controller.par, model=model, lead=_leads(vehicle)
+        ),
+        memory=VectoredMemory(
+            inner=controller.memory, goals=rest, angles=rest, matched=rest
+        ),
     )
 
 
 def with_leads(par: Any) -> Any:
-    """Constants of a law's layers, with the lead factors of tilt servos that follow from the model."""
+    """Constants of a law's layers, with the lead factors of tilt servos that follow
+    from the model.
+    """
 
     def refit(layer: Any) -> Any:
         if isinstance(layer, VectoredParameters):
@@ -154,9 +195,17 @@ def with_leads(par: Any) -> Any:
 
 
 def _leads(vehicle: Vehicle) -> Scalars:
-    """Lead factor on each tilt servo's setpoint that makes its lag equal to the rotor's motor lag."""
-    rows = [(rotor.tilt.time_constant, _motor_lag(rotor)) for rotor in vehicle.rotors if rotor.tilt is not None]
-    return tuple(minimum(maximum(1.0, divide(servo, motor)), MOST_LEAD) for servo, motor in rows)
+    """Lead factor on each tilt servo's setpoint that makes its lag equal to the rotor's
+    motor lag.
+    """
+    rows = [
+        (rotor.tilt.time_constant, _motor_lag(rotor))
+        for rotor in vehicle.rotors
+        if rotor.tilt is not None
+    ]
+    return tuple(
+        minimum(maximum(1.0, divide(servo, motor)), MOST_LEAD) for servo, motor in rows
+    )
 
 
 def _motor_lag(rotor: Rotor) -> Scalar:
@@ -164,8 +213,12 @@ def _motor_lag(rotor: Rotor) -> Scalar:
     return mul(0.5, add(rotor.time_constant_up, rotor.time_constant_down))
 
 
-def _lagging_angles(vehicle: Vehicle, angles: Sequence[Scalar], goals: Sequence[Scalar], dt: Scalar) -> list[Scalar]:
-    """Tilt servo angles one control period later, computed with the motor lag of the rotors as servo lag."""
+def _lagging_angles(
+    vehicle: Vehicle, angles: Sequence[Scalar], goals: Sequence[Scalar], dt: Scalar
+) -> list[Scalar]:
+    """Tilt servo angles one control period later, computed with the motor lag of the
+    rotors as servo lag.
+    """
     rotors = [each for each in vehicle.rotors if each.tilt is not None]
     return [
         add(goal, mul(sub(now, goal), exp(divide(sub(0.0, dt), _motor_lag(rotor)))))
@@ -182,7 +235,9 @@ def vectored_law(
     par: VectoredParameters,
     inner: Law,
 ) -> tuple[VectoredMemory, Command]:
-    """Step of a law for pairs of fixed rotors, with its command converted to rotor speeds and angles."""
+    """Step of a law for pairs of fixed rotors, with its command converted to rotor
+    speeds and angles.
+    """
     vehicle = par.model.vehicle
     own = par.own
     angles = angles_seen(measurement, memory.angles)
@@ -193,10 +248,14 @@ def vectored_law(
     goals = goal_angles(par.model, forces, memory.goals, dt)
     setpoints = tuple(
         clip(add(now, mul(lead, sub(goal, now))), tilt.lower, tilt.upper)
-        for now, goal, lead, tilt in zip(angles, goals, par.lead, vehicle.tilts, strict=True)
+        for now, goal, lead, tilt in zip(
+            angles, goals, par.lead, vehicle.tilts, strict=True
+        )
     )
     ahead = zip(goals, angles, memory.matched, strict=True)
-    squares = squares_at(vehicle, forces, [add(goal, sub(now, due)) for goal, now, due in ahead])
+    squares = squares_at(
+        vehicle, forces, [add(goal, sub(now, due)) for goal, now, due in ahead]
+    )
     moved = VectoredMemory(
         inner=following,
         goals=tuple(map(data, goals)),
@@ -204,26 +263,40 @@ def vectored_law(
         matched=tuple(map(data, _lagging_angles(vehicle, memory.matched, goals, dt))),
     )
     speeds = tuple(data(sqrt(maximum(each, 0.0))) for each in squares)
-    return moved, Command(rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(map(data, setpoints)))
+    return moved, Command(
+        rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(map(data, setpoints))
+    )
 
 
 def angles_seen(measurement: Measurement, believed: Scalars) -> Scalars:
-    """Servo angles (rad): measured, or modelled where a measurement is missing or not finite."""
+    """Servo angles (rad): measured, or modelled where a measurement is missing or not
+    finite.
+    """
     if not measurement.tilts:
         return believed
     rows = zip(measurement.tilts, believed, strict=True)
-    return tuple(where(absolute(seen) < math.inf, seen, modelled) for seen, modelled in rows)
+    return tuple(
+        where(absolute(seen) < math.inf, seen, modelled) for seen, modelled in rows
+    )
 
 
-def goal_angles(model: Model, forces: Sequence[TiltedForce], last: Sequence[Scalar], dt: Scalar) -> Scalars:
-    """Servo angles (rad) of the desired rotor forces, which change slowly where a force is near zero."""
+def goal_angles(
+    model: Model, forces: Sequence[TiltedForce], last: Sequence[Scalar], dt: Scalar
+) -> Scalars:
+    """Servo angles (rad) of the desired rotor forces, which change slowly where a force
+    is near zero.
+    """
     vehicle = model.vehicle
     total: Scalar = 0.0
     for each in vehicle.rotors:
         total = add(total, each.thrust_coefficient)
     hover = divide(mul(vehicle.mass, model.gravity), total)
     strongest = where(hover > 0.0, mul(STRONG, hover), math.inf)
-    rows = [(r, f) for r, f in zip(vehicle.rotors, forces, strict=True) if r.tilt is not None]
+    rows = [
+        (r, f)
+        for r, f in zip(vehicle.rotors, forces, strict=True)
+        if r.tilt is not None
+    ]
     angles = []
     for (rotor, force), before in zip(rows, last, strict=True):
         top = minimum(mul(rotor.max_speed, rotor.max_speed), strongest)
@@ -232,18 +305,32 @@ def goal_angles(model: Model, forces: Sequence[TiltedForce], last: Sequence[Scal
     return tuple(angles)
 
 
-def squares_at(vehicle: Vehicle, forces: Sequence[TiltedForce], angles: Sequence[Scalar]) -> list[Scalar]:
-    """Squared rotor speeds that give the desired torque and thrust at given rotor angles.
+def squares_at(
+    vehicle: Vehicle, forces: Sequence[TiltedForce], angles: Sequence[Scalar]
+) -> list[Scalar]:
+    """Squared rotor speeds that give the desired torque and thrust at given rotor
+    angles.
 
-    Beginning with each wanted force's part along its rotor's axis as it stands, the least change (in squares) gives the
-    four rows; as much of it is taken as the rotors' limits leave room for. Torque about z, which thrusts alone may
-    hardly give, is damped.
+    Beginning with each wanted force's part along its rotor's axis as it stands, the
+    least change (in squares) gives the four rows; as much of it is taken as the rotors'
+    limits leave room for. Torque about z, which thrusts alone may hardly give, is
+    damped.
     """
-    desired = [force.angle for rotor, force in zip(vehicle.rotors, forces, strict=True) if rotor.tilt is not None]
+    desired = [
+        force.angle
+        for rotor, force in zip(vehicle.rotors, forces, strict=True)
+        if rotor.tilt is not None
+    ]
     left = iter(angles)
     stand = [next(left) if rotor.tilt is not None else 0 for rotor in vehicle.rotors]
-    along = [maximum(mul(f.push, cos(sub(f.angle, now))), 0.0) for f, now in zip(forces, stand, strict=True)]
-    goal = _times(allocation_matrix(turn_rotors(vehicle, desired)), [force.push for force in forces])
+    along = [
+        maximum(mul(f.push, cos(sub(f.angle, now))), 0.0)
+        for f, now in zip(forces, stand, strict=True)
+    ]
+    goal = _times(
+        allocation_matrix(turn_rotors(vehicle, desired)),
+        [force.push for force in forces],
+    )
     A = allocation_matrix(turn_rotors(vehicle, angles))
     short = differences(goal, _times(A, along))
     gram = [[inner_product(a, b) for b in A] for a in A]
@@ -256,8 +343,18 @@ def squares_at(vehicle: Vehicle, forces: Sequence[TiltedForce], angles: Sequence
     for value, by, top in zip(along, change, tops, strict=True):
         room = where(by > 0.0, sub(top, value), value)
         size = where(by > 0.0, by, sub(0.0, by))
-        share = minimum(share, where(size > room, divide(maximum(room, 0.0), where(size > 0.0, size, 1.0)), 1.0))
-    return [minimum(add(value, mul(share, by)), top) for value, by, top in zip(along, change, tops, strict=True)]
+        share = minimum(
+            share,
+            where(
+                size > room,
+                divide(maximum(room, 0.0), where(size > 0.0, size, 1.0)),
+                1.0,
+            ),
+        )
+    return [
+        minimum(add(value, mul(share, by)), top)
+        for value, by, top in zip(along, change, tops, strict=True)
+    ]
 
 
 def _times(A: Sequence[Sequence[Scalar]], column: Sequence[Scalar]) -> list[Scalar]:

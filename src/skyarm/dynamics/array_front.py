@@ -1,8 +1,10 @@
-"""NumPy interface of the rigid-body dynamics: arrays in, arrays out, leading axes broadcast.
+"""NumPy interface of the rigid-body dynamics: arrays in, arrays out, leading axes
+broadcast.
 
-Generalised velocity is [v_W, w_B, joint rates]: velocity of the base *origin* in world axes, angular velocity in base
-axes, joint rates. ``acceleration`` is its plain time derivative; ``force`` is its dual: world force at, and base-axes
-torque about, the base origin, then joint torques. Rigid body only: no rotors, damping or friction.
+Generalised velocity is [v_W, w_B, joint rates]: velocity of the base *origin* in world
+axes, angular velocity in base axes, joint rates. ``acceleration`` is its plain time
+derivative; ``force`` is its dual: world force at, and base-axes torque about, the base
+origin, then joint torques. Rigid body only: no rotors, damping or friction.
 """
 
 from __future__ import annotations
@@ -34,9 +36,11 @@ def _read(
     joints: ArrayLike,
     **rows: ArrayLike,
 ) -> tuple[State, dict[str, Scalars], tuple[int, ...]]:
-    """Convert NumPy arguments to a vehicle state and vectors of 6+n scalars; the default velocity is zero.
+    """Convert NumPy arguments to a vehicle state and vectors of 6+n scalars; the
+    default velocity is zero.
 
-    ``in_law`` names the function of :mod:`skyarm.dynamics` for the scalars and records of a control law.
+    ``in_law`` names the function of :mod:`skyarm.dynamics` for the scalars and records
+    of a control law.
     """
     if not isinstance(vehicle, Vehicle):
         refuse("vehicle", vehicle, "must be a Vehicle")
@@ -54,13 +58,21 @@ def _read(
         )
     except ValueError as error:
         if any(map(_of_a_law, (position, quaternion_wxyz, joints, *rows.values()))):
-            raise ValueError(f"{error}, as an array; a law calls skyarm.dynamics.{in_law}") from error
+            raise ValueError(
+                f"{error}, as an array; a law calls skyarm.dynamics.{in_law}"
+            ) from error
         raise
-    return state, vectors, leading_axes(position, quaternion_wxyz, joints, *rows.values())
+    return (
+        state,
+        vectors,
+        leading_axes(position, quaternion_wxyz, joints, *rows.values()),
+    )
 
 
 def _of_a_law(value: object) -> bool:
-    """True for a record that is no vector, as a Motion, and for values with symbols of a trace."""
+    """True for a record that is no vector, as a Motion, and for values with symbols of
+    a trace.
+    """
     if isinstance(value, (np.ndarray, str)):
         return False
     if is_record(value) and not isinstance(value, Iterable):
@@ -80,11 +92,13 @@ def inverse_dynamics(
     *,
     gravity: float = 9.81,
 ) -> Array:
-    """Generalised force (..., 6+n) that gives an acceleration at a state: M a + C v + G.
+    """Generalised force (..., 6+n) that gives an acceleration at a state: M a + C v +
+    G.
 
     Args:
         vehicle: the rigid bodies.
-        position: (..., 3) base origin in the world, m; rigid-body forces do not depend on it.
+        position: (..., 3) base origin in the world, m; rigid-body forces do not depend
+            on it.
         quaternion_wxyz: (..., 4) base to world, unit to 1e-6.
         joints: (..., n) rad or m.
         velocity: (..., 6+n), of which forces use the rates only.
@@ -92,15 +106,26 @@ def inverse_dynamics(
         gravity: m/s^2 along world -z.
 
     Raises:
-        ValueError: no Vehicle, a wrong shape, numbers that are not finite, or a quaternion off unit length by more than
-            1e-6. As everywhere in this module, the message names the argument.
+        ValueError: no Vehicle, a wrong shape, numbers that are not finite, or a
+            quaternion off unit length by more than 1e-6. As everywhere in this module,
+            the message names the argument.
     """
     at, rows, lead = _read(
-        "inverse_dynamics", vehicle, position, quaternion_wxyz, joints, velocity=velocity, acceleration=acceleration
+        "inverse_dynamics",
+        vehicle,
+        position,
+        quaternion_wxyz,
+        joints,
+        velocity=velocity,
+        acceleration=acceleration,
     )
     R, a = at.quaternion.rotation(), rows["acceleration"]
-    base = proper_acceleration(R, Vec3(*a[:3]), Vec3(*a[3:6]), one_number("gravity", gravity))
-    force, torques = dynamics.inverse_dynamics(vehicle, at.joints, at.rate, at.joint_rates, base, a[6:])
+    base = proper_acceleration(
+        R, Vec3(*a[:3]), Vec3(*a[3:6]), one_number("gravity", gravity)
+    )
+    force, torques = dynamics.inverse_dynamics(
+        vehicle, at.joints, at.rate, at.joint_rates, base, a[6:]
+    )
     return stack_leaves([*R.apply(force.force), *force.torque, *torques], lead)
 
 
@@ -116,44 +141,84 @@ def forward_dynamics(
 ) -> Array:
     """Acceleration (..., 6+n) under a generalised force (..., 6+n)."""
     at, rows, lead = _read(
-        "forward_dynamics", vehicle, position, quaternion_wxyz, joints, velocity=velocity, force=force
+        "forward_dynamics",
+        vehicle,
+        position,
+        quaternion_wxyz,
+        joints,
+        velocity=velocity,
+        force=force,
     )
     R, f = at.quaternion.rotation(), rows["force"]
     applied = Force(Vec3(*f[3:6]), R.apply_T(Vec3(*f[:3])))
-    base, qdd = dynamics.forward_dynamics(vehicle, at.joints, at.rate, at.joint_rates, applied, f[6:])
+    base, qdd = dynamics.forward_dynamics(
+        vehicle, at.joints, at.rate, at.joint_rates, applied, f[6:]
+    )
     linear, angular = coordinate_acceleration(R, base, one_number("gravity", gravity))
     return stack_leaves([*linear, *angular, *qdd], lead)
 
 
 def mass_matrix(
-    vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, gravity: float = 9.81
+    vehicle: Vehicle,
+    position: ArrayLike,
+    quaternion_wxyz: ArrayLike,
+    joints: ArrayLike,
+    *,
+    gravity: float = 9.81,
 ) -> Array:
-    """Mass matrix (..., 6+n, 6+n) of the generalised velocity; it does not depend on ``gravity``."""
+    """Mass matrix (..., 6+n, 6+n) of the generalised velocity; it does not depend on
+    ``gravity``.
+    """
     one_number("gravity", gravity)
     at, _, lead = _read("mass_matrix", vehicle, position, quaternion_wxyz, joints)
-    return stack_leaves(dynamics.mass_matrix(vehicle, at.quaternion.rotation(), at.joints), lead)
+    return stack_leaves(
+        dynamics.mass_matrix(vehicle, at.quaternion.rotation(), at.joints), lead
+    )
 
 
 def frame_pose_world(
-    vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, frame: str | None = None
+    vehicle: Vehicle,
+    position: ArrayLike,
+    quaternion_wxyz: ArrayLike,
+    joints: ArrayLike,
+    *,
+    frame: str | None = None,
 ) -> tuple[Array, Array]:
-    """World position (..., 3) and rotation matrix R_WF (..., 3, 3) of a frame, the tip by default."""
+    """World position (..., 3) and rotation matrix R_WF (..., 3, 3) of a frame, the tip
+    by default.
+    """
     at, _, lead = _read("frame_pose", vehicle, position, quaternion_wxyz, joints)
-    pose = Pose(at.quaternion.rotation(), at.position) @ frame_pose(vehicle, vehicle.frame(frame), at.joints)
-    return stack_leaves(list(pose.p), lead), stack_leaves([list(row) for row in pose.R.rows], lead)
+    pose = Pose(at.quaternion.rotation(), at.position) @ frame_pose(
+        vehicle, vehicle.frame(frame), at.joints
+    )
+    return stack_leaves(list(pose.p), lead), stack_leaves(
+        [list(row) for row in pose.R.rows], lead
+    )
 
 
 def frame_jacobian(
-    vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, frame: str | None = None
+    vehicle: Vehicle,
+    position: ArrayLike,
+    quaternion_wxyz: ArrayLike,
+    joints: ArrayLike,
+    *,
+    frame: str | None = None,
 ) -> Array:
-    """Jacobian (..., 6, 6+n) of a frame: world velocity of its origin, then world angular velocity."""
-    at, _, lead = _read("kinematics.jacobian_columns", vehicle, position, quaternion_wxyz, joints)
+    """Jacobian (..., 6, 6+n) of a frame: world velocity of its origin, then world
+    angular velocity.
+    """
+    at, _, lead = _read(
+        "kinematics.jacobian_columns", vehicle, position, quaternion_wxyz, joints
+    )
     R, named = at.quaternion.rotation(), vehicle.frame(frame)
     turning = R @ Mat3.cross(-frame_pose(vehicle, named, at.joints).p)
     columns = jacobian_columns(vehicle, named, at.joints)
     linear = [tuple(R.apply(column.linear)) for column in columns]
     angular = [tuple(R.apply(column.angular)) for column in columns]
-    rows = [[*IDENTITY.R.rows[i], *turning.rows[i], *(c[i] for c in linear)] for i in range(3)]
+    rows = [
+        [*IDENTITY.R.rows[i], *turning.rows[i], *(c[i] for c in linear)]
+        for i in range(3)
+    ]
     rows += [[0, 0, 0, *R.rows[i], *(c[i] for c in angular)] for i in range(3)]
     return stack_leaves(rows, lead)
 
@@ -168,23 +233,36 @@ def energy(
     gravity: float = 9.81,
 ) -> Array:
     """Kinetic plus potential energy (...), J."""
-    state, _, lead = _read("kinetic_energy", vehicle, position, quaternion_wxyz, joints, velocity=velocity)
+    state, _, lead = _read(
+        "kinetic_energy", vehicle, position, quaternion_wxyz, joints, velocity=velocity
+    )
     g = one_number("gravity", gravity)
-    total = add(dynamics.kinetic_energy(vehicle, state), dynamics.potential_energy(vehicle, state, g))
+    total = add(
+        dynamics.kinetic_energy(vehicle, state),
+        dynamics.potential_energy(vehicle, state, g),
+    )
     return stack_leaves(total, lead)
 
 
-def center_of_mass(vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike) -> Array:
+def center_of_mass(
+    vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike
+) -> Array:
     """Centre of mass in the world (..., 3), m."""
     state, _, lead = _read("center_of_mass", vehicle, position, quaternion_wxyz, joints)
     return stack_leaves(list(dynamics.center_of_mass(vehicle, state)), lead)
 
 
 def momentum(
-    vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, velocity: ArrayLike
+    vehicle: Vehicle,
+    position: ArrayLike,
+    quaternion_wxyz: ArrayLike,
+    joints: ArrayLike,
+    velocity: ArrayLike,
 ) -> Array:
     """Linear and angular momentum about the centre of mass (..., 6), world axes."""
-    state, _, lead = _read("momentum", vehicle, position, quaternion_wxyz, joints, velocity=velocity)
+    state, _, lead = _read(
+        "momentum", vehicle, position, quaternion_wxyz, joints, velocity=velocity
+    )
     total = dynamics.momentum(vehicle, state)
     return stack_leaves([*total.linear, *total.angular], lead)
 
@@ -196,10 +274,12 @@ QUATERNION_TOLERANCE = 1e-6
 
 
 def components(name: str, value: ArrayLike, size: int) -> Scalars:
-    """Split the last axis of an array into scalars: floats for one state, arrays for many.
+    """Split the last axis of an array into scalars: floats for one state, arrays for
+    many.
 
     Raises:
-        ValueError: numbers that are not finite, or a last axis without ``size`` entries; the message names ``name``.
+        ValueError: numbers that are not finite, or a last axis without ``size``
+            entries; the message names ``name``.
     """
     array = finite_numbers(name, value)
     if array.ndim == 0 or array.shape[-1] != size:
@@ -209,26 +289,35 @@ def components(name: str, value: ArrayLike, size: int) -> Scalars:
     return tuple(array[..., i] for i in range(size))
 
 
-def finite_numbers(name: str, value: ArrayLike | Scalar, allowed: str = "finite numbers") -> Array:
-    """Convert an argument to an array of floats; refuse text, booleans, complex and non-finite numbers.
+def finite_numbers(
+    name: str, value: ArrayLike | Scalar, allowed: str = "finite numbers"
+) -> Array:
+    """Convert an argument to an array of floats; refuse text, booleans, complex and
+    non-finite numbers.
 
     Raises:
         ValueError: names ``name`` and the given value.
     """
     try:
         array = np.asarray(value)
-        if array.dtype.kind == "O" and all(isinstance(each, numbers.Real) for each in array.flat):
+        if array.dtype.kind == "O" and all(
+            isinstance(each, numbers.Real) for each in array.flat
+        ):
             array = array.astype(float)
     except (TypeError, ValueError, OverflowError) as error:
         # ragged rows; values of a trace
         raise ValueError(f"{name} = {shown(value)}: must be {allowed}") from error
-    if array.dtype.kind not in "fiu" or not np.isfinite(array := array.astype(float, copy=False)).all():
+    if (
+        array.dtype.kind not in "fiu"
+        or not np.isfinite(array := array.astype(float, copy=False)).all()
+    ):
         raise ValueError(f"{name} = {shown(value)}: must be {allowed}")
     return array
 
 
 def one_number(name: str, value: Scalar) -> float:
-    """Convert an argument such as gravity to a float; refuse anything but one finite number.
+    """Convert an argument such as gravity to a float; refuse anything but one finite
+    number.
 
     Raises:
         ValueError: anything else.
@@ -240,7 +329,8 @@ def one_number(name: str, value: Scalar) -> float:
 
 
 def unit_quaternion(quaternion_wxyz: ArrayLike) -> Quaternion:
-    """Read quaternions (..., 4), base to world; refuse those that are not of unit length.
+    """Read quaternions (..., 4), base to world; refuse those that are not of unit
+    length.
 
     Raises:
         ValueError: wrong shape, or further off unit length.
@@ -250,7 +340,10 @@ def unit_quaternion(quaternion_wxyz: ArrayLike) -> Quaternion:
     length = np.linalg.norm(array, axis=-1)
     if not np.all(np.abs(length - 1.0) <= QUATERNION_TOLERANCE):
         worst = float(np.ravel(length)[np.argmax(np.abs(np.ravel(length) - 1.0))])
-        raise ValueError(f"quaternion_wxyz: length {worst:.9g}, allowed 1 within {QUATERNION_TOLERANCE:g}")
+        raise ValueError(
+            f"quaternion_wxyz: length {worst:.9g}, allowed 1 within"
+            f" {QUATERNION_TOLERANCE:g}"
+        )
     return Quaternion(*wxyz).normalized()
 
 

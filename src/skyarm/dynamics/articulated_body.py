@@ -1,13 +1,25 @@
 """Forward dynamics: the O(n) articulated-body algorithm for a floating base.
 
-Source: Featherstone 2008, sections 7.3 and 9.4, with classical accelerations at link origins.
+Source: Featherstone 2008, sections 7.3 and 9.4, with classical accelerations at link
+origins.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.algebra import ZERO3, ArticulatedInertia, Force, Mat3, Motion, Scalar, Scalars, Vec3, differences, ldl_solve
+from skyarm.algebra import (
+    ZERO3,
+    ArticulatedInertia,
+    Force,
+    Mat3,
+    Motion,
+    Scalar,
+    Scalars,
+    Vec3,
+    differences,
+    ldl_solve,
+)
 from skyarm.algebra.scalars import add, divide, mul, same, sub
 from skyarm.dynamics.composite_body import mass_matrix
 from skyarm.dynamics.link_axes import members, spatial_inertia
@@ -30,20 +42,26 @@ def forward_dynamics(
         joints: rad or m.
         rate: base angular velocity, base axes, rad/s.
         joint_rates: time derivative of ``joints``.
-        applied: torque about and force at the base origin, base axes; gravity is not part of it.
+        applied: torque about and force at the base origin, base axes; gravity is not
+            part of it.
         joint_torques: N m or N.
 
     Returns:
         Proper acceleration of the base (base axes) and the joint accelerations.
     """
     if vehicle.followers:
-        return _by_mass_matrix(vehicle, joints, rate, joint_rates, applied, joint_torques)
+        return _by_mass_matrix(
+            vehicle, joints, rate, joint_rates, applied, joint_torques
+        )
     n, links = vehicle.n, vehicle.links
     bodies = members(vehicle, joints)
     places, rigid = [body.place for body in bodies], [body.inertia for body in bodies]
     moving = motions(vehicle, places, rate, joint_rates)
     inertias = [body.as_articulated() for body in rigid]
-    biases = [body.velocity_force(motion.rate) for body, motion in zip(rigid, moving, strict=True)]
+    biases = [
+        body.velocity_force(motion.rate)
+        for body, motion in zip(rigid, moving, strict=True)
+    ]
     base = spatial_inertia(vehicle.base)
     base_inertia, base_bias = base.as_articulated(), base.velocity_force(rate)
     U = [Force(ZERO3, ZERO3)] * n
@@ -56,7 +74,11 @@ def forward_dynamics(
         inverse_d[i] = divide(1.0, add(S.dot(U[i]), armature))
         u[i] = sub(joint_torques[i], S.dot(biases[i]))
         reduced = inertias[i].without(S, U[i], inverse_d[i], free=same(armature, 0))
-        bias = biases[i] + reduced.apply(moving[i].products) + U[i] * mul(u[i], inverse_d[i])
+        bias = (
+            biases[i]
+            + reduced.apply(moving[i].products)
+            + U[i] * mul(u[i], inverse_d[i])
+        )
         carried = reduced.into_parent(places[i].R, places[i].p)
         force = bias.into_parent(places[i].R, places[i].p)
         if links[i].parent == BASE:
@@ -68,7 +90,11 @@ def forward_dynamics(
     accelerations: list[Motion] = []
     joint_accelerations: list[Scalar] = []
     for i in range(n):
-        parent = base_acceleration if links[i].parent == BASE else accelerations[links[i].parent]
+        parent = (
+            base_acceleration
+            if links[i].parent == BASE
+            else accelerations[links[i].parent]
+        )
         a = parent.into_child(places[i].R, places[i].p) + moving[i].products
         qdd = mul(sub(u[i], a.dot(U[i])), inverse_d[i])
         joint_accelerations.append(qdd)
@@ -86,16 +112,25 @@ def _by_mass_matrix(
 ) -> tuple[Motion, Scalars]:
     """Forward dynamics of a vehicle with coupled joints, by solving M a = f - bias."""
     still = Motion(ZERO3, ZERO3)
-    bias, holding = inverse_dynamics(vehicle, joints, rate, joint_rates, still, (0,) * vehicle.n)
+    bias, holding = inverse_dynamics(
+        vehicle, joints, rate, joint_rates, still, (0,) * vehicle.n
+    )
     pushed = applied - bias
     efforts = differences(joint_torques, holding)
-    x = ldl_solve(mass_matrix(vehicle, Mat3.identity(), joints), [*pushed.force, *pushed.torque, *efforts])
+    x = ldl_solve(
+        mass_matrix(vehicle, Mat3.identity(), joints),
+        [*pushed.force, *pushed.torque, *efforts],
+    )
     return Motion(Vec3(*x[3:6]), Vec3(*x[:3])), tuple(x[6:])
 
 
 def _solve_base(inertia: ArticulatedInertia, force: Force) -> Motion:
-    """Acceleration of the floating base from its articulated inertia and the force on it."""
+    """Acceleration of the floating base from its articulated inertia and the force on
+    it.
+    """
     M, J, H = inertia.M.full().rows, inertia.J.full().rows, inertia.H
-    A = [[*row, *H.column(i)] for i, row in enumerate(M)] + [[*left, *row] for left, row in zip(H.rows, J, strict=True)]
+    A = [[*row, *H.column(i)] for i, row in enumerate(M)] + [
+        [*left, *row] for left, row in zip(H.rows, J, strict=True)
+    ]
     x = ldl_solve(A, [*force.force, *force.torque])
     return Motion(Vec3(*x[3:]), Vec3(*x[:3]))

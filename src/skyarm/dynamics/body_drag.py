@@ -7,7 +7,8 @@ from skyarm.algebra.scalars import mul, same, sqrt
 from skyarm.vehicle import BodyDrag
 
 _STILL = 1e-24
-"""m^2/s^2, under the root: changes no bit of a speed above 1e-4 m/s, and the derivative at rest is 0 instead of NaN."""
+"""m^2/s^2, under the root: changes no bit of a speed above 1e-4 m/s, and the derivative
+at rest is 0 instead of NaN."""
 
 
 def body_drag(par: BodyDrag, velocity_B: Vec3) -> Vec3:

@@ -15,31 +15,47 @@ from skyarm.records.content import keep_results
 from skyarm.vehicle import BASE, Vehicle
 
 
-def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Scalar]) -> list[list[Scalar]]:
-    """Mass matrix of the generalised velocity [v_W, w_B, joint rates], (6+n) x (6+n), rows as lists.
+def mass_matrix(
+    vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Scalar]
+) -> list[list[Scalar]]:
+    """Mass matrix of the generalised velocity [v_W, w_B, joint rates], (6+n) x (6+n),
+    rows as lists.
 
     Args:
         vehicle: the rigid bodies.
-        R_WB: attitude; it turns the translation-rotation and translation-joint blocks into world axes.
+        R_WB: attitude; it turns the translation-rotation and translation-joint blocks
+            into world axes.
         joints: rad or m.
     """
     if vehicle.followers:
-        return _of_leaders(vehicle, mass_matrix(vehicle.with_free_followers, R_WB, every_joint(vehicle, joints)))
+        return _of_leaders(
+            vehicle,
+            mass_matrix(
+                vehicle.with_free_followers, R_WB, every_joint(vehicle, joints)
+            ),
+        )
     bodies = members(vehicle, joints)
-    places, composite = [body.place for body in bodies], [body.inertia for body in bodies]
+    places, composite = (
+        [body.place for body in bodies],
+        [body.inertia for body in bodies],
+    )
     whole = spatial_inertia(vehicle.base)
     for i in reversed(range(vehicle.n)):
         carried = composite[i].into_parent(places[i].R, places[i].p)
         if vehicle.links[i].parent == BASE:
             whole = whole + carried
         else:
-            composite[vehicle.links[i].parent] = composite[vehicle.links[i].parent] + carried
+            composite[vehicle.links[i].parent] = (
+                composite[vehicle.links[i].parent] + carried
+            )
     M = _base_block(whole, R_WB, 6 + vehicle.n)
     for i in range(vehicle.n):
         force = composite[i].apply(vehicle.links[i].joint.motion_subspace)
         j = i
         while j != BASE:
-            M[6 + i][6 + j] = M[6 + j][6 + i] = vehicle.links[j].joint.motion_subspace.dot(force)
+            M[6 + i][6 + j] = M[6 + j][6 + i] = vehicle.links[
+                j
+            ].joint.motion_subspace.dot(force)
             force = force.into_parent(places[j].R, places[j].p)
             j = vehicle.links[j].parent
         M[6 + i][6 + i] = add(M[6 + i][6 + i], vehicle.links[i].joint.armature)
@@ -50,23 +66,32 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Scalar]) -> list[
 
 @keep_results(16)
 def mass_matrix_at_rest(vehicle: Vehicle) -> tuple[Scalars, ...]:
-    """Mass matrix (6+n rows of 6+n) of a level vehicle with all joints at zero, for which laws are made."""
+    """Mass matrix (6+n rows of 6+n) of a level vehicle with all joints at zero, for
+    which laws are made.
+    """
     return tuple(map(tuple, mass_matrix(vehicle, Mat3.identity(), vehicle.zeros)))
 
 
 def _of_leaders(vehicle: Vehicle, M: list[list[Scalar]]) -> list[list[Scalar]]:
-    """Mass matrix G^T M G of the independent joints, from the mass matrix M of all joints."""
+    """Mass matrix G^T M G of the independent joints, from the mass matrix M of all
+    joints.
+    """
     rows = [[*row[:6], *onto_leaders(vehicle, row[6:])] for row in M]
     columns = [list(column) for column in zip(*rows, strict=True)]
     return [[*column[:6], *onto_leaders(vehicle, column[6:])] for column in columns]
 
 
 def _base_block(whole: SpatialInertia, R_WB: Mat3, size: int) -> list[list[Scalar]]:
-    """Mass matrix with only the 6 x 6 block of the base filled in; rows and columns of the joints are zero."""
+    """Mass matrix with only the 6 x 6 block of the base filled in; rows and columns of
+    the joints are zero.
+    """
     coupling, m, rest = R_WB @ Mat3.cross(-whole.moment), whole.mass, [0] * (size - 6)
     rotational = whole.inertia.full().rows
     return [
-        *([*(m if i == j else 0 for j in range(3)), *coupling.rows[i], *rest] for i in range(3)),
+        *(
+            [*(m if i == j else 0 for j in range(3)), *coupling.rows[i], *rest]
+            for i in range(3)
+        ),
         *([*coupling.column(i), *rotational[i], *rest] for i in range(3)),
         *([0] * size for _ in rest),
     ]

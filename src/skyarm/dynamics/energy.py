@@ -12,7 +12,9 @@ from skyarm.vehicle import BASE, Body, Vehicle
 
 @positional
 class Momentum:
-    """Linear (kg m/s) and angular momentum about the centre of mass (kg m^2/s), world axes."""
+    """Linear (kg m/s) and angular momentum about the centre of mass (kg m^2/s), world
+    axes.
+    """
 
     linear: Vec3
     angular: Vec3
@@ -20,7 +22,9 @@ class Momentum:
 
 @positional
 class _BodyMotion:
-    """Motion of a body: world pose and angular velocity of its link, position and velocity of its centre of mass."""
+    """Motion of a body: world pose and angular velocity of its link, position and
+    velocity of its centre of mass.
+    """
 
     body: Body
     pose: Pose
@@ -38,7 +42,9 @@ def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
     for i, link in enumerate(vehicle.links):
         parent = 0 if link.parent == BASE else link.parent + 1
         R, own, rate = poses[i + 1].R, link.joint.motion_subspace, state.joint_rates[i]
-        carried = origins[parent] + rates[parent].cross(poses[i + 1].p - poses[parent].p)
+        carried = origins[parent] + rates[parent].cross(
+            poses[i + 1].p - poses[parent].p
+        )
         rates.append(rates[parent] + R.apply(own.angular) * rate)
         origins.append(carried + R.apply(own.linear) * rate)
     moving = []
@@ -62,7 +68,9 @@ def momentum(vehicle: Vehicle, state: State) -> Momentum:
     com = center_of_mass(vehicle, state)
     for motion in _body_motions(vehicle, state):
         p = motion.velocity * motion.body.mass
-        spin = motion.pose.R.apply(motion.body.inertia.apply(motion.pose.R.apply_T(motion.w)))
+        spin = motion.pose.R.apply(
+            motion.body.inertia.apply(motion.pose.R.apply_T(motion.w))
+        )
         linear = linear + p
         angular = angular + spin + (motion.com - com).cross(p)
     return Momentum(linear, angular)
@@ -74,7 +82,13 @@ def kinetic_energy(vehicle: Vehicle, state: State) -> Scalar:
     total: Scalar = 0
     for motion in _body_motions(vehicle, state):
         w, body = motion.pose.R.apply_T(motion.w), motion.body
-        total = add(total, add(mul(body.mass, motion.velocity.dot(motion.velocity)), w.dot(body.inertia.apply(w))))
+        total = add(
+            total,
+            add(
+                mul(body.mass, motion.velocity.dot(motion.velocity)),
+                w.dot(body.inertia.apply(w)),
+            ),
+        )
     for joint, rate in zip(vehicle.joints, state.joint_rates, strict=True):
         total = add(total, mul(joint.armature, mul(rate, rate)))
     return mul(0.5, total)

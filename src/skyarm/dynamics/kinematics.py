@@ -6,7 +6,16 @@ import dataclasses
 from collections.abc import Sequence
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Scalar, Scalars, Vec3, axis_rotation
-from skyarm.algebra.scalars import add, data, divide, logical_and, mul, same, sqrt, where
+from skyarm.algebra.scalars import (
+    add,
+    data,
+    divide,
+    logical_and,
+    mul,
+    same,
+    sqrt,
+    where,
+)
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import positional
 from skyarm.vehicle import BASE, Frame, Joint, Vehicle
@@ -14,13 +23,17 @@ from skyarm.vehicle import BASE, Frame, Joint, Vehicle
 
 @positional
 class Pose:
-    """Pose of a frame B in a frame A: rotation R_AB (B axes to A axes) and position p_AB (m, A axes)."""
+    """Pose of a frame B in a frame A: rotation R_AB (B axes to A axes) and position
+    p_AB (m, A axes).
+    """
 
     R: Mat3
     p: Vec3
 
     def __matmul__(self, other: Pose) -> Pose:
-        """Pose of a frame C in a frame A, from the poses of a frame B in A and of C in B."""
+        """Pose of a frame C in a frame A, from the poses of a frame B in A and of C in
+        B.
+        """
         return Pose(self.R @ other.R, self.p + self.R.apply(other.p))
 
     def apply(self, point: Vec3) -> Vec3:
@@ -38,14 +51,18 @@ def joint_placement(joint: Joint, q: Scalar) -> Pose:
     return Pose(joint.rotation, joint.position + joint.rotation.apply(joint.axis * q))
 
 
-def link_poses(vehicle: Vehicle, joints: Sequence[Scalar], *, summed: bool = False) -> list[Pose]:
+def link_poses(
+    vehicle: Vehicle, joints: Sequence[Scalar], *, summed: bool = False
+) -> list[Pose]:
     """Poses of all links in the base frame; those of coupled joints come last.
 
-    ``summed`` turns a hinge that is parallel to its parent's by the sum of their angles: fewer operations, but other
-    roundings.
+    ``summed`` turns a hinge that is parallel to its parent's by the sum of their
+    angles: fewer operations, but other roundings.
     """
     if vehicle.followers:
-        return link_poses(vehicle.with_free_followers, every_joint(vehicle, joints), summed=summed)
+        return link_poses(
+            vehicle.with_free_followers, every_joint(vehicle, joints), summed=summed
+        )
     poses: list[Pose] = []
     angles: list[Scalar] = []
     straight: list[Mat3] = []  # of each chain of parallel hinges before it turns
@@ -53,11 +70,17 @@ def link_poses(vehicle: Vehicle, joints: Sequence[Scalar], *, summed: bool = Fal
         joint, parent = link.joint, link.parent
         if summed and parent != BASE and parallel(vehicle.links[parent].joint, joint):
             angle, before = add(angles[parent], q), straight[parent]
-            pose = Pose(before @ axis_rotation(joint.axis, angle), poses[parent].apply(joint.position))
+            pose = Pose(
+                before @ axis_rotation(joint.axis, angle),
+                poses[parent].apply(joint.position),
+            )
         else:
             angle, before, pose = q, joint.rotation, joint_placement(joint, q)
             if parent != BASE:
-                before, pose = poses[parent].R @ before if summed else before, poses[parent] @ pose
+                before, pose = (
+                    poses[parent].R @ before if summed else before,
+                    poses[parent] @ pose,
+                )
         poses.append(pose)
         angles.append(angle)
         straight.append(before)
@@ -67,34 +90,64 @@ def link_poses(vehicle: Vehicle, joints: Sequence[Scalar], *, summed: bool = Fal
 def parallel(parent: Joint, child: Joint) -> bool:
     """True if two joints in succession are hinges with parallel axes."""
     entries = [entry for row in child.rotation.rows for entry in row]
-    straight = all(type(entry) is int for entry in entries) and entries == [1, 0, 0, 0, 1, 0, 0, 0, 1]
+    straight = all(type(entry) is int for entry in entries) and entries == [
+        1,
+        0,
+        0,
+        0,
+        1,
+        0,
+        0,
+        0,
+        1,
+    ]
     hinges = parent.turns and child.turns
     return hinges and straight and all(map(same, parent.axis, child.axis))
 
 
-def frame_pose(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar], *, summed: bool = False) -> Pose:
-    """Pose of a frame in the base frame; ``summed`` adds the angles of parallel hinges to save operations."""
+def frame_pose(
+    vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar], *, summed: bool = False
+) -> Pose:
+    """Pose of a frame in the base frame; ``summed`` adds the angles of parallel hinges
+    to save operations.
+    """
     local = Pose(frame.rotation, frame.position)
-    return local if frame.link == BASE else link_poses(vehicle, joints, summed=summed)[frame.link] @ local
+    return (
+        local
+        if frame.link == BASE
+        else link_poses(vehicle, joints, summed=summed)[frame.link] @ local
+    )
 
 
-def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar], *, summed: bool = False) -> list[Motion]:
-    """Jacobian of a frame by the joint rates, one column per joint: angular and linear velocity, base axes.
+def jacobian_columns(
+    vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar], *, summed: bool = False
+) -> list[Motion]:
+    """Jacobian of a frame by the joint rates, one column per joint: angular and linear
+    velocity, base axes.
 
-    A joint that does not carry the frame gives a structural zero. ``summed`` as of :func:`link_poses`.
+    A joint that does not carry the frame gives a structural zero. ``summed`` as of
+    :func:`link_poses`.
     """
     if vehicle.followers:
         free, all_joints = vehicle.with_free_followers, every_joint(vehicle, joints)
-        return columns_of_leaders(vehicle, jacobian_columns(free, frame, all_joints, summed=summed))
+        return columns_of_leaders(
+            vehicle, jacobian_columns(free, frame, all_joints, summed=summed)
+        )
     poses = link_poses(vehicle, joints, summed=summed)
-    tip = frame.position if frame.link == BASE else poses[frame.link].apply(frame.position)
+    tip = (
+        frame.position
+        if frame.link == BASE
+        else poses[frame.link].apply(frame.position)
+    )
     columns = [Motion(ZERO3, ZERO3) for _ in vehicle.links]
     index = frame.link
     while index != BASE:
         link, pose = vehicle.links[index], poses[index]
         own = link.joint.motion_subspace
         turn = pose.R.apply(own.angular)
-        columns[index] = Motion(turn, pose.R.apply(own.linear) + turn.cross(tip - pose.p))
+        columns[index] = Motion(
+            turn, pose.R.apply(own.linear) + turn.cross(tip - pose.p)
+        )
         index = link.parent
     return columns
 
@@ -110,17 +163,32 @@ def chain(vehicle: Vehicle, index: int) -> list[int]:
 
 
 def every_joint(vehicle: Vehicle, joints: Sequence[Scalar]) -> Scalars:
-    """Positions of all joints, coupled ones included, from those of the independent joints, rad or m."""
-    return (*joints, *(add(mul(each.ratio, joints[each.leader]), each.offset) for each in vehicle.followers))
+    """Positions of all joints, coupled ones included, from those of the independent
+    joints, rad or m.
+    """
+    return (
+        *joints,
+        *(
+            add(mul(each.ratio, joints[each.leader]), each.offset)
+            for each in vehicle.followers
+        ),
+    )
 
 
 def every_rate(vehicle: Vehicle, rates: Sequence[Scalar]) -> Scalars:
-    """First or second time derivatives of all joint positions, coupled ones included."""
-    return (*rates, *(mul(each.ratio, rates[each.leader]) for each in vehicle.followers))
+    """First or second time derivatives of all joint positions, coupled ones
+    included.
+    """
+    return (
+        *rates,
+        *(mul(each.ratio, rates[each.leader]) for each in vehicle.followers),
+    )
 
 
 def onto_leaders(vehicle: Vehicle, efforts: Sequence[Scalar]) -> Scalars:
-    """Generalised forces of the independent joints, from the torques or forces of all joints."""
+    """Generalised forces of the independent joints, from the torques or forces of all
+    joints.
+    """
     forces = list(efforts[: vehicle.n])
     for each, effort in zip(vehicle.followers, efforts[vehicle.n :], strict=True):
         forces[each.leader] = add(forces[each.leader], mul(each.ratio, effort))
@@ -139,8 +207,13 @@ def untie_followers(vehicle: Vehicle, state: State) -> tuple[Vehicle, State]:
     """Vehicle and state in which every coupled joint is an independent joint."""
     if not vehicle.followers:
         return vehicle, state
-    joints, rates = every_joint(vehicle, state.joints), every_rate(vehicle, state.joint_rates)
-    return vehicle.with_free_followers, dataclasses.replace(state, joints=joints, joint_rates=rates)
+    joints, rates = (
+        every_joint(vehicle, state.joints),
+        every_rate(vehicle, state.joint_rates),
+    )
+    return vehicle.with_free_followers, dataclasses.replace(
+        state, joints=joints, joint_rates=rates
+    )
 
 
 NEAREST = 1e-3
@@ -148,7 +221,8 @@ NEAREST = 1e-3
 
 
 def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: bool, normal: Vec3) -> Vec3:
-    """Unit vector from a hinge axis to the tip while a handle is gripped, else the surface normal.
+    """Unit vector from a hinge axis to the tip while a handle is gripped, else the
+    surface normal.
 
     Args:
         tip: m, world axes.
@@ -162,4 +236,6 @@ def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: bool, normal: Vec3) -
     size = out.dot(out)
     turns = logical_and(grips, size * axis.dot(axis) > NEAREST * NEAREST)
     unit = out * divide(1.0, sqrt(size + 1e-12))
-    return Vec3(*(where(turns, data(a), data(b)) for a, b in zip(unit, normal, strict=True)))
+    return Vec3(
+        *(where(turns, data(a), data(b)) for a, b in zip(unit, normal, strict=True))
+    )

@@ -1,10 +1,12 @@
-"""Coordinate axes of the links in recursive dynamics, chosen to save rotations (working axes).
+"""Coordinate axes of the links in recursive dynamics, chosen to save rotations (working
+axes).
 
-A recursion may express a link in any axes at its origin. A hinge leaves its own axis where it is, so the link can be
-held in the axes that it has at joint angle zero. Hinges with one common direction then share their axes: nothing that
-passes between such links is rotated, only their mass distributions are, by the sum of the angles. The last link of an
-arm is held so, too: a rigid body is cheaper to turn than what the recursions carry inwards. Every other link is held in
-its own axes.
+A recursion may express a link in any axes at its origin. A hinge leaves its own axis
+where it is, so the link can be held in the axes that it has at joint angle zero. Hinges
+with one common direction then share their axes: nothing that passes between such links
+is rotated, only their mass distributions are, by the sum of the angles. The last link
+of an arm is held so, too: a rigid body is cheaper to turn than what the recursions
+carry inwards. Every other link is held in its own axes.
 
 Source: absolute angles of parallel hinges, as Craig 2005, section 3.6.
 """
@@ -24,10 +26,12 @@ _SAME = Mat3.identity()
 
 @positional
 class LinkInAxes:
-    """Pose and inertia of a link in coordinate axes chosen to save rotations (working axes).
+    """Pose and inertia of a link in coordinate axes chosen to save rotations (working
+    axes).
 
     Attributes:
-        place: pose of the working axes at the link's origin, in the parent's working axes.
+        place: pose of the working axes at the link's origin, in the parent's working
+            axes.
         inertia: spatial inertia of the body, about the link's origin.
     """
 
@@ -41,10 +45,17 @@ def spatial_inertia(body: Body) -> SpatialInertia:
 
 
 def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
-    """Pose and inertia of all links, in coordinate axes chosen to save rotations (working axes)."""
+    """Pose and inertia of all links, in coordinate axes chosen to save rotations
+    (working axes).
+    """
     links = vehicle.links
-    follows = [link.parent != BASE and parallel(links[link.parent].joint, link.joint) for link in links]
-    leads = {link.parent for link, follower in zip(links, follows, strict=True) if follower}
+    follows = [
+        link.parent != BASE and parallel(links[link.parent].joint, link.joint)
+        for link in links
+    ]
+    leads = {
+        link.parent for link, follower in zip(links, follows, strict=True) if follower
+    }
     inner = {link.parent for link in links}
     in_axes: list[LinkInAxes] = []
     angles: list[Scalar] = []
@@ -62,7 +73,11 @@ def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
             turn = axis_rotation(joint.axis, angle)
         else:
             R = R @ axis_rotation(joint.axis, angle)
-        in_axes.append(LinkInAxes(Pose(R, before.apply(point)), spatial_inertia(link.body).rotate(turn)))
+        in_axes.append(
+            LinkInAxes(
+                Pose(R, before.apply(point)), spatial_inertia(link.body).rotate(turn)
+            )
+        )
         angles.append(angle)
         turns.append(turn)
     return in_axes

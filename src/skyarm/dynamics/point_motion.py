@@ -1,4 +1,6 @@
-"""Positions and velocities of points on a vehicle in the world, for models of external forces."""
+"""Positions and velocities of points on a vehicle in the world, for models of external
+forces.
+"""
 
 from __future__ import annotations
 
@@ -14,19 +16,23 @@ from skyarm.vehicle import BASE, Frame, Vehicle
 
 
 class PointMotion:
-    """Positions and velocities of points on the bodies of a vehicle, computed on demand.
+    """Positions and velocities of points on the bodies of a vehicle, computed on
+    demand.
 
     Args:
         vehicle: bodies of the points. state: state of the vehicle; it may be traced.
         air: velocity of the air (m/s) at a place (m), world axes; calm if left out.
         gravity: m/s^2, for what falls beside the vehicle; none if left out.
-        step: s, of a method that takes forces once in the middle of its step; None of others.
+        step: s, of a method that takes forces once in the middle of its step; None of
+            others.
         name: name of the vehicle.
 
     Attributes:
         agents: motions of all vehicles by name, that of this one among them.
-        task_time: time (s) of the events of its task, at a control instant. time: of the flight then; None elsewhere.
-        solids: surfaces at rest on which a load on a cord lies down, at a control instant.
+        task_time: time (s) of the events of its task, at a control instant. time: of
+            the flight then; None elsewhere.
+        solids: surfaces at rest on which a load on a cord lies down, at a control
+            instant.
         rotor_shares: share of each rotor's forces that faults leave.
     """
 
@@ -44,13 +50,21 @@ class PointMotion:
         step: Scalar | None = None,
         name: str = "",
     ) -> None:
-        self.vehicle, self.state, self._air, self.gravity, self.step = vehicle, state, air, gravity, step
+        self.vehicle, self.state, self._air, self.gravity, self.step = (
+            vehicle,
+            state,
+            air,
+            gravity,
+            step,
+        )
         self.name = name
         self.agents: Mapping[str, PointMotion] = {name: self}
         self.rotor_shares: Scalars = (1,) * len(vehicle.rotors)
 
     def of(self, agent: str) -> PointMotion:
-        """Motion of a vehicle by name; this one for an empty name, or where vehicles have none."""
+        """Motion of a vehicle by name; this one for an empty name, or where vehicles
+        have none.
+        """
         return self.agents[agent] if agent and self.name else self
 
     def air_velocity(self, point: Vec3 = ZERO3, body: int = BASE) -> Vec3:
@@ -68,7 +82,11 @@ class PointMotion:
 
     def _columns(self, point: Vec3, body: int) -> list[Motion]:
         """Jacobian of a point on a body by the joint rates, one column per joint."""
-        return jacobian_columns(self.vehicle, Frame(name="point", link=body, position=point), self.state.joints)
+        return jacobian_columns(
+            self.vehicle,
+            Frame(name="point", link=body, position=point),
+            self.state.joints,
+        )
 
     def _in_base(self, point: Vec3, body: int) -> Vec3:
         return point if body == BASE else self._links[body].apply(point)
@@ -98,19 +116,29 @@ class PointMotion:
 
     def to_world(self, vector: Vec3, body: int = BASE) -> Vec3:
         """Rotate a vector from a body's axes to world axes."""
-        return self.rotation.apply(vector if body == BASE else self._links[body].R.apply(vector))
+        return self.rotation.apply(
+            vector if body == BASE else self._links[body].R.apply(vector)
+        )
 
     def frame(self, name: str | None = None) -> tuple[Vec3, int]:
-        """Position (m) of a named frame on its body, and the body's index; the tip by default."""
+        """Position (m) of a named frame on its body, and the body's index; the tip by
+        default.
+        """
         frame = self.vehicle.frame(name)
         return frame.position, frame.link
 
-    def generalized_force(self, force_W: Vec3, torque_W: Vec3, point: Vec3, body: int) -> tuple[Force, Scalars]:
-        """Generalised force of a wrench on a body (J^T w): force on the base and joint torques."""
+    def generalized_force(
+        self, force_W: Vec3, torque_W: Vec3, point: Vec3, body: int
+    ) -> tuple[Force, Scalars]:
+        """Generalised force of a wrench on a body (J^T w): force on the base and joint
+        torques.
+        """
         push, twist = self.rotation.apply_T(force_W), self.rotation.apply_T(torque_W)
         at = self._in_base(point, body)
         total = Force(at.cross(push) + twist, push)
         if body == BASE:
             return total, (0,) * self.vehicle.n
         columns = self._columns(point, body)
-        return total, tuple(add(c.linear.dot(push), c.angular.dot(twist)) for c in columns)
+        return total, tuple(
+            add(c.linear.dot(push), c.angular.dot(twist)) for c in columns
+        )

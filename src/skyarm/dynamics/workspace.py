@@ -16,12 +16,12 @@ from skyarm.vehicle import BASE, Joint, Vehicle
 Quantities = Callable[[Array], list[Array]]
 
 SAMPLES, ROUNDS, AROUND = 4096, 60, 256
-"""Random starts, shrinking rounds of the search, and trials of each round; the two-joint arm's maximum is found to
-1e-9."""
+"""Random starts, shrinking rounds of the search, and trials of each round; the
+two-joint arm's maximum is found to 1e-9."""
 
 MANY, FEW = 27, 400_000
-"""Number of joints up to which the search takes 2 s at most; for more, number of links (joints times samples) that are
-evaluated without rounds.
+"""Number of joints up to which the search takes 2 s at most; for more, number of links
+(joints times samples) that are evaluated without rounds.
 """
 
 
@@ -31,30 +31,44 @@ def nearest_to_zero(joint: Joint) -> float:
 
 
 def middle_position(joint: Joint) -> float:
-    """Middle of a joint's range, or the allowed position nearest to zero if unbounded, rad or m."""
+    """Middle of a joint's range, or the allowed position nearest to zero if unbounded,
+    rad or m.
+    """
     low, high = joint.ends
     return 0.5 * (low + high) if math.isfinite(high - low) else nearest_to_zero(joint)
 
 
 def samples_of(joints: int) -> int:
-    """Number of random joint configurations from which a search over an arm's workspace starts."""
+    """Number of random joint configurations from which a search over an arm's workspace
+    starts.
+    """
     return SAMPLES if joints <= MANY else max(min(SAMPLES, FEW // joints), 8)
 
 
 def _limits(vehicle: Vehicle) -> tuple[Array, Array]:
-    """Search range of each joint: its limits, at most half a turn or 1 m either way from zero."""
+    """Search range of each joint: its limits, at most half a turn or 1 m either way
+    from zero.
+    """
     free = [math.pi if joint.turns else 1.0 for joint in vehicle.joints]
-    low = [max(float(joint.lower), -span) for joint, span in zip(vehicle.joints, free, strict=True)]
-    high = [min(float(joint.upper), span) for joint, span in zip(vehicle.joints, free, strict=True)]
+    low = [
+        max(float(joint.lower), -span)
+        for joint, span in zip(vehicle.joints, free, strict=True)
+    ]
+    high = [
+        min(float(joint.upper), span)
+        for joint, span in zip(vehicle.joints, free, strict=True)
+    ]
     return np.array(low), np.array(high)
 
 
 def _largest(vehicle: Vehicle, quantities: Quantities, count: int) -> list[float]:
-    """Largest value of each function of the joint positions within limits, by random search with shrinking steps.
+    """Largest value of each function of the joint positions within limits, by random
+    search with shrinking steps.
 
     Args:
         vehicle: its joints.
-        quantities: ``count`` quantities as a function of joint values (lanes, n), each (lanes,) or one number for all.
+        quantities: ``count`` quantities as a function of joint values (lanes, n), each
+            (lanes,) or one number for all.
         count: number of quantities.
     """
     rng, spread, (low, high) = np.random.default_rng(0), 0.1, _limits(vehicle)
@@ -63,9 +77,12 @@ def _largest(vehicle: Vehicle, quantities: Quantities, count: int) -> list[float
     best, most = tried[np.argmax(values, axis=1)], np.max(values, axis=1)
     width = AROUND + 1
     for _ in range(ROUNDS if vehicle.n <= MANY else 0):
-        # every quantity searches around its own best, with the same steps, in lanes of its own
+        # every quantity searches around its own best, with the same steps, in lanes of
+        # its own
         steps = spread * (high - low) * rng.normal(size=(AROUND, vehicle.n))
-        near = np.clip(best[:, None] + np.vstack([np.zeros((1, vehicle.n)), steps]), low, high)
+        near = np.clip(
+            best[:, None] + np.vstack([np.zeros((1, vehicle.n)), steps]), low, high
+        )
         for i, each in enumerate(quantities(near.reshape(count * width, vehicle.n))):
             own = np.broadcast_to(each, count * width)[i * width : (i + 1) * width]
             at = int(np.argmax(own))
@@ -94,14 +111,18 @@ def reach(vehicle: Vehicle) -> float:
 
 
 def static_torques(vehicle: Vehicle, gravity: float) -> list[float]:
-    """Largest torque (N m) or force (N) that holds each joint against gravity, with a level base."""
+    """Largest torque (N m) or force (N) that holds each joint against gravity, with a
+    level base.
+    """
     if not vehicle.links:
         return []
     still = (0,) * vehicle.n
     level = Motion(ZERO3, E_Z * gravity)
 
     def holding(joints: Array) -> list[Array]:
-        _, torques = inverse_dynamics(vehicle, tuple(joints.T), ZERO3, still, level, still)
+        _, torques = inverse_dynamics(
+            vehicle, tuple(joints.T), ZERO3, still, level, still
+        )
         return [np.abs(doubles(torque)) for torque in torques]
 
     return _largest(vehicle, holding, vehicle.n)

@@ -1,6 +1,15 @@
-"""Reinforcement learning environments with the interface of Gymnasium 1.x (the extra ``gym``)."""
+"""Reinforcement learning environments with the interface of Gymnasium 1.x (the extra
+``gym``).
+"""
 
-from skyarm.envs.action_kinds import ACTIONS, Actions, RatesAndThrust, References, Residual, RotorsAndJoints
+from skyarm.envs.action_kinds import (
+    ACTIONS,
+    Actions,
+    RatesAndThrust,
+    References,
+    Residual,
+    RotorsAndJoints,
+)
 from skyarm.envs.observed_quantities import (
     OBSERVED,
     Attitude,

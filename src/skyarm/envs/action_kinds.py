@@ -1,4 +1,6 @@
-"""Action spaces of the learning environments: conversion of numbers in [-1, 1] to vehicle commands."""
+"""Action spaces of the learning environments: conversion of numbers in [-1, 1] to
+vehicle commands.
+"""
 
 from __future__ import annotations
 
@@ -28,15 +30,19 @@ Decision = tuple[Tree, Command]
 """Result of the scenario's law: (next memory, command)."""
 
 Decide = Callable[[Tree, Measurement, Reference], Decision]
-"""Control law of the scenario as a function (memory, measurement, reference) -> (next memory, command)."""
+"""Control law of the scenario as a function (memory, measurement, reference) -> (next
+memory, command)."""
 
 
 class Turn(NamedTuple):
-    """Control law, measurement and reference with which an action is converted to a vehicle command.
+    """Control law, measurement and reference with which an action is converted to a
+    vehicle command.
 
     Attributes:
-        memory: law's memory, ``()`` where it is not used. measurement, reference: law's inputs of the period.
-        law: scenario's law. par: its constants, with the model. told: True for joints commanded by setpoints.
+        memory: law's memory, ``()`` where it is not used. measurement, reference: law's
+            inputs of the period.
+        law: scenario's law. par: its constants, with the model. told: True for joints
+            commanded by setpoints.
     """
 
     memory: Tree
@@ -59,12 +65,14 @@ USUAL_EFFORT = 0.5
 
 @immutable
 class Actions:
-    """Base class of action spaces, whose subclasses convert an action to a vehicle command.
+    """Base class of action spaces, whose subclasses convert an action to a vehicle
+    command.
 
     Attributes:
-        joints: setpoint of every joint at full action, in its unit: N m or N of a joint that takes its effort, else
-            rad or m. None takes the effort limit, or the joint's range from end to end, and 0.5 where there is none.
-            A joint without an effort, a passive one, has its number, too, which does nothing.
+        joints: setpoint of every joint at full action, in its unit: N m or N of a joint
+            that takes its effort, else rad or m. None takes the effort limit, or the
+            joint's range from end to end, and 0.5 where there is none. A joint without
+            an effort, a passive one, has its number, too, which does nothing.
     """
 
     joints: Annotated[
@@ -87,7 +95,8 @@ class Actions:
         return len(vehicle.rotors) + vehicle.n
 
     def command(self, action: Scalars, now: Turn) -> Decision:
-        """Convert an action to a vehicle command; return the control law's next internal state and the command.
+        """Convert an action to a vehicle command; return the control law's next
+        internal state and the command.
 
         Args:
             action: (size,) numbers in [-1, 1].
@@ -96,13 +105,22 @@ class Actions:
         raise NotImplementedError(f"{type(self).__name__} must define command()")
 
     def efforts(self, action: Scalars, now: Turn) -> Scalars:
-        """Joint efforts, or setpoints of joint drives, commanded by the last components of an action."""
+        """Joint efforts, or setpoints of joint drives, commanded by the last components
+        of an action.
+        """
         return tuple(middle + a * half for a, (middle, half) in self.spans(action, now))
 
-    def spans(self, action: Scalars, now: Turn) -> list[tuple[Scalar, tuple[Scalar, Scalar]]]:
-        """Action component of each joint, with the setpoint at zero action and its change at full action."""
+    def spans(
+        self, action: Scalars, now: Turn
+    ) -> list[tuple[Scalar, tuple[Scalar, Scalar]]]:
+        """Action component of each joint, with the setpoint at zero action and its
+        change at full action.
+        """
         links = now.model.vehicle.links
-        spans = [self._span(link.joint, each) for link, each in zip(links, now.told, strict=True)]
+        spans = [
+            self._span(link.joint, each)
+            for link, each in zip(links, now.told, strict=True)
+        ]
         return list(zip(action[len(action) - len(links) :], spans, strict=True))
 
     def _span(self, joint: Joint, told: bool) -> tuple[Scalar, Scalar]:
@@ -111,10 +129,14 @@ class Actions:
         if told:
             return middle_and_half(joint.lower, joint.upper)
         limit = joint.effort_limit
-        return 0.0, float(limit) if concrete(limit) and 0.0 < limit < math.inf else USUAL_EFFORT
+        return 0.0, (
+            float(limit) if concrete(limit) and 0.0 < limit < math.inf else USUAL_EFFORT
+        )
 
 
-_AUTHORITY = "higher values give the policy more authority and make first flights wilder"
+_AUTHORITY = (
+    "higher values give the policy more authority and make first flights wilder"
+)
 
 HoverShare = Annotated[
     float,
@@ -137,78 +159,123 @@ class RotorsAndJoints(Actions):
     span: HoverShare = 0.2
 
     def command(self, action: Scalars, now: Turn) -> Decision:
-        """Vehicle command with rotor speeds around hover and joint setpoints, within their limits."""
-        speeds = tuple(w * (1.0 + self.span * a) for w, a in zip(_hover(now.model), action, strict=False))
+        """Vehicle command with rotor speeds around hover and joint setpoints, within
+        their limits.
+        """
+        speeds = tuple(
+            w * (1.0 + self.span * a)
+            for w, a in zip(_hover(now.model), action, strict=False)
+        )
         return now.memory, within_limits(now, speeds, self.efforts(action, now))
 
 
 @immutable
 class RatesAndThrust(Actions):
-    """Action space of body rates and thrust for a built-in rate controller, then joint setpoints.
+    """Action space of body rates and thrust for a built-in rate controller, then joint
+    setpoints.
 
     Attributes:
-        rate: body rate at full action, rad/s. thrust: share of the weight that a full action adds or takes.
+        rate: body rate at full action, rad/s. thrust: share of the weight that a full
+            action adds or takes.
         bandwidth: bandwidth of the rate controller, 1/s.
     """
 
-    rate: Annotated[float, above_zero("rad/s", "body rate at an action of 1", effect=_AUTHORITY)] = 4.0
+    rate: Annotated[
+        float, above_zero("rad/s", "body rate at an action of 1", effect=_AUTHORITY)
+    ] = 4.0
     thrust: Annotated[
-        float, above_zero("", "change of thrust at an action of 1, as a fraction of the weight", effect=_AUTHORITY)
+        float,
+        above_zero(
+            "",
+            "change of thrust at an action of 1, as a fraction of the weight",
+            effect=_AUTHORITY,
+        ),
     ] = 0.8
     bandwidth: Annotated[
         float,
         above_zero(
-            "1/s", "bandwidth of the rate controller", effect="higher values follow the action faster and amplify noise"
+            "1/s",
+            "bandwidth of the rate controller",
+            effect="higher values follow the action faster and amplify noise",
         ),
     ] = 20.0
 
     def size(self, vehicle: Vehicle) -> int:
-        """Number of action components: three body rates, thrust, and one for each joint."""
+        """Number of action components: three body rates, thrust, and one for each
+        joint.
+        """
         return 4 + vehicle.n
 
     def command(self, action: Scalars, now: Turn) -> Decision:
-        """Vehicle command of a proportional body-rate controller for the desired rates and thrust."""
+        """Vehicle command of a proportional body-rate controller for the desired rates
+        and thrust.
+        """
         model = now.model
         missing = Vec3(*(self.rate * a for a in action[:3])) - now.measurement.rate
         torque = model.vehicle.base.inertia.apply(missing * self.bandwidth)
         weight = model.vehicle.mass * model.gravity
-        speeds, squares = mix(now.par.mixer, torque, weight * (1.0 + self.thrust * action[3]))
+        speeds, squares = mix(
+            now.par.mixer, torque, weight * (1.0 + self.thrust * action[3])
+        )
         if any(rotor.table is not None for rotor in model.vehicle.rotors):
             rows = zip(model.vehicle.rotors, squares, strict=True)
-            speeds = tuple(speed_of_push(rotor, maximum(square, 0.0)) for rotor, square in rows)
+            speeds = tuple(
+                speed_of_push(rotor, maximum(square, 0.0)) for rotor, square in rows
+            )
         return now.memory, within_limits(now, speeds, self.efforts(action, now))
 
 
 @immutable
 class References(Actions):
-    """Action space of offsets added to the control law's reference: base position, then joint positions.
+    """Action space of offsets added to the control law's reference: base position, then
+    joint positions.
 
     Attributes:
-        position: offset at full action, m, world axes. angle: offset of a joint at full action, rad or m.
+        position: offset at full action, m, world axes. angle: offset of a joint at full
+            action, rad or m.
     """
 
-    position: Annotated[float, above_zero("m", "displacement of the position reference at an action of 1")] = 0.5
-    angle: Annotated[float, above_zero("rad or m", "displacement of a joint reference at an action of 1")] = 0.5
+    position: Annotated[
+        float,
+        above_zero("m", "displacement of the position reference at an action of 1"),
+    ] = 0.5
+    angle: Annotated[
+        float,
+        above_zero("rad or m", "displacement of a joint reference at an action of 1"),
+    ] = 0.5
 
     asks_law = True
 
     def size(self, vehicle: Vehicle) -> int:
-        """Number of action components: three base coordinates, and one for each joint."""
+        """Number of action components: three base coordinates, and one for each
+        joint.
+        """
         return 3 + vehicle.n
 
     def command(self, action: Scalars, now: Turn) -> Decision:
-        """Vehicle command of the control law for the reference plus the action's position offsets."""
+        """Vehicle command of the control law for the reference plus the action's
+        position offsets.
+        """
         reference = now.reference
         position = reference.position + Vec3(*(self.position * a for a in action[:3]))
-        joints = tuple(q + self.angle * a for q, a in zip(reference.joints, action[3:], strict=True))
-        tip = tuple(p + self.position * a for p, a in zip(reference.tip, action[:3], strict=False))
-        shifted = replace(reference, position=position, joints=joints, tip=tip, ahead=())
+        joints = tuple(
+            q + self.angle * a
+            for q, a in zip(reference.joints, action[3:], strict=True)
+        )
+        tip = tuple(
+            p + self.position * a
+            for p, a in zip(reference.tip, action[:3], strict=False)
+        )
+        shifted = replace(
+            reference, position=position, joints=joints, tip=tip, ahead=()
+        )
         return now.law(now.memory, now.measurement, shifted)
 
 
 @immutable
 class Residual(Actions):
-    """Action space of corrections added to the control law's command: rotor speeds, then joint setpoints.
+    """Action space of corrections added to the control law's command: rotor speeds,
+    then joint setpoints.
 
     A law that remembers its command, in any layers, receives the command that was sent.
 
@@ -221,11 +288,18 @@ class Residual(Actions):
     asks_law = True
 
     def command(self, action: Scalars, now: Turn) -> Decision:
-        """Vehicle command of the control law plus the action's corrections, within the actuators' limits."""
+        """Vehicle command of the control law plus the action's corrections, within the
+        actuators' limits.
+        """
         following, own = now.law(now.memory, now.measurement, now.reference)
         pairs = zip(own.rotor_speeds, _hover(now.model), action, strict=False)
         speeds = tuple(w + self.span * hover * a for w, hover, a in pairs)
-        efforts = tuple(u + a * half for u, (a, (_, half)) in zip(own.efforts, self.spans(action, now), strict=True))
+        efforts = tuple(
+            u + a * half
+            for u, (a, (_, half)) in zip(
+                own.efforts, self.spans(action, now), strict=True
+            )
+        )
         sent = replace(within_limits(now, speeds, efforts), tilts=own.tilts)
         return with_correction(following, now.par, own, sent), sent
 
@@ -240,7 +314,9 @@ ACTIONS: dict[str, type[Actions]] = {
 
 
 def middle_and_half(lower: Scalar, upper: Scalar) -> tuple[Scalar, Scalar]:
-    """Centre and half width of a joint's range, with a default distance for a missing limit."""
+    """Centre and half width of a joint's range, with a default distance for a missing
+    limit.
+    """
     if _free(-lower) and _free(upper):
         return 0.0, USUAL_EFFORT
     low = upper - 2.0 * USUAL_EFFORT if _free(-lower) else lower
@@ -251,10 +327,17 @@ def middle_and_half(lower: Scalar, upper: Scalar) -> tuple[Scalar, Scalar]:
 def within_limits(now: Turn, speeds: Scalars, efforts: Scalars) -> Command:
     """Vehicle command clipped to the limits of rotor speeds and joint efforts."""
     vehicle = now.model.vehicle
-    turned = tuple(clip(w, rotor.min_speed, rotor.max_speed) for w, rotor in zip(speeds, vehicle.rotors, strict=True))
+    turned = tuple(
+        clip(w, rotor.min_speed, rotor.max_speed)
+        for w, rotor in zip(speeds, vehicle.rotors, strict=True)
+    )
     rows = zip(efforts, vehicle.links, now.told, strict=True)
     limited = tuple(
-        u if setpoint or _free(link.joint.effort_limit) else clip(u, -link.joint.effort_limit, link.joint.effort_limit)
+        (
+            u
+            if setpoint or _free(link.joint.effort_limit)
+            else clip(u, -link.joint.effort_limit, link.joint.effort_limit)
+        )
         for u, link, setpoint in rows
     )
     return Command(rotor_speeds=turned, efforts=limited)

@@ -1,4 +1,6 @@
-"""Parallel episodes of a learning task in SIMD lanes, with precomputed initial states."""
+"""Parallel episodes of a learning task in SIMD lanes, with precomputed initial
+states.
+"""
 
 from __future__ import annotations
 
@@ -25,16 +27,20 @@ from skyarm.simulate.draws import start_draws
 from skyarm.simulate.lane_numbers import checked_array
 
 AHEAD = 8192
-"""Number of episodes, over all lanes, that are made at once; NumPy then takes about a microsecond for each."""
+"""Number of episodes, over all lanes, that are made at once; NumPy then takes about a
+microsecond for each."""
 
 
 class EpisodeStarts:
-    """Precomputed initial data of many parallel episodes: randomised parameters, states and observations.
+    """Precomputed initial data of many parallel episodes: randomised parameters, states
+    and observations.
 
-    Precomputed, because a lane must restart between two steps of some microseconds each.
+    Precomputed, because a lane must restart between two steps of some microseconds
+    each.
 
     Args:
-        program: program of the environment. lanes: number of lanes. dtype: type of the numbers.
+        program: program of the environment. lanes: number of lanes. dtype: type of the
+            numbers.
 
     Attributes:
         varies: True if episodes begin differently.
@@ -50,16 +56,22 @@ class EpisodeStarts:
         rows = len(program.paths) + len(self._start.outputs)
         self._table = np.zeros((rows, lanes if self.varies else 1, self._depth), dtype)
         if not self.varies:
-            self._table[:, :, 0] = self._compute(np.zeros(1, dtype=np.uint64), np.zeros(1, dtype=np.int64))
+            self._table[:, :, 0] = self._compute(
+                np.zeros(1, dtype=np.uint64), np.zeros(1, dtype=np.int64)
+            )
 
     def seed(self, lanes: Array, seeds: Array) -> None:
-        """Assign new random seeds to parallel episodes and restart their episode count at 0."""
+        """Assign new random seeds to parallel episodes and restart their episode count
+        at 0.
+        """
         self._seeds[lanes] = seeds
         # as far as could be from any episode that is asked for: made when it is
         self._first[lanes] = -(2**40)
 
     def take(self, lanes: Array, episodes: Array) -> Array:
-        """Randomised parameters, initial state and first observation of given episodes, as array (values, episodes)."""
+        """Randomised parameters, initial state and first observation of given episodes,
+        as array (values, episodes).
+        """
         if not self.varies:
             return self._table[:, np.zeros(len(lanes), dtype=np.intp), 0]
         at = episodes - self._first[lanes]
@@ -70,19 +82,25 @@ class EpisodeStarts:
         return self._table[:, lanes, at]
 
     def _fill(self, lanes: Array, episodes: Array) -> None:
-        """Compute and store the initial data of the next several episodes of some SIMD lanes."""
+        """Compute and store the initial data of the next several episodes of some SIMD
+        lanes.
+        """
         self._first[lanes] = episodes
         numbers = (episodes[:, None] + np.arange(self._depth)).ravel()
         columns = self._compute(np.repeat(self._seeds[lanes], self._depth), numbers)
         self._table[:, lanes] = columns.reshape(len(columns), len(lanes), self._depth)
 
     def _compute(self, seeds: Array, episodes: Array) -> Array:
-        """Compute the initial data of episodes with given seeds and episode numbers, as array (values, episodes)."""
+        """Compute the initial data of episodes with given seeds and episode numbers, as
+        array (values, episodes).
+        """
         program, keys = self._program, seeds
         columns = program.task.randomised.draw(keys, episodes)
         # numbers are what 32 bits hold of them, where that is what the code flies
         with np.errstate(over="ignore"):
-            columns = [np.asarray(column, self._dtype).astype(float) for column in columns]
+            columns = [
+                np.asarray(column, self._dtype).astype(float) for column in columns
+            ]
         inputs: list[Array] = [*columns]
         for channel, count in program.uniforms:
             inputs += [*uniforms(keys[:, None], episodes, channel, 0, count).T]
@@ -90,12 +108,19 @@ class EpisodeStarts:
         for draws in start_draws(program.task.scenario, several, episodes):
             inputs += [*draws.T]
         starts = evaluate(self._start, inputs, len(episodes))
-        return np.concatenate([np.array(columns).reshape(len(columns), len(episodes)), starts])
+        return np.concatenate(
+            [np.array(columns).reshape(len(columns), len(episodes)), starts]
+        )
 
     @property
     def state(self) -> slice:
-        """Slice of an episode's initial data that holds the initial state of the closed loop."""
-        return slice(len(self._program.paths), len(self._program.paths) + self._program.loop.carry)
+        """Slice of an episode's initial data that holds the initial state of the closed
+        loop.
+        """
+        return slice(
+            len(self._program.paths),
+            len(self._program.paths) + self._program.loop.carry,
+        )
 
     @property
     def observation(self) -> slice:
@@ -104,24 +129,35 @@ class EpisodeStarts:
 
 
 class EnvLanes:
-    """Parallel episodes of a learning task, each in a SIMD lane with its own random seed.
+    """Parallel episodes of a learning task, each in a SIMD lane with its own random
+    seed.
 
     Args:
-        task: learning task of the episodes. lanes: their number. threads: largest number of threads.
+        task: learning task of the episodes. lanes: their number. threads: largest
+            number of threads.
 
     Attributes:
-        observation: (numbers, lanes) view that each step and each beginning writes anew. reward: (lanes,) view.
-        ended, truncated: (lanes,) True where the episode has ended before its time, or has flown its duration.
-        ending: (lanes,) view, 0 or the number of the ending that came; :attr:`statuses` has their words.
-        state: the plant's state, a record of (lanes,) views: the truth, which no observation holds.
-        actions: (numbers, lanes) view on the actions of the next step. episodes: (lanes,) number of each lane's.
+        observation: (numbers, lanes) view that each step and each beginning writes
+            anew. reward: (lanes,) view.
+        ended, truncated: (lanes,) True where the episode has ended before its time, or
+            has flown its duration.
+        ending: (lanes,) view, 0 or the number of the ending that came; :attr:`statuses`
+            has their words.
+        state: the plant's state, a record of (lanes,) views: the truth, which no
+            observation holds.
+        actions: (numbers, lanes) view on the actions of the next step. episodes:
+            (lanes,) number of each lane's.
     """
 
     def __init__(self, task: LearningTask, lanes: int, *, threads: int = 1) -> None:
         self.task, self.lanes = task, lanes
         self.program = EnvProgram(task)
         single = task.precision == "single"
-        shape = Lanes(host_width(single=single), single=single, contract=task.precision != "bit_exact")
+        shape = Lanes(
+            host_width(single=single),
+            single=single,
+            contract=task.precision != "bit_exact",
+        )
         kernel = Kernel(self.program.loop, shape, logging=True)
         self._stepper = LaneStepper(kernel, lanes, threads=threads)
         self._starts = EpisodeStarts(self.program, lanes, kernel.dtype)
@@ -130,14 +166,20 @@ class EnvLanes:
         self.observation = self._stepper.logged[:count]
         self.reward, self._truncated, self.ending = self._stepper.logged[count:]
         varied = len(self.program.paths)
-        self._numbers, self.actions = self._stepper.parameters[:varied], self._stepper.parameters[varied:]
+        self._numbers, self.actions = (
+            self._stepper.parameters[:varied],
+            self._stepper.parameters[varied:],
+        )
         self._carry = self._stepper.carry
         now: Any = rebuild(self.program.first, iter(list(self._carry)))
         self.loop = now.loop
         self.state: State = now.loop.agent.state
         self.episodes: Array = np.zeros(lanes, dtype=np.int64)
         self.seeds: Array = np.zeros(lanes, dtype=np.uint64)
-        self.ended, self.truncated = np.zeros(lanes, dtype=bool), np.zeros(lanes, dtype=bool)
+        self.ended, self.truncated = (
+            np.zeros(lanes, dtype=bool),
+            np.zeros(lanes, dtype=bool),
+        )
         words = (ending.status for ending in endings_of(task.scenario))
         self.statuses = np.array(["", *words, "diverged"], dtype=object)
         self._every = np.arange(lanes)
@@ -170,34 +212,50 @@ class EnvLanes:
         self._stepper.fill()
 
     def act(self, actions: Array) -> None:
-        """Set the actions of all parallel episodes for the next step, an array (lanes, components).
+        """Set the actions of all parallel episodes for the next step, an array (lanes,
+        components).
 
         Raises:
-            ScenarioError: another shape, no numbers, or numbers that are not finite; nothing is taken then.
+            ScenarioError: another shape, no numbers, or numbers that are not finite;
+                nothing is taken then.
         """
         buffer = self.actions
         shape = buffer.shape[::-1]
-        checked = checked_array("actions", actions, [shape], f"of real numbers, of shape {shape}")
+        checked = checked_array(
+            "actions", actions, [shape], f"of real numbers, of shape {shape}"
+        )
         if not np.isfinite(checked).all():
             lane = int(np.flatnonzero(~np.isfinite(checked).all(axis=1))[0])
-            raise ScenarioError(f"actions[{lane}] = {shown(checked[lane].tolist())}: must be finite")
+            raise ScenarioError(
+                f"actions[{lane}] = {shown(checked[lane].tolist())}: must be finite"
+            )
         # a larger one than 32 bits hold counts as the bound, too
         np.clip(checked.T, -1.0, 1.0, out=buffer)
 
     def step(self) -> bool:
-        """Simulate one control period of all parallel episodes; return True if an episode has ended."""
+        """Simulate one control period of all parallel episodes; return True if an
+        episode has ended.
+        """
         self._stepper.step()
         np.greater(self.ending, 0.5, out=self.ended)
         np.greater(self._truncated, 0.5, out=self.truncated)
         return bool(self.ended.any() or self.truncated.any())
 
     def numbers(self) -> dict[str, Array]:
-        """Randomised parameters of the running episodes, as a dictionary from parameter path to array (lanes,)."""
-        return {path: row.copy() for path, row in zip(self.program.paths, self._numbers, strict=True)}
+        """Randomised parameters of the running episodes, as a dictionary from parameter
+        path to array (lanes,).
+        """
+        return {
+            path: row.copy()
+            for path, row in zip(self.program.paths, self._numbers, strict=True)
+        }
 
     def lane_scenario(self, lane: int) -> Scenario:
         """Scenario of one parallel episode, with its randomised parameters."""
-        return with_numbers(self.task.scenario, {path: float(row[lane]) for path, row in self.numbers().items()})
+        return with_numbers(
+            self.task.scenario,
+            {path: float(row[lane]) for path, row in self.numbers().items()},
+        )
 
     def close(self) -> None:
         """Stop the worker threads that simulate the parallel episodes."""

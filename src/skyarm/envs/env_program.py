@@ -1,9 +1,12 @@
-"""Traced program of one environment step: action in; observation, reward and termination out.
+"""Traced program of one environment step: action in; observation, reward and
+termination out.
 
-A control period of the loop (:mod:`skyarm.simulate.period`) begins with what is measured and ends with the plant. An
-environment's step is cut elsewhere: it takes an action for what was measured before, flies the plant, and measures
-what the next period begins with, which is what a policy acts on next. The stages and their order are the loop's, and so
-are the numbers: :class:`skyarm.Session` with the same commands flies the same bits.
+A control period of the loop (:mod:`skyarm.simulate.period`) begins with what is
+measured and ends with the plant. An environment's step is cut elsewhere: it takes an
+action for what was measured before, flies the plant, and measures what the next period
+begins with, which is what a policy acts on next. The stages and their order are the
+loop's, and so are the numbers: :class:`skyarm.Session` with the same commands flies the
+same bits.
 """
 
 from __future__ import annotations
@@ -36,7 +39,8 @@ from skyarm.simulate.program import LoopProgram, TracedPeriod
 from skyarm.simulate.stages import Readings, Stages
 
 LARGEST = 1e6
-"""Largest magnitude of observations and rewards; larger ones are clipped, NaN becomes 0."""
+"""Largest magnitude of observations and rewards; larger ones are clipped, NaN becomes
+0."""
 
 
 @immutable
@@ -44,8 +48,10 @@ class EnvState:
     """State of a learning environment between two steps.
 
     Attributes:
-        loop: state of the closed loop; sensors, estimator and components are those of the next period.
-        seen: numbers of the next period's measurement that the observation or the law uses.
+        loop: state of the closed loop; sensors, estimator and components are those of
+            the next period.
+        seen: numbers of the next period's measurement that the observation or the law
+            uses.
         action: last action.
     """
 
@@ -59,9 +65,10 @@ class StepOutcome:
     """Result of an environment step: observation, reward, truncation and termination.
 
     Attributes:
-        observation: numbers. reward: number. truncated: 1 where the scenario's duration is over, and no ending came.
-        ending: 0 while none has come, else which of the scenario's endings, from 1 on; one more than there are where
-            the command was not finite.
+        observation: numbers. reward: number. truncated: 1 where the scenario's duration
+            is over, and no ending came.
+        ending: 0 while none has come, else which of the scenario's endings, from 1 on;
+            one more than there are where the command was not finite.
     """
 
     observation: Scalars
@@ -74,12 +81,15 @@ class EnvProgram:
     """Compiled step function of a learning task, and the initial state of its episodes.
 
     Args:
-        task: learning task. loops: keep repetitions as loops, for machine code; JAX wants them written out.
+        task: learning task. loops: keep repetitions as loops, for machine code; JAX
+            wants them written out.
 
     Attributes:
-        base: numbers of the randomised paths in the scenario as it is. draws: example of a period's uniform numbers.
+        base: numbers of the randomised paths in the scenario as it is. draws: example
+            of a period's uniform numbers.
         size: length of an action.
-        first: state of an episode, as an example. loop: the step, traced; it logs a :class:`StepOutcome`.
+        first: state of an episode, as an example. loop: the step, traced; it logs a
+            :class:`StepOutcome`.
     """
 
     def __init__(self, task: LearningTask, *, loops: bool = True) -> None:
@@ -89,19 +99,30 @@ class EnvProgram:
         self.size = task.actions.size(scenario.agent.model.vehicle)
         numbers = self.base, (0.0,) * self.size
         self._program = LoopProgram(
-            scenario, self._scenario_of, numbers, stiffest=task.randomised.stiffest, loops=loops
+            scenario,
+            self._scenario_of,
+            numbers,
+            stiffest=task.randomised.stiffest,
+            loops=loops,
         )
         # number of the ending whose state means nothing any more
-        self._diverged = next(1.0 + k for k, each in enumerate(endings_of(scenario)) if isinstance(each, Divergence))
+        self._diverged = next(
+            1.0 + k
+            for k, each in enumerate(endings_of(scenario))
+            if isinstance(each, Divergence)
+        )
         self.uniforms = self._program.draws
         self.draws = (0.5,) * sum(count for _, count in self.uniforms)
         self._measurement = structure_of(self._begin(self.base, self.draws, None)[1])
         self._kept = tuple(range(len(leaves(self._measurement))))
-        # what of the measurement the next step reads shows in a first trace: usually all for a law, nothing else
+        # what of the measurement the next step reads shows in a first trace: usually
+        # all for a law, nothing else
         whole = self._trace()
         used = {arg.index for node in whole.program.nodes for arg in node.args}
         count = whole.carry - len(self._kept) - self.size
-        self._kept = tuple(i for i in self._kept if whole.program.inputs[count + i].index in used)
+        self._kept = tuple(
+            i for i in self._kept if whole.program.inputs[count + i].index in used
+        )
         self.loop = self._trace()
 
     def _trace(self) -> Loop:
@@ -110,60 +131,101 @@ class EnvProgram:
         return self._program.trace(self.step, self.first, own_seeds=True)
 
     def _scenario_of(self, values: tuple[Sequence[Scalar], Scalars]) -> Scenario:
-        """Scenario of an episode, from the values of its randomised parameters beside an action."""
-        return with_numbers(self.task.scenario, dict(zip(self.paths, values[0], strict=True)))
+        """Scenario of an episode, from the values of its randomised parameters beside
+        an action.
+        """
+        return with_numbers(
+            self.task.scenario, dict(zip(self.paths, values[0], strict=True))
+        )
 
     def start(
-        self, numbers: Sequence[Scalar], draws: Scalars, started: Sequence[Sequence[Scalar]] | None = None
+        self,
+        numbers: Sequence[Scalar],
+        draws: Scalars,
+        started: Sequence[Sequence[Scalar]] | None = None,
     ) -> tuple[EnvState, Scalars]:
         """Initial state and observation of an episode.
 
         Args:
             numbers: values of the randomised paths.
             draws: uniform numbers of the first period.
-            started: uniform numbers that start each component; the scenario's own if left out.
+            started: uniform numbers that start each component; the scenario's own if
+                left out.
         """
         now, measurement, reference = self._begin(numbers, draws, started)
         action = (0.0,) * self.size
-        state = EnvState(loop=now, seen=self._select_numbers(measurement), action=action)
-        return state, self._observe(self._program.stages((numbers, ())), measurement, reference, action)
+        state = EnvState(
+            loop=now, seen=self._select_numbers(measurement), action=action
+        )
+        return state, self._observe(
+            self._program.stages((numbers, ())), measurement, reference, action
+        )
 
     def trace_start(self) -> Program:
-        """Trace the reset of an episode into a program whose inputs are all the episode's parameters."""
+        """Trace the reset of an episode into a program whose inputs are all the
+        episode's parameters.
+        """
         return trace(self.start, self.base, self.draws, self._program.start_draws)
 
     def _begin(
-        self, numbers: Sequence[Scalar], draws: Scalars, started: Sequence[Sequence[Scalar]] | None
+        self,
+        numbers: Sequence[Scalar],
+        draws: Scalars,
+        started: Sequence[Sequence[Scalar]] | None,
     ) -> tuple[LoopState, Measurement, Reference]:
-        """Initial closed-loop state, first measurement and first reference of an episode."""
+        """Initial closed-loop state, first measurement and first reference of an
+        episode.
+        """
         stages = self._program.stages((numbers, ()))
         first = first_loop_state(stages.scenario, started)
         if not self.task.actions.asks_law:
             first = first.with_agent(replace(first.agent, memory=()))
         row = held_row(stages.scenario, first.ticks)
-        return (*self._measure_next(stages, first, row, draws), stages.agent.law_reference(row))
+        return (
+            *self._measure_next(stages, first, row, draws),
+            stages.agent.law_reference(row),
+        )
 
     def step(self, period: TracedPeriod, now: EnvState) -> tuple[EnvState, StepOutcome]:
-        """Simulate one control period with an action, and compute observation and reward."""
+        """Simulate one control period with an action, and compute observation and
+        reward.
+        """
         stages = period.stages
         action = tuple(clip(a, -1.0, 1.0) for a in period.numbers[1])
-        loop, own, row = now.loop, now.loop.agent, held_row(stages.scenario, now.loop.ticks)
+        loop, own, row = (
+            now.loop,
+            now.loop.agent,
+            held_row(stages.scenario, now.loop.ticks),
+        )
         memory, command = self._decide(stages, now, row, action)
         around = stages.surroundings(loop, row.time)
         nothing: Any = None
-        read = Readings(sensors=own.sensors, estimate=own.estimate, readings=(), measurement=nothing)
+        read = Readings(
+            sensors=own.sensors, estimate=own.estimate, readings=(), measurement=nothing
+        )
         half = AgentHalf(own.components, stages.agent.acting(own.queue), nothing, read)
         decided = [Decided(memory, command, own.clock)]
-        flown = act(stages, period.plant, loop, FirstHalf(loop.components, around, (half,)), decided)
+        flown = act(
+            stages,
+            period.plant,
+            loop,
+            FirstHalf(loop.components, around, (half,)),
+            decided,
+        )
         sent = flown.alive
         # a command that is not finite ends the episode where it is, as in a single run
         state = blend(sent > 0.5, flown.agent.state, own.state)
-        # endings are a separate output of the step, and a period that ends an episode counts
+        # endings are a separate output of the step, and a period that ends an episode
+        # counts
         flown = flown.with_agent(replace(flown.agent, state=state))
         flown = replace(flown, alive=1.0, ticks=loop.ticks + 1.0)
         coming = held_row(stages.scenario, flown.ticks)
-        ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), sent)
-        following, measurement = self._measure_next(stages, flown, coming, period.uniforms)
+        ending = self._ending(
+            stages.scenario, state, self._goal(stages.scenario, flown.ticks), sent
+        )
+        following, measurement = self._measure_next(
+            stages, flown, coming, period.uniforms
+        )
         ended = where(ending > 0.5, 1.0, 0.0)
         result = Result(
             state=state,
@@ -174,7 +236,8 @@ class EnvProgram:
             command=command,
             ended=ended,
         )
-        # term by term: what one of them makes of a number that is none takes nothing from the others
+        # term by term: what one of them makes of a number that is none takes nothing
+        # from the others
         reward: Scalar = 0.0
         sound = absolute(ending - self._diverged) > 0.5
         for term in self.task.reward:
@@ -182,50 +245,95 @@ class EnvProgram:
             reward = reward + (where(sound, value, 0.0) if term.of_state else value)
         over = flown.ticks > self.task.scenario.steps - 0.5
         outcome = StepOutcome(
-            observation=self._observe(stages, measurement, stages.agent.law_reference(coming), action),
+            observation=self._observe(
+                stages, measurement, stages.agent.law_reference(coming), action
+            ),
             reward=_finite(reward),
             truncated=where(logical_and(over, ending < 0.5), 1.0, 0.0),
             ending=ending,
         )
-        return EnvState(loop=following, seen=self._select_numbers(measurement), action=action), outcome
+        return (
+            EnvState(
+                loop=following, seen=self._select_numbers(measurement), action=action
+            ),
+            outcome,
+        )
 
     def _goal(self, scenario: Scenario, ticks: Scalar) -> Vec3:
         """Position reference at the end of a control period."""
         last = float(self.task.scenario.steps - 1)
         return held_row(scenario, where(ticks > last, last, ticks)).reference.position
 
-    def _decide(self, stages: Stages, now: EnvState, row: InputRow[Reference], action: Scalars) -> Decision:
-        """Convert an action to a vehicle command; return the control law's next internal state and the command."""
+    def _decide(
+        self, stages: Stages, now: EnvState, row: InputRow[Reference], action: Scalars
+    ) -> Decision:
+        """Convert an action to a vehicle command; return the control law's next
+        internal state and the command.
+        """
         values = iter(leaves(self._measurement))
         seen = dict(zip(self._kept, now.seen, strict=True))
-        measurement = rebuild(self._measurement, iter([seen.get(i, old) for i, old in enumerate(values)]))
+        measurement = rebuild(
+            self._measurement, iter([seen.get(i, old) for i, old in enumerate(values)])
+        )
         par = stages.scenario.agent.controller.par
         reference = stages.agent.law_reference(row)
-        turn = Turn(now.loop.agent.memory, measurement, reference, stages.agent.decide, par, self.task.told)
+        turn = Turn(
+            now.loop.agent.memory,
+            measurement,
+            reference,
+            stages.agent.decide,
+            par,
+            self.task.told,
+        )
         memory, command = self.task.actions.command(action, turn)
         return memory, with_rest(stages.scenario.agent.vehicle, command)
 
     def _measure_next(
         self, stages: Stages, now: LoopState, row: InputRow[Reference], draws: Scalars
     ) -> tuple[LoopState, Measurement]:
-        """Advance wind, contacts and sensors to the next control period, and compute the measurement there."""
-        measured = measure(stages, self._program.plant_steps(stages), now, (row,), draws)
+        """Advance wind, contacts and sensors to the next control period, and compute
+        the measurement there.
+        """
+        measured = measure(
+            stages, self._program.plant_steps(stages), now, (row,), draws
+        )
         (half,) = measured.agents
-        agent = replace(now.agent, sensors=half.read.sensors, estimate=half.read.estimate, components=half.components)
-        return replace(now.with_agent(agent), components=measured.components), half.read.measurement
+        agent = replace(
+            now.agent,
+            sensors=half.read.sensors,
+            estimate=half.read.estimate,
+            components=half.components,
+        )
+        return (
+            replace(now.with_agent(agent), components=measured.components),
+            half.read.measurement,
+        )
 
     def _select_numbers(self, measurement: Measurement) -> Scalars:
         numbers = leaves(measurement)
         return tuple(numbers[i] for i in self._kept)
 
-    def _observe(self, stages: Stages, measurement: Measurement, reference: Reference, action: Scalars) -> Scalars:
+    def _observe(
+        self,
+        stages: Stages,
+        measurement: Measurement,
+        reference: Reference,
+        action: Scalars,
+    ) -> Scalars:
         model = stages.scenario.agent.model
         return observation_of(
-            self.task, Sight(measurement=measurement, reference=reference, action=action, model=model)
+            self.task,
+            Sight(
+                measurement=measurement, reference=reference, action=action, model=model
+            ),
         )
 
-    def _ending(self, scenario: Scenario, state: State, goal: Vec3, sent: Scalar) -> Scalar:
-        """Index of the first termination condition that is met, counted from 1; 0 if none is met."""
+    def _ending(
+        self, scenario: Scenario, state: State, goal: Vec3, sent: Scalar
+    ) -> Scalar:
+        """Index of the first termination condition that is met, counted from 1; 0 if
+        none is met.
+        """
         endings = endings_of(scenario)
         number = where(sent > 0.5, 0.0, float(len(endings) + 1))
         for index in range(len(endings), 0, -1):
@@ -237,9 +345,15 @@ class EnvProgram:
 
 def observation_of(task: LearningTask, sight: Sight) -> Scalars:
     """Observation vector of a learning task, with every component finite."""
-    return tuple(_finite(number) for each in task.observation for number in each.numbers(sight))
+    return tuple(
+        _finite(number) for each in task.observation for number in each.numbers(sight)
+    )
 
 
 def _finite(value: Scalar) -> Scalar:
     """Clip a number to a finite range; NaN becomes 0."""
-    return where(absolute(value) <= LARGEST, value, where(value > 0.0, LARGEST, where(value < 0.0, -LARGEST, 0.0)))
+    return where(
+        absolute(value) <= LARGEST,
+        value,
+        where(value > 0.0, LARGEST, where(value < 0.0, -LARGEST, 0.0)),
+    )

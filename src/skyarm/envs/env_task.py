@@ -1,4 +1,6 @@
-"""Learning task: a scenario with its actions, observations, rewards and randomised parameters."""
+"""Learning task: a scenario with its actions, observations, rewards and randomised
+parameters.
+"""
 
 from __future__ import annotations
 
@@ -32,13 +34,16 @@ PRECISIONS = ("single", "double", "bit_exact")
 
 @immutable
 class LearningTask:
-    """Definition of a learning environment: scenario, actions, observation, reward and randomised parameters.
+    """Definition of a learning environment: scenario, actions, observation, reward and
+    randomised parameters.
 
     Attributes:
-        scenario: scenario to simulate; its law is evaluated only if the actions build on it.
+        scenario: scenario to simulate; its law is evaluated only if the actions build
+            on it.
         actions: kind of actions. observation, reward: their parts.
         randomised: numbers that are drawn anew for every episode.
-        precision: "single", "double", or "bit_exact" (double without fused multiply-add).
+        precision: "single", "double", or "bit_exact" (double without fused
+            multiply-add).
     """
 
     scenario: Scenario
@@ -50,7 +55,9 @@ class LearningTask:
 
     @property
     def told(self) -> tuple[bool, ...]:
-        """One flag per joint: True if a drive's setpoint commands it, False if a torque or force does."""
+        """One flag per joint: True if a drive's setpoint commands it, False if a torque
+        or force does.
+        """
         return self.scenario.agent.commands_setpoints
 
 
@@ -70,9 +77,11 @@ def make_task(
     Args:
         scenario: record, name or path of a file.
         actions: a record, or a name of :data:`skyarm.envs.action_kinds.ACTIONS`.
-        observation: records, or names of :data:`skyarm.envs.observed_quantities.OBSERVED`.
+        observation: records, or names of
+            :data:`skyarm.envs.observed_quantities.OBSERVED`.
         reward: records, or names of :data:`skyarm.envs.reward_terms.REWARDS`.
-        randomise: path -> distribution, as ``[vary]`` of a study: ``{"plant.payload.mass": {"uniform": [0.0, 0.1]}}``.
+        randomise: path -> distribution, as ``[vary]`` of a study:
+            ``{"plant.payload.mass": {"uniform": [0.0, 0.1]}}``.
         controller: law in place of the scenario file's.
         duration: duration in place of the scenario file's, s.
         precision: precision of all numbers, one of ``PRECISIONS``.
@@ -82,14 +91,19 @@ def make_task(
     """
     flown = _scenario(scenario, controller, duration)
     if precision not in PRECISIONS:
-        raise ScenarioError(f"precision = {shown(precision)}: {must_be_one_of(dict.fromkeys(PRECISIONS), precision)}")
+        raise ScenarioError(
+            f"precision = {shown(precision)}:"
+            f" {must_be_one_of(dict.fromkeys(PRECISIONS), precision)}"
+        )
     kind = _record_of("actions", actions, ACTIONS, Actions)
     seen = _several("observation", observation, OBSERVED, Observed, "quantity")
     # whose slower path a policy would meet in flight alone
     if flown.agent.path_time is not None:
         raise ScenarioError("reference.governor: must be left out of an environment")
     if kind.asks_law:
-        flown.agent.controller.require_compiled(f"an environment with actions {type(kind).__name__}")
+        flown.agent.controller.require_compiled(
+            f"an environment with actions {type(kind).__name__}"
+        )
     else:
         # a law that is not asked ends no episode where it is not defined
         flown = flown.with_controller(replace(flown.agent.controller, margin=None))
@@ -105,39 +119,72 @@ def make_task(
     )
 
 
-def _scenario(given: Scenario | PathLike, controller: str | None, duration: float | None) -> Scenario:
-    """Load the scenario of a learning task and check that it can be simulated in batches."""
+def _scenario(
+    given: Scenario | PathLike, controller: str | None, duration: float | None
+) -> Scenario:
+    """Load the scenario of a learning task and check that it can be simulated in
+    batches.
+    """
     if isinstance(given, Scenario):
         if controller is not None:
-            raise ScenarioError(f"controller = {shown(controller)}: must be left out with a scenario that is a record")
+            raise ScenarioError(
+                f"controller = {shown(controller)}: must be left out with a scenario"
+                " that is a record"
+            )
         flown = given if duration is None else replace(given, duration=duration)
     else:
         flown = load_scenario(given, controller=controller, duration=duration)
     require_flight(flown.alone("an environment"))
     require_rigid_body(flown)
     if scheduled_changes(flown):
-        raise ScenarioError("changes: must be left out of an environment; randomise varies its numbers")
+        raise ScenarioError(
+            "changes: must be left out of an environment; randomise varies its numbers"
+        )
     if flown.agent.reference.guards:
-        raise ScenarioError("reference: phases that wait (until) must be left out of an environment")
+        raise ScenarioError(
+            "reference: phases that wait (until) must be left out of an environment"
+        )
     return flown
 
 
-def _record_of(field: str, given: Kind | str, registered: Mapping[str, type[Kind]], kind: type[Kind]) -> Kind:
-    """Return an action, observation or reward record unchanged, or make one from its registered name."""
+def _record_of(
+    field: str,
+    given: Kind | str,
+    registered: Mapping[str, type[Kind]],
+    kind: type[Kind],
+) -> Kind:
+    """Return an action, observation or reward record unchanged, or make one from its
+    registered name.
+    """
     if isinstance(given, kind):
         return given
     if isinstance(given, str) and given in registered:
         return registered[given]()
-    raise ScenarioError(f"{field} = {shown(given)}: {must_be_one_of(registered, given)}, or a record {kind.__name__}")
+    raise ScenarioError(
+        f"{field} = {shown(given)}: {must_be_one_of(registered, given)}, or a record"
+        f" {kind.__name__}"
+    )
 
 
 def _several(
-    field: str, given: Iterable[Kind | str], registered: Mapping[str, type[Kind]], kind: type[Kind], what: str
+    field: str,
+    given: Iterable[Kind | str],
+    registered: Mapping[str, type[Kind]],
+    kind: type[Kind],
+    what: str,
 ) -> tuple[Kind, ...]:
-    """Make a tuple of observation or reward records, at least one, from records and registered names."""
+    """Make a tuple of observation or reward records, at least one, from records and
+    registered names.
+    """
     if isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
-        raise ScenarioError(f"{field} = {shown(given)}: must be a list of names or records {kind.__name__}")
-    records = tuple(_record_of(f"{field}[{i}]", each, registered, kind) for i, each in enumerate(given))
+        raise ScenarioError(
+            f"{field} = {shown(given)}: must be a list of names or records"
+            f" {kind.__name__}"
+        )
+    records = tuple(
+        _record_of(f"{field}[{i}]", each, registered, kind)
+        for i, each in enumerate(given)
+    )
     if not records:
         raise ScenarioError(f"{field} = {shown(given)}: must have at least one {what}")
     return records
@@ -150,7 +197,10 @@ def require_open(call: str, *, closed: bool) -> None:
         ScenarioError: one line with the call.
     """
     if closed:
-        raise ScenarioError(f"{call}: must come before close(); this environment is closed, make another")
+        raise ScenarioError(
+            f"{call}: must come before close(); this environment is closed, make"
+            " another"
+        )
 
 
 KEYS = 2**32
@@ -163,8 +213,14 @@ def seed_of(seed: object, field: str = "seed") -> int:
     Raises:
         ScenarioError: it is none.
     """
-    if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise ScenarioError(f"{field} = {shown(seed)}: must be a whole number, at least 0")
+    if (
+        isinstance(seed, (bool, np.bool_))
+        or not isinstance(seed, (int, np.integer))
+        or seed < 0
+    ):
+        raise ScenarioError(
+            f"{field} = {shown(seed)}: must be a whole number, at least 0"
+        )
     return int(seed) % KEYS
 
 
@@ -178,7 +234,13 @@ def seeds_of(seed: int | Sequence[int | None] | None, lanes: int) -> list[int | 
         return [None] * lanes
     if isinstance(seed, (list, tuple, np.ndarray)):
         if len(seed) != lanes:
-            raise ScenarioError(f"seed: a list of {len(seed)}, must be one number, or one for each of {lanes} lanes")
-        return [None if each is None else seed_of(each, f"seed[{k}]") for k, each in enumerate(seed)]
+            raise ScenarioError(
+                f"seed: a list of {len(seed)}, must be one number, or one for each of"
+                f" {lanes} lanes"
+            )
+        return [
+            None if each is None else seed_of(each, f"seed[{k}]")
+            for k, each in enumerate(seed)
+        ]
     first = seed_of(seed)
     return [(first + k) % KEYS for k in range(lanes)]

@@ -1,7 +1,8 @@
 """Learning environment of pure JAX functions, with the interface of gymnax.
 
-Both fly the program of :class:`skyarm.envs.env_program.EnvProgram`, and draw the same numbers: lane ``reset(key)`` with
-``jax.random.PRNGKey(s)`` flies what the native environment flies after ``reset(seed=s)``, to rounding.
+Both fly the program of :class:`skyarm.envs.env_program.EnvProgram`, and draw the same
+numbers: lane ``reset(key)`` with ``jax.random.PRNGKey(s)`` flies what the native
+environment flies after ``reset(seed=s)``, to rounding.
 """
 
 from __future__ import annotations
@@ -23,7 +24,13 @@ from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import STARTS, draw_plan
 from skyarm.studies.sweep.design import FIRST_CHANNEL
-from skyarm.studies.sweep.distributions import Distribution, LogUniform, Normal, Uniform, Values
+from skyarm.studies.sweep.distributions import (
+    Distribution,
+    LogUniform,
+    Normal,
+    Uniform,
+    Values,
+)
 
 try:
     import jax
@@ -31,7 +38,9 @@ try:
     from jax import Array, lax
     from jax.scipy.special import ndtri
     from jax.typing import ArrayLike
-except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
+except (
+    ImportError
+) as error:  # pragma: no cover  (the library is there when this is tested)
     raise missing_extra("jax") from error
 
 from skyarm.compile.jax.jax_operations import Float, evaluate, uniforms
@@ -49,8 +58,10 @@ class JaxState:
     """State of a JAX environment, as a pytree of JAX arrays.
 
     Attributes:
-        carry: leaves of :class:`skyarm.envs.env_program.EnvState`. numbers: values drawn for the episode, one a path.
-        seed: high and low word of the reset's key. episode: its number, from 0 on. period: number of the next step.
+        carry: leaves of :class:`skyarm.envs.env_program.EnvState`. numbers: values
+            drawn for the episode, one a path.
+        seed: high and low word of the reset's key. episode: its number, from 0 on.
+            period: number of the next step.
     """
 
     carry: tuple[Array, ...]
@@ -61,40 +72,59 @@ class JaxState:
 
 
 class JaxEnvironment:
-    """Learning environment as pure JAX functions ``reset`` and ``step`` of one episode, for ``jax.vmap``.
+    """Learning environment as pure JAX functions ``reset`` and ``step`` of one episode,
+    for ``jax.vmap``.
 
-    An episode depends on the key of its reset and on its number alone. The key that a step is given, as is usual, is
-    not used: noise and what the next episode begins with follow from the key of the reset.
+    An episode depends on the key of its reset and on its number alone. The key that a
+    step is given, as is usual, is not used: noise and what the next episode begins with
+    follow from the key of the reset.
 
     Args:
-        task: learning task. numbers: parameter paths that are in the params, none of them randomised.
+        task: learning task. numbers: parameter paths that are in the params, none of
+            them randomised.
 
     Attributes:
-        task: given task. paths: parameter paths of the params. default_params: a number for each path.
-        observation_size, action_size: their lengths. statuses: words of ``info["ending"]``.
+        task: given task. paths: parameter paths of the params. default_params: a number
+            for each path.
+        observation_size, action_size: their lengths. statuses: words of
+            ``info["ending"]``.
         dtype: type of all numbers.
     """
 
     def __init__(self, task: LearningTask, *, numbers: Iterable[str] = ()) -> None:
         if task.precision == "bit_exact":
             raise ScenarioError(
-                "precision = 'bit_exact': must be 'single' or 'double' in JAX, which contracts a * b + c"
+                "precision = 'bit_exact': must be 'single' or 'double' in JAX, which"
+                " contracts a * b + c"
             )
         self.dtype: Float = np.float32 if task.precision == "single" else np.float64
         config: Any = jax.config
         if self.dtype == np.float64 and not config.read("jax_enable_x64"):
-            raise ScenarioError("precision = 'double': must come after jax.config.update(\"jax_enable_x64\", True)")
+            raise ScenarioError(
+                "precision = 'double': must come after"
+                ' jax.config.update("jax_enable_x64", True)'
+            )
         self.task = task
         whole = with_fixed(task.randomised, task.scenario, numbers)
         self._program = EnvProgram(replace(task, randomised=whole), loops=False)
         drawn, loop = len(task.randomised.paths), self._program.loop
         self.paths = self._program.paths[drawn:]
-        self._counts = [(channel, count) for channel, count in draw_plan(task.scenario).models if count]
+        self._counts = [
+            (channel, count)
+            for channel, count in draw_plan(task.scenario).models
+            if count
+        ]
         self._start = self._program.trace_start()
         self.observation_size, self.action_size = loop.logged - 3, self._program.size
         base = zip(self.paths, self._program.base[drawn:], strict=True)
-        self.default_params = {path: jnp.asarray(number, self.dtype) for path, number in base}
-        self.statuses = ("", *(ending.status for ending in endings_of(task.scenario)), "diverged")
+        self.default_params = {
+            path: jnp.asarray(number, self.dtype) for path, number in base
+        }
+        self.statuses = (
+            "",
+            *(ending.status for ending in endings_of(task.scenario)),
+            "diverged",
+        )
         # traced once, however often the functions are used in others
         self._stepped, self._began = jax.jit(self._one_step), jax.jit(self._first)
 
@@ -110,8 +140,11 @@ class JaxEnvironment:
         """
         return self._began(_words(key), jnp.uint32(0), self._numbers(params))  # type: ignore[no-any-return]
 
-    def step(self, key: Array, state: JaxState, action: ArrayLike, params: Params) -> StepResult:
-        """Simulate one control period, and start the next episode if this one has ended.
+    def step(
+        self, key: Array, state: JaxState, action: ArrayLike, params: Params
+    ) -> StepResult:
+        """Simulate one control period, and start the next episode if this one has
+        ended.
 
         Args:
             key: not used.
@@ -120,26 +153,46 @@ class JaxEnvironment:
             params: params of the reset.
 
         Returns:
-            observation (that of the next episode where this one is over), state, reward, done, info: ``terminated``,
-            ``truncated``, ``ending`` (number of :attr:`statuses`), ``final_obs`` (that of this episode).
+            observation (that of the next episode where this one is over), state,
+            reward, done, info: ``terminated``, ``truncated``, ``ending`` (number of
+            :attr:`statuses`), ``final_obs`` (that of this episode).
         """
         observed, after, reward, done, info = self.step_env(key, state, action, params)
-        fresh, begun = self._began(state.seed, state.episode + jnp.uint32(1), self._numbers(params))
-        following = jax.tree.map(lambda new, old: lax.select(done, new, old), begun, after)
-        return lax.select(done, fresh, observed), following, reward, done, {**info, "final_obs": observed}
+        fresh, begun = self._began(
+            state.seed, state.episode + jnp.uint32(1), self._numbers(params)
+        )
+        following = jax.tree.map(
+            lambda new, old: lax.select(done, new, old), begun, after
+        )
+        return (
+            lax.select(done, fresh, observed),
+            following,
+            reward,
+            done,
+            {**info, "final_obs": observed},
+        )
 
-    def step_env(self, key: Array, state: JaxState, action: ArrayLike, params: Params) -> StepResult:
+    def step_env(
+        self, key: Array, state: JaxState, action: ArrayLike, params: Params
+    ) -> StepResult:
         """Simulate one control period without starting a new episode at the end."""
         del key
         given = jnp.asarray(action, self.dtype)
         if given.shape != (self.action_size,):
             raise ScenarioError(
-                f"action: shape {shown(given.shape)}, must be ({self.action_size},); jax.vmap makes many"
+                f"action: shape {shown(given.shape)}, must be ({self.action_size},);"
+                " jax.vmap makes many"
             )
-        carry, observed, reward, truncated, ending = self._stepped(state, self._numbers(params), given)
+        carry, observed, reward, truncated, ending = self._stepped(
+            state, self._numbers(params), given
+        )
         after = replace(state, carry=carry, period=state.period + jnp.uint32(1))
         terminated, truncated = ending > 0.5, truncated > 0.5
-        info = {"terminated": terminated, "truncated": truncated, "ending": ending.astype(np.int32)}
+        info = {
+            "terminated": terminated,
+            "truncated": truncated,
+            "ending": ending.astype(np.int32),
+        }
         return observed, after, reward, terminated | truncated, info
 
     def plant_state(self, state: JaxState) -> State:
@@ -147,43 +200,75 @@ class JaxEnvironment:
         return rebuild(self._program.first, iter(state.carry)).loop.agent.state
 
     def _numbers(self, params: Params) -> tuple[Array, ...]:
-        """Check the adjustable parameters of a JAX environment and return them as a tuple.
+        """Check the adjustable parameters of a JAX environment and return them as a
+        tuple.
 
         Raises:
-            ScenarioError: other paths than those of the environment, or something else than one number.
+            ScenarioError: other paths than those of the environment, or something else
+                than one number.
         """
         if not isinstance(params, Mapping) or set(params) != set(self.paths):
-            raise ScenarioError(f"params = {shown(params)}: must be a table of {', '.join(self.paths) or 'no paths'}")
+            raise ScenarioError(
+                f"params = {shown(params)}: must be a table of"
+                f" {', '.join(self.paths) or 'no paths'}"
+            )
         for path, value in params.items():
-            kind = np.asarray(value).dtype.kind if not isinstance(value, jax.Array) else "f"
+            kind = (
+                np.asarray(value).dtype.kind
+                if not isinstance(value, jax.Array)
+                else "f"
+            )
             if kind not in "fiu" or np.shape(value):
-                raise ScenarioError(f'params["{path}"] = {shown(value)}: must be one number')
+                raise ScenarioError(
+                    f'params["{path}"] = {shown(value)}: must be one number'
+                )
         return tuple(jnp.asarray(params[path], self.dtype) for path in self.paths)
 
     def _one_step(
         self, state: JaxState, numbers: tuple[Array, ...], action: Array
     ) -> tuple[tuple[Array, ...], Array, Array, Array, Array]:
         loop = self._program.loop
-        draws = uniforms(state.seed[::-1], state.episode, state.period, loop.uniforms, self.dtype)
-        outputs = evaluate(loop.program, (*state.carry, *state.numbers, *numbers, *action, *draws), self.dtype)
+        draws = uniforms(
+            state.seed[::-1], state.episode, state.period, loop.uniforms, self.dtype
+        )
+        outputs = evaluate(
+            loop.program,
+            (*state.carry, *state.numbers, *numbers, *action, *draws),
+            self.dtype,
+        )
         *observed, reward, truncated, ending = outputs[loop.carry :]
-        return tuple(outputs[: loop.carry]), jnp.stack(observed), reward, truncated, ending
+        return (
+            tuple(outputs[: loop.carry]),
+            jnp.stack(observed),
+            reward,
+            truncated,
+            ending,
+        )
 
-    def _first(self, words: Array, episode: Array, numbers: tuple[Array, ...]) -> tuple[Array, JaxState]:
+    def _first(
+        self, words: Array, episode: Array, numbers: tuple[Array, ...]
+    ) -> tuple[Array, JaxState]:
         """Observation and state at the start of an episode."""
 
         def draw(period: int, channels: Sequence[tuple[int, int]]) -> list[Array]:
-            return uniforms(words[::-1], episode, jnp.uint32(period), channels, self.dtype)
+            return uniforms(
+                words[::-1], episode, jnp.uint32(period), channels, self.dtype
+            )
 
         distributions = self.task.randomised.vary.values()
         units = draw(0, [(FIRST_CHANNEL + i, 1) for i in range(len(distributions))])
-        drawn = tuple(quantile(each, unit) for each, unit in zip(distributions, units, strict=True))
+        drawn = tuple(
+            quantile(each, unit)
+            for each, unit in zip(distributions, units, strict=True)
+        )
         inputs = [*drawn, *numbers, *draw(0, self._program.uniforms)]
         for pair in self._counts:
             inputs += [*draw(STARTS[0], [pair]), *draw(STARTS[1], [pair])]
         outputs = evaluate(self._start.lowered, inputs, self.dtype)
         carry = tuple(outputs[: self._program.loop.carry])
-        return jnp.stack(outputs[len(carry) :]), JaxState(carry, drawn, words, episode, jnp.uint32(1))
+        return jnp.stack(outputs[len(carry) :]), JaxState(
+            carry, drawn, words, episode, jnp.uint32(1)
+        )
 
 
 def _normal(given: Normal, unit: Array) -> Array:
@@ -193,13 +278,17 @@ def _normal(given: Normal, unit: Array) -> Array:
 
 
 def _value(given: Values, unit: Array) -> Array:
-    index = jnp.minimum((unit * len(given.values)).astype(np.int32), len(given.values) - 1)
+    index = jnp.minimum(
+        (unit * len(given.values)).astype(np.int32), len(given.values) - 1
+    )
     return jnp.asarray(given.values, unit.dtype)[index]
 
 
 QUANTILES: dict[type, Callable[[Any, Array], Array]] = {
     Uniform: lambda given, unit: given.low + (given.high - given.low) * unit,
-    LogUniform: lambda given, unit: given.low * jnp.exp(np.log(given.high / given.low) * unit),
+    LogUniform: (
+        lambda given, unit: given.low * jnp.exp(np.log(given.high / given.low) * unit)
+    ),
     Normal: _normal,
     Values: _value,
 }
@@ -207,7 +296,9 @@ QUANTILES: dict[type, Callable[[Any, Array], Array]] = {
 
 
 def quantile(distribution: Distribution, unit: Array) -> Array:
-    """Value of a probability distribution at a cumulative probability between 0 and 1, in JAX."""
+    """Value of a probability distribution at a cumulative probability between 0 and 1,
+    in JAX.
+    """
     return jnp.asarray(QUANTILES[type(distribution)](distribution, unit), unit.dtype)
 
 

@@ -1,4 +1,6 @@
-"""Shipped environments: each a scenario file in this folder with default actions, observation and reward."""
+"""Shipped environments: each a scenario file in this folder with default actions,
+observation and reward.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,8 @@ class NamedTask:
     """Default arguments of a shipped learning environment.
 
     Attributes:
-        file: file of its scenario. actions: kind of actions. reward, observation: their parts.
+        file: file of its scenario. actions: kind of actions. reward, observation: their
+            parts.
         randomise: path -> distribution of what is drawn for every episode.
     """
 
@@ -51,12 +54,17 @@ def _symmetric(size: float) -> dict[str, list[float]]:
 
 
 PLACES = {
-    f"initial.position.{axis}": {"uniform": [at - 0.3, at + 0.3]} for axis, at in zip("xyz", (0, 0, 1.5), strict=True)
+    f"initial.position.{axis}": {"uniform": [at - 0.3, at + 0.3]}
+    for axis, at in zip("xyz", (0, 0, 1.5), strict=True)
 }
 THROWN = {
     **{
         f"initial.{angle}": _symmetric(size)
-        for angle, size in (("roll", math.pi), ("pitch", math.pi / 2.0), ("yaw", math.pi))
+        for angle, size in (
+            ("roll", math.pi),
+            ("pitch", math.pi / 2.0),
+            ("yaw", math.pi),
+        )
     },
     **{f"initial.rate.{axis}": _symmetric(5.0) for axis in "xyz"},
     **{f"initial.velocity.{axis}": _symmetric(2.0) for axis in "xyz"},
@@ -75,7 +83,11 @@ NAMED: dict[str, NamedTask] = {
             ActionChange(weight=0.05),
             Lost(weight=10.0),
         ),
-        randomise={**PLACES, "initial.roll": _symmetric(0.3), "initial.pitch": _symmetric(0.3)},
+        randomise={
+            **PLACES,
+            "initial.roll": _symmetric(0.3),
+            "initial.pitch": _symmetric(0.3),
+        },
         observation=NO_ARM,
     ),
     "TrackTip": NamedTask(
@@ -88,7 +100,10 @@ NAMED: dict[str, NamedTask] = {
         file="hold_tip_in_wind",
         actions=Residual(span=0.2),
         reward=USUAL_REWARD,
-        randomise={"environment.wind.force_W.x": _symmetric(2.0), "environment.wind.force_W.y": _symmetric(2.0)},
+        randomise={
+            "environment.wind.force_W.x": _symmetric(2.0),
+            "environment.wind.force_W.y": _symmetric(2.0),
+        },
     ),
     "CarryPayload": NamedTask(
         file="carry_payload",
@@ -99,7 +114,13 @@ NAMED: dict[str, NamedTask] = {
     "Recover": NamedTask(
         file="recover",
         actions=RatesAndThrust(rate=8.0),
-        reward=(Upright(), PositionDistance(weight=0.1), Spin(weight=0.5), Alive(weight=0.1), Lost(weight=10.0)),
+        reward=(
+            Upright(),
+            PositionDistance(weight=0.1),
+            Spin(weight=0.5),
+            Alive(weight=0.1),
+            Lost(weight=10.0),
+        ),
         randomise=THROWN,
     ),
 }
@@ -112,7 +133,9 @@ def task_scenario(name: str) -> Scenario:
     Raises:
         ScenarioError: there is none of this name.
     """
-    with resources.as_file(resources.files("skyarm.envs") / "tasks" / f"{named_task(name).file}.toml") as path:
+    with resources.as_file(
+        resources.files("skyarm.envs") / "tasks" / f"{named_task(name).file}.toml"
+    ) as path:
         return load_scenario(path)
 
 
@@ -128,11 +151,20 @@ def named_task(name: str) -> NamedTask:
 
 
 def task_arguments(task: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of a shipped learning environment, with defaults for those not given."""
+    """Arguments of a shipped learning environment, with defaults for those not
+    given.
+    """
     mine = named_task(task)
-    own = {name: getattr(mine, name) for name in ("actions", "observation", "reward", "randomise")}
+    own = {
+        name: getattr(mine, name)
+        for name in ("actions", "observation", "reward", "randomise")
+    }
     arguments = {**own, **given}
-    return arguments if "scenario" in given else {"scenario": task_scenario(task), **arguments}
+    return (
+        arguments
+        if "scenario" in given
+        else {"scenario": task_scenario(task), **arguments}
+    )
 
 
 def make_single(*, task: str, **given: Any) -> Environment:
@@ -142,7 +174,8 @@ def make_single(*, task: str, **given: Any) -> Environment:
     return Environment(**task_arguments(task, given))
 
 
-# what Gymnasium looks at before it makes an environment, for modes that it derives, as rgb_array_list
+# what Gymnasium looks at before it makes an environment, for modes that it derives, as
+# rgb_array_list
 make_single.__dict__["metadata"] = {"render_modes": ["rgb_array"]}
 
 

@@ -26,14 +26,19 @@ def above_zero(unit: str, meaning: str, effect: str = "") -> Unit:
 _LESS = "higher values make it count less"
 
 Metres = Annotated[float, above_zero("m", "distance that counts as 1", effect=_LESS)]
-JointTravel = Annotated[float, above_zero("rad or m", "joint displacement that counts as 1", effect=_LESS)]
-RadPerSecond = Annotated[float, above_zero("rad/s", "angular rate that counts as 1", effect=_LESS)]
+JointTravel = Annotated[
+    float, above_zero("rad or m", "joint displacement that counts as 1", effect=_LESS)
+]
+RadPerSecond = Annotated[
+    float, above_zero("rad/s", "angular rate that counts as 1", effect=_LESS)
+]
 """Scale: divisor of an observed or rewarded quantity."""
 
 
 @immutable
 class Sight:
-    """Inputs of the observations: measurement, reference, last action and nominal model.
+    """Inputs of the observations: measurement, reference, last action and nominal
+    model.
 
     Attributes:
         measurement, reference: law's inputs of this period.
@@ -49,11 +54,14 @@ class Sight:
 
 @immutable
 class Result:
-    """Inputs of the rewards: true state, reference, actions and command of a control period.
+    """Inputs of the rewards: true state, reference, actions and command of a control
+    period.
 
     Attributes:
-        state: plant state. reference: reference held at that time. vehicle: true vehicle.
-        action, action_before: actions of this period and of the one before, each number in [-1, 1].
+        state: plant state. reference: reference held at that time. vehicle: true
+            vehicle.
+        action, action_before: actions of this period and of the one before, each number
+            in [-1, 1].
         command: vehicle command, converted from this period's action.
         ended: 1 if the period has ended the episode before its time, else 0.
     """
@@ -81,29 +89,45 @@ class Observed:
 
 @immutable
 class PositionError(Observed):
-    """Observed position error: reference minus measured position of the base origin, world axes."""
+    """Observed position error: reference minus measured position of the base origin,
+    world axes.
+    """
 
     scale: Metres = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """The three scaled components of the position error for the observation vector."""
-        return _divide(sight.reference.position - sight.measurement.position, self.scale)
+        """The three scaled components of the position error for the observation
+        vector.
+        """
+        return _divide(
+            sight.reference.position - sight.measurement.position, self.scale
+        )
 
 
 @immutable
 class VelocityError(Observed):
-    """Observed velocity error: reference minus measured velocity of the base origin, world axes."""
+    """Observed velocity error: reference minus measured velocity of the base origin,
+    world axes.
+    """
 
-    scale: Annotated[float, above_zero("m/s", "velocity error that counts as 1", effect=_LESS)] = 1.0
+    scale: Annotated[
+        float, above_zero("m/s", "velocity error that counts as 1", effect=_LESS)
+    ] = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """The three scaled components of the velocity error for the observation vector."""
-        return _divide(sight.reference.velocity - sight.measurement.velocity, self.scale)
+        """The three scaled components of the velocity error for the observation
+        vector.
+        """
+        return _divide(
+            sight.reference.velocity - sight.measurement.velocity, self.scale
+        )
 
 
 @immutable
 class Attitude(Observed):
-    """Observed attitude: rotation matrix from base to world axes, row by row, continuous and unique."""
+    """Observed attitude: rotation matrix from base to world axes, row by row,
+    continuous and unique.
+    """
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The nine entries of the rotation matrix for the observation vector."""
@@ -118,18 +142,26 @@ class BodyRate(Observed):
     scale: RadPerSecond = 5.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """The three scaled components of the angular velocity for the observation vector."""
+        """The three scaled components of the angular velocity for the observation
+        vector.
+        """
         return _divide(sight.measurement.rate, self.scale)
 
 
 @immutable
 class SpecificForce(Observed):
-    """Observed specific force: accelerometer reading in base axes, +g along z in hover."""
+    """Observed specific force: accelerometer reading in base axes, +g along z in
+    hover.
+    """
 
-    scale: Annotated[float, above_zero("m/s^2", "specific force that counts as 1", effect=_LESS)] = 10.0
+    scale: Annotated[
+        float, above_zero("m/s^2", "specific force that counts as 1", effect=_LESS)
+    ] = 10.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """The three scaled components of the specific force for the observation vector."""
+        """The three scaled components of the specific force for the observation
+        vector.
+        """
         return _divide(sight.measurement.specific_force, self.scale)
 
 
@@ -160,7 +192,9 @@ class JointAngles(Observed):
 class JointRates(Observed):
     """Observed joint rates."""
 
-    scale: Annotated[float, above_zero("rad/s or m/s", "joint rate that counts as 1", effect=_LESS)] = 5.0
+    scale: Annotated[
+        float, above_zero("rad/s or m/s", "joint rate that counts as 1", effect=_LESS)
+    ] = 5.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The scaled rate of each joint for the observation vector."""
@@ -169,13 +203,18 @@ class JointRates(Observed):
 
 @immutable
 class TipError(Observed):
-    """Observed tip error: reference minus measured tip position, world axes; the base's error if there is no arm."""
+    """Observed tip error: reference minus measured tip position, world axes; the base's
+    error if there is no arm.
+    """
 
     scale: Metres = 0.1
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The three scaled components of the tip error for the observation vector."""
-        return _divide(tip_error(sight.model.vehicle, sight.measurement, sight.reference), self.scale)
+        return _divide(
+            tip_error(sight.model.vehicle, sight.measurement, sight.reference),
+            self.scale,
+        )
 
 
 @immutable
@@ -208,9 +247,13 @@ USUAL = (
 """Default observation."""
 
 
-def tip_error(vehicle: Vehicle, state: State | Measurement, reference: Reference) -> Vec3:
+def tip_error(
+    vehicle: Vehicle, state: State | Measurement, reference: Reference
+) -> Vec3:
     """Position error (m) of the tip: reference minus actual position, world axes."""
-    return goal_of(vehicle, reference).tool - tip_at(vehicle, state.position, state.quaternion, state.joints)
+    return goal_of(vehicle, reference).tool - tip_at(
+        vehicle, state.position, state.quaternion, state.joints
+    )
 
 
 def _divide(vector: Vec3, scale: float) -> list[Scalar]:

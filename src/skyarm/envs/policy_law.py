@@ -39,11 +39,13 @@ class PolicyParameters:
     Attributes:
         model: nominal model. mixer: mixer of its rotors.
         policy: the policy, if it is a record of numbers; else ``()``.
-        inner: constants of the law that the actions build on, without model and mixer; ``()`` where they build on none.
+        inner: constants of the law that the actions build on, without model and mixer;
+            ``()`` where they build on none.
     """
 
     commands_actuators: ClassVar[bool] = True
-    """Its commands are the environment's, which the plant takes as they are: no actuator layer changes them."""
+    """Its commands are the environment's, which the plant takes as they are: no
+    actuator layer changes them."""
 
     model: Model
     mixer: Mixer
@@ -73,13 +75,14 @@ def as_law(
     """Make a control law from a policy that was trained in an environment.
 
     Args:
-        policy: a function, over any scalar, from the numbers of an observation to those of an action; or the layers of
-            a network, ``[(weights (outputs, inputs), offsets (outputs)), ...]`` with tanh between them
-            (:func:`network`).
-        environment: training environment, single or vector: its observation, actions and scenario's law are the
-            policy's.
+        policy: a function, over any scalar, from the numbers of an observation to those
+            of an action; or the layers of a network, ``[(weights (outputs, inputs),
+            offsets (outputs)), ...]`` with tanh between them (:func:`network`).
+        environment: training environment, single or vector: its observation, actions
+            and scenario's law are the policy's.
         name: name of the law.
-        traceable: the policy uses ``+ - * /`` and the functions of :mod:`skyarm.algebra.scalars` only; False calls it
+        traceable: the policy uses ``+ - * /`` and the functions of
+            :mod:`skyarm.algebra.scalars` only; False calls it
         with
             floats, as a law that is not compiled.
 
@@ -87,11 +90,17 @@ def as_law(
         ControllerError: no policy, or one whose numbers do not fit the environment.
     """
     task = task_of(environment)
-    planned, size = task.scenario.agent.controller, task.actions.size(task.scenario.agent.model.vehicle)
+    planned, size = (
+        task.scenario.agent.controller,
+        task.actions.size(task.scenario.agent.model.vehicle),
+    )
     if not callable(policy):
         policy = network(policy)
     if isinstance(policy, Network) and len(policy.limits) != size:
-        raise ControllerError(f"policy: gives {len(policy.limits)} numbers, must be {size} for these actions")
+        raise ControllerError(
+            f"policy: gives {len(policy.limits)} numbers, must be {size} for these"
+            " actions"
+        )
     asks, record = task.actions.asks_law, is_record(policy)
     law = partial(
         policy_law,
@@ -126,20 +135,39 @@ def policy_law(
     asked: Law,
     function: Policy | None,
 ) -> tuple[PolicyMemory, Command]:
-    """Control law that computes an observation, evaluates the policy, and converts its action to a command.
+    """Control law that computes an observation, evaluates the policy, and converts its
+    action to a command.
 
-    ``observation`` is the task with its observation and actions, ``asked`` the law that the actions build on, and
-    ``function`` the policy where it is no record.
+    ``observation`` is the task with its observation and actions, ``asked`` the law that
+    the actions build on, and ``function`` the policy where it is no record.
     """
-    sight = Sight(measurement=measurement, reference=reference, action=memory.action, model=par.model)
-    seen, takes = observation_of(observation, sight), par.policy if function is None else function
+    sight = Sight(
+        measurement=measurement,
+        reference=reference,
+        action=memory.action,
+        model=par.model,
+    )
+    seen, takes = (
+        observation_of(observation, sight),
+        (par.policy if function is None else function),
+    )
     if isinstance(takes, Network) and len(takes.means) != len(seen):
-        raise ControllerError(f"policy: takes {len(takes.means)} numbers, must be {len(seen)} for this observation")
+        raise ControllerError(
+            f"policy: takes {len(takes.means)} numbers, must be {len(seen)} for this"
+            " observation"
+        )
     given = takes(seen)
     if len(given) != len(memory.action):
-        raise ControllerError(f"policy: gives {len(given)} numbers, must be {len(memory.action)} for these actions")
+        raise ControllerError(
+            f"policy: gives {len(given)} numbers, must be {len(memory.action)} for"
+            " these actions"
+        )
     action = tuple(clip(a, -1.0, 1.0) for a in given)
-    own = replace(par.inner, model=par.model, mixer=par.mixer) if is_record(par.inner) else par
+    own = (
+        replace(par.inner, model=par.model, mixer=par.mixer)
+        if is_record(par.inner)
+        else par
+    )
 
     def law(inner: Tree, measured: Measurement, target: Reference) -> Decision:
         return asked(inner, measured, target, dt, par=own)
@@ -150,7 +178,9 @@ def policy_law(
 
 
 def _no_law(memory: Tree, *_: object, **__: object) -> Decision:
-    """Placeholder control law for action kinds that need no underlying law; commands nothing."""
+    """Placeholder control law for action kinds that need no underlying law; commands
+    nothing.
+    """
     return memory, Command()
 
 
@@ -163,24 +193,40 @@ def network(
     """Neural network of tanh layers; the last layer is linear and clipped to [-1, 1].
 
     Args:
-        layers: (weights (outputs, inputs), offsets (outputs)) of each; arrays, or what NumPy takes for one.
-        means: means that training subtracted from the observation's numbers; 0 if left out.
+        layers: (weights (outputs, inputs), offsets (outputs)) of each; arrays, or what
+            NumPy takes for one.
+        means: means that training subtracted from the observation's numbers; 0 if left
+            out.
         deviations: deviations by which it divided them; 1 if left out.
 
     Raises:
-        ControllerError: layers that do not follow one another, or numbers that are none.
+        ControllerError: layers that do not follow one another, or numbers that are
+            none.
     """
     try:
         pairs = [(doubles(weights), doubles(offsets)) for weights, offsets in layers]
     except (TypeError, ValueError):
-        raise ControllerError(f"policy = {shown(layers)}: must be a function, or layers (weights, offsets)") from None
+        raise ControllerError(
+            f"policy = {shown(layers)}: must be a function, or layers (weights,"
+            " offsets)"
+        ) from None
     if not pairs:
         raise ControllerError("policy: must have at least one layer")
     for i, (weights, offsets) in enumerate(pairs):
-        before = len(pairs[i - 1][1]) if i else weights.shape[-1] if weights.ndim == 2 else -1
+        before = (
+            len(pairs[i - 1][1])
+            if i
+            else weights.shape[-1]
+            if weights.ndim == 2
+            else -1
+        )
         if weights.shape != (len(offsets) if offsets.ndim == 1 else -1, before):
-            words = f"weights of shape {weights.shape} and offsets of shape {offsets.shape}"
-            raise ControllerError(f"policy: layer {i}: {words}, must be (outputs, inputs) and (outputs,)")
+            words = (
+                f"weights of shape {weights.shape} and offsets of shape {offsets.shape}"
+            )
+            raise ControllerError(
+                f"policy: layer {i}: {words}, must be (outputs, inputs) and (outputs,)"
+            )
         if not (np.isfinite(weights).all() and np.isfinite(offsets).all()):
             raise ControllerError(f"policy: layer {i}: must be finite numbers")
     inputs, outputs = pairs[0][0].shape[1], len(pairs[-1][1])
@@ -192,7 +238,10 @@ def network(
         means=tuple(middle.tolist()),
         factors=tuple((1.0 / spread).tolist()),
         layers=tuple(
-            Layer(weights=tuple(map(tuple, weights.tolist())), offsets=tuple(offsets.tolist()))
+            Layer(
+                weights=tuple(map(tuple, weights.tolist())),
+                offsets=tuple(offsets.tolist()),
+            )
             for weights, offsets in pairs
         ),
         scales=(1.0,) * outputs,
@@ -201,13 +250,17 @@ def network(
 
 
 def _row(field: str, given: Sequence[float] | None, count: int, usual: float) -> Array:
-    """Check that a list has ``count`` finite numbers, or fill it with a default number."""
+    """Check that a list has ``count`` finite numbers, or fill it with a default
+    number.
+    """
     try:
         row = np.full(count, usual) if given is None else doubles(given)
     except (TypeError, ValueError):
         row = np.full(0, usual)
     if row.shape != (count,) or not np.isfinite(row).all():
-        raise ControllerError(f"policy: {field} = {shown(given)}: must be {count} finite numbers")
+        raise ControllerError(
+            f"policy: {field} = {shown(given)}: must be {count} finite numbers"
+        )
     return row
 
 
@@ -217,7 +270,13 @@ def task_of(environment: object) -> LearningTask:
     Raises:
         ControllerError: it is none of this library's.
     """
-    task = getattr(getattr(getattr(environment, "unwrapped", None), "lanes", None), "task", environment)
+    task = getattr(
+        getattr(getattr(environment, "unwrapped", None), "lanes", None),
+        "task",
+        environment,
+    )
     if not isinstance(task, LearningTask):
-        raise ControllerError(f"environment = {shown(environment)}: must be an environment of skyarm.envs")
+        raise ControllerError(
+            f"environment = {shown(environment)}: must be an environment of skyarm.envs"
+        )
     return task

@@ -14,7 +14,12 @@ from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.lane_numbers import LaneRules, require_draws, require_paths, require_within_queue
+from skyarm.simulate.lane_numbers import (
+    LaneRules,
+    require_draws,
+    require_paths,
+    require_within_queue,
+)
 from skyarm.studies.sweep.design import FIRST_CHANNEL
 from skyarm.studies.sweep.distributions import Distribution, Values, distribution_from
 from skyarm.studies.sweep.plan import fastest_plant
@@ -23,8 +28,8 @@ EDGE = 2.0**-53
 """Smallest uniform random number that is ever drawn; one minus it is the largest."""
 
 MOST_CORNERS = 6
-"""Number of paths up to which all combinations of their ends are evaluated; beyond, all low, all high, and each end
-alone."""
+"""Number of paths up to which all combinations of their ends are evaluated; beyond, all
+low, all high, and each end alone."""
 
 
 @immutable
@@ -32,7 +37,8 @@ class Randomised:
     """Scenario parameters that are drawn for every episode, each with its distribution.
 
     Attributes:
-        vary: path -> distribution. stiffest: the scenario that needs the shortest integration steps.
+        vary: path -> distribution. stiffest: the scenario that needs the shortest
+            integration steps.
     """
 
     vary: Mapping[str, Distribution]
@@ -46,7 +52,8 @@ class Randomised:
     def draw(self, seeds: Array, episodes: Array) -> list[Array]:
         """Draw the randomised parameters of several episodes, one array per parameter.
 
-        They are those of a sweep with this seed, whose ``[vary]`` has the same paths in the same order.
+        They are those of a sweep with this seed, whose ``[vary]`` has the same paths in
+        the same order.
         """
         values = []
         for index, distribution in enumerate(self.vary.values()):
@@ -55,25 +62,36 @@ class Randomised:
         return values
 
 
-def read_randomised(scenario: Scenario, table: Mapping[str, Entry] | None) -> Randomised:
+def read_randomised(
+    scenario: Scenario, table: Mapping[str, Entry] | None
+) -> Randomised:
     """Read the table of randomised parameters and check each over its whole range.
 
     Raises:
         ScenarioError: one line with path, value and what is allowed.
     """
     if table is not None and not isinstance(table, Mapping):
-        raise ScenarioError(f"randomise = {shown(table)}: must be a table of paths, each with a distribution")
+        raise ScenarioError(
+            f"randomise = {shown(table)}: must be a table of paths, each with a"
+            " distribution"
+        )
     vary: dict[str, Distribution] = {}
     for path, given in (table or {}).items():
         if not isinstance(path, str):
-            raise ScenarioError(f"randomise: path = {shown(path)}: must be text, as 'plant.payload.mass'")
+            raise ScenarioError(
+                f"randomise: path = {shown(path)}: must be text, as"
+                " 'plant.payload.mass'"
+            )
         with errors_as(ScenarioError):
             vary[path] = distribution_from(given, f'randomise."{path}"')
     return _check(scenario, vary)
 
 
-def with_fixed(randomised: Randomised, scenario: Scenario, paths: Iterable[str]) -> Randomised:
-    """Randomised parameters plus further parameters that are constant and can be changed later.
+def with_fixed(
+    randomised: Randomised, scenario: Scenario, paths: Iterable[str]
+) -> Randomised:
+    """Randomised parameters plus further parameters that are constant and can be
+    changed later.
 
     Raises:
         ScenarioError: no such path, or one that is drawn already.
@@ -83,7 +101,10 @@ def with_fixed(randomised: Randomised, scenario: Scenario, paths: Iterable[str])
         raise ScenarioError(f"numbers = {shown(paths)}: must be a list of paths")
     for path in paths:
         if not isinstance(path, str) or path in vary:
-            raise ScenarioError(f"numbers: path = {shown(path)}: must be text, and none that is named already")
+            raise ScenarioError(
+                f"numbers: path = {shown(path)}: must be text, and none that is named"
+                " already"
+            )
         with errors_as(ScenarioError, "numbers: "):
             vary[path] = Values((float(number_at(scenario, path)),))
     return _check(scenario, vary)
@@ -110,7 +131,9 @@ def _ends(distribution: Distribution) -> tuple[float, float]:
 
 
 def _corners(ends: Mapping[str, tuple[float, float]]) -> dict[str, Array]:
-    """Extreme combinations of the randomised parameters for validity checks, by parameter path."""
+    """Extreme combinations of the randomised parameters for validity checks, by
+    parameter path.
+    """
     if not ends:
         return {}
     if len(ends) <= MOST_CORNERS:
@@ -121,4 +144,7 @@ def _corners(ends: Mapping[str, tuple[float, float]]) -> dict[str, Array]:
         for index in range(len(lows)):
             rows.append([*lows[:index], highs[index], *lows[index + 1 :]])
             rows.append([*highs[:index], lows[index], *highs[index + 1 :]])
-    return {path: np.array(column) for path, column in zip(ends, zip(*rows, strict=True), strict=True)}
+    return {
+        path: np.array(column)
+        for path, column in zip(ends, zip(*rows, strict=True), strict=True)
+    }

@@ -1,7 +1,8 @@
 """Terms of an environment's reward, which are summed in every period.
 
-A reward is a tuple of these records. Each gives ``weight`` times a number without a unit; errors are divided by the
-record's ``scale``, in the unit that its field states. Rewards read the truth, which the policy does not see.
+A reward is a tuple of these records. Each gives ``weight`` times a number without a
+unit; errors are divided by the record's ``scale``, in the unit that its field states.
+Rewards read the truth, which the policy does not see.
 """
 
 from __future__ import annotations
@@ -11,7 +12,13 @@ from typing import Annotated
 
 from skyarm.algebra import Scalar, Vec3
 from skyarm.algebra.scalars import exp, sqrt
-from skyarm.envs.observed_quantities import JointTravel, Metres, RadPerSecond, Result, tip_error
+from skyarm.envs.observed_quantities import (
+    JointTravel,
+    Metres,
+    RadPerSecond,
+    Result,
+    tip_error,
+)
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -30,30 +37,40 @@ class RewardTerm:
         Unit(
             "",
             "factor of the term's value in the reward",
-            effect="higher values make the policy care more for this term than for the others",
+            effect=(
+                "higher values make the policy care more for this term than for the"
+                " others"
+            ),
         ),
     ] = 1.0
 
     of_state = True
-    """True if the term reads the state; it then counts nothing in the period in which the state diverges."""
+    """True if the term reads the state; it then counts nothing in the period in which
+    the state diverges."""
 
     def __post_init__(self) -> None:
         accept_fields(self, type(self).__name__)
 
     def value(self, result: Result) -> Scalar:
-        """Value of the reward term in a control period, before multiplication by its weight."""
+        """Value of the reward term in a control period, before multiplication by its
+        weight.
+        """
         raise NotImplementedError(f"{type(self).__name__} must define value()")
 
 
 @immutable
 class TipNear(RewardTerm):
-    """Reward exp(-(e / scale)^2) for the tip's distance e to its reference: 1 at zero distance."""
+    """Reward exp(-(e / scale)^2) for the tip's distance e to its reference: 1 at zero
+    distance.
+    """
 
     scale: Metres = 0.1
 
     def value(self, result: Result) -> Scalar:
         """Reward between 0 and 1 that is 1 at the reference position of the tip."""
-        return _nearness(tip_error(result.vehicle, result.state, result.reference), self.scale)
+        return _nearness(
+            tip_error(result.vehicle, result.state, result.reference), self.scale
+        )
 
 
 @immutable
@@ -64,7 +81,10 @@ class TipDistance(RewardTerm):
 
     def value(self, result: Result) -> Scalar:
         """Negative distance of the tip from its reference, divided by the scale."""
-        return -_length(tip_error(result.vehicle, result.state, result.reference)) / self.scale
+        return (
+            -_length(tip_error(result.vehicle, result.state, result.reference))
+            / self.scale
+        )
 
 
 @immutable
@@ -134,13 +154,17 @@ class ActionSize(RewardTerm):
 
 @immutable
 class ActionChange(RewardTerm):
-    """Penalty for action changes: minus the mean squared difference from the previous action."""
+    """Penalty for action changes: minus the mean squared difference from the previous
+    action.
+    """
 
     of_state = False
 
     def value(self, result: Result) -> Scalar:
         """Negative mean square of the action's change, between -4 and 0."""
-        return -_mean_square([a - b for a, b in zip(result.action, result.action_before, strict=True)])
+        return -_mean_square(
+            [a - b for a, b in zip(result.action, result.action_before, strict=True)]
+        )
 
 
 @immutable

@@ -47,7 +47,8 @@ class Environment(gymnasium.Env[Array, Array]):
     Args:
         scenario: record, name or path of a file.
         render_mode: None; "rgb_array": :meth:`render` gives a picture.
-        render_options: options of a picture: width, height, camera, ghost, fine, as a film has them.
+        render_options: options of a picture: width, height, camera, ghost, fine, as a
+            film has them.
         task: further arguments of :func:`skyarm.envs.env_task.make_task`.
 
     Attributes:
@@ -64,11 +65,17 @@ class Environment(gymnasium.Env[Array, Array]):
         render_options: Mapping[str, Any] | None = None,
         **task: Any,
     ) -> None:
-        self.render_mode, self._pictures = render_mode, _pictures_of(render_mode, render_options)
+        self.render_mode, self._pictures = (
+            render_mode,
+            _pictures_of(render_mode, render_options),
+        )
         self._drawn = False
         self.lanes = EnvLanes(make_task(scenario, **task), 1)
         self.observation_space, self.action_space = spaces(self.lanes)
-        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": self.scenario.rates.control}
+        self.metadata = {
+            "render_modes": list(RENDER_MODES),
+            "render_fps": self.scenario.rates.control,
+        }
         self._only = np.zeros(1, dtype=np.intp)
         self._begun = self._closed = False
 
@@ -77,7 +84,9 @@ class Environment(gymnasium.Env[Array, Array]):
         """Scenario of the learning task with its nominal parameters."""
         return self.lanes.task.scenario
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, Info]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, Info]:
         """Start episode 0 of a random seed, or the next episode without a seed."""
         require_open("reset", closed=self._closed)
         key = None if seed is None else seed_of(seed)
@@ -98,25 +107,36 @@ class Environment(gymnasium.Env[Array, Array]):
             action: (numbers,) in [-1, 1]; what is beyond counts as the bound.
 
         Returns:
-            observation, reward, terminated, truncated, and where terminated ``{"status": word, "cause": sentence}``.
+            observation, reward, terminated, truncated, and where terminated
+            ``{"status": word, "cause": sentence}``.
 
         Raises:
-            ScenarioError: an action of another shape, no numbers, or numbers that are not finite; or the episode is
-                over, or the environment closed.
+            ScenarioError: an action of another shape, no numbers, or numbers that are
+                not finite; or the episode is over, or the environment closed.
         """
         require_open("step", closed=self._closed)
         lanes = self.lanes
         if not self._begun or lanes.ended[0] or lanes.truncated[0]:
-            raise ScenarioError("step: must come after reset(), and before the end of the episode")
+            raise ScenarioError(
+                "step: must come after reset(), and before the end of the episode"
+            )
         size = lanes.actions.shape[:1]
-        checked = checked_array("action", action, [size], f"of real numbers, of shape {size}")
+        checked = checked_array(
+            "action", action, [size], f"of real numbers, of shape {size}"
+        )
         if not np.isfinite(checked).all():
             raise ScenarioError(f"action = {shown(checked.tolist())}: must be finite")
         lanes.act(checked[None])
         lanes.step()
         ended = bool(lanes.ended[0])
         info = self._ending() if ended else {}
-        return lanes.observation[:, 0].copy(), float(lanes.reward[0]), ended, bool(lanes.truncated[0]), info
+        return (
+            lanes.observation[:, 0].copy(),
+            float(lanes.reward[0]),
+            ended,
+            bool(lanes.truncated[0]),
+            info,
+        )
 
     def _ending(self) -> Info:
         """Status and cause of an early termination, as a Gymnasium info."""
@@ -126,8 +146,13 @@ class Environment(gymnasium.Env[Array, Array]):
         if ending == len(lanes.statuses) - 1:
             return {"status": status, "cause": "the command was not finite"}
         scenario = lanes.lane_scenario(0)
-        ticks, ratio = int(lanes.loop.ticks[0]), scenario.rates.control // scenario.rates.reference
-        instant = min(ticks, scenario.steps - 1) // ratio * ratio / scenario.rates.control
+        ticks, ratio = (
+            int(lanes.loop.ticks[0]),
+            scenario.rates.control // scenario.rates.reference,
+        )
+        instant = (
+            min(ticks, scenario.steps - 1) // ratio * ratio / scenario.rates.control
+        )
         goal = [float(c) for c in scenario.agent.reference.at(instant).position]
         x = [float(leaf[0]) for leaf in leaves(lanes.state)]
         ended = find_ending(scenario, ticks / scenario.rates.control, x, goal)
@@ -137,15 +162,20 @@ class Environment(gymnasium.Env[Array, Array]):
         """Render the present vehicle state as an image without text.
 
         Returns:
-            (height, width, 3) bytes; None, with a warning, of an environment that was made without ``render_mode``.
+            (height, width, 3) bytes; None, with a warning, of an environment that was
+            made without ``render_mode``.
 
         Raises:
             ScenarioError: before the first ``reset()``, or after ``close()``.
-            NoDisplayError: one line, a ValueError: nothing can be drawn on this machine, and what is missing.
+            NoDisplayError: one line, a ValueError: nothing can be drawn on this
+                machine, and what is missing.
         """
         require_open("render", closed=self._closed)
         if self._pictures is None:
-            gymnasium.logger.warn('render: gives nothing; make the environment with render_mode="rgb_array"')
+            gymnasium.logger.warn(
+                "render: gives nothing; make the environment with"
+                ' render_mode="rgb_array"'
+            )
             return None
         if not self._begun:
             raise ScenarioError("render: must come after reset()")
@@ -164,7 +194,9 @@ class Environment(gymnasium.Env[Array, Array]):
             self._pictures.close()
 
 
-def _pictures_of(mode: str | None, options: Mapping[str, Any] | None) -> EpisodeRenderer | None:
+def _pictures_of(
+    mode: str | None, options: Mapping[str, Any] | None
+) -> EpisodeRenderer | None:
     """Renderer of an environment's images; None without a render mode.
 
     Raises:
@@ -175,8 +207,12 @@ def _pictures_of(mode: str | None, options: Mapping[str, Any] | None) -> Episode
     if mode not in RENDER_MODES:
         raise ScenarioError(f"render_mode = {shown(mode)}: must be rgb_array or None")
     if not isinstance(options, (Mapping, type(None))):
-        raise ScenarioError(f"render_options = {shown(options)}: must be a table, as {{'width': 320}}")
+        raise ScenarioError(
+            f"render_options = {shown(options)}: must be a table, as {{'width': 320}}"
+        )
     drawing = import_module(PICTURES)
     with errors_as(ScenarioError, "render_options: "):
-        pictures: EpisodeRenderer = drawing.EpisodePictures(drawing.picture_settings(options or {}))
+        pictures: EpisodeRenderer = drawing.EpisodePictures(
+            drawing.picture_settings(options or {})
+        )
     return pictures

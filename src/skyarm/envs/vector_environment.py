@@ -1,4 +1,6 @@
-"""Vectorized environment with the interface of Gymnasium 1.x: thousands of episodes per call."""
+"""Vectorized environment with the interface of Gymnasium 1.x: thousands of episodes per
+call.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,16 @@ from skyarm.simulate.lane_numbers import lane_mask, require_count
 class VectorEnvironment(VectorEnv[Array, Array, Array]):
     """Gymnasium environment that simulates many episodes of a scenario in parallel.
 
-    Lane k of ``reset(seed=s)`` flies the episodes of a single environment with ``reset(seed=s + k)``, to the bit.
+    Lane k of ``reset(seed=s)`` flies the episodes of a single environment with
+    ``reset(seed=s + k)``, to the bit.
 
     Args:
         num_envs: number of lanes.
         scenario: record, name or path of a file.
-        autoreset_mode: ``"NextStep"`` or ``"SameStep"``, or :class:`gymnasium.vector.AutoresetMode`.
-        copy: give observations that stay; else views on one buffer, which every call writes anew.
+        autoreset_mode: ``"NextStep"`` or ``"SameStep"``, or
+            :class:`gymnasium.vector.AutoresetMode`.
+        copy: give observations that stay; else views on one buffer, which every call
+            writes anew.
         threads: largest number of threads.
         task: further arguments of :func:`skyarm.envs.env_task.make_task`.
 
@@ -54,7 +59,11 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         self.lanes = EnvLanes(made, count, threads=require_count("threads", threads))
         self.num_envs, self._copy = count, bool(copy)
         rate = made.scenario.rates.control
-        self.metadata = {"render_modes": [], "render_fps": rate, "autoreset_mode": self._mode}
+        self.metadata = {
+            "render_modes": [],
+            "render_fps": rate,
+            "autoreset_mode": self._mode,
+        }
         self.single_observation_space, self.single_action_space = spaces(self.lanes)
         self.observation_space = batch_space(self.single_observation_space, count)
         self.action_space = batch_space(self.single_action_space, count)
@@ -70,16 +79,22 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
 
     @property
     def observations(self) -> Array:
-        """Current observations (num_envs, length), as a view that every step overwrites."""
+        """Current observations (num_envs, length), as a view that every step
+        overwrites.
+        """
         return self._view
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Array, Info]:
         """Start a new episode in all SIMD lanes, or in those that a mask selects.
 
         Args:
-            seed: lane k takes ``seed + k``, or the k-th of a list; without one its next episode begins.
+            seed: lane k takes ``seed + k``, or the k-th of a list; without one its next
+                episode begins.
             options: ``{"reset_mask": (num_envs,) True or False}``.
         """
         require_open("reset", closed=self.closed)
@@ -91,32 +106,45 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         if seed is None or isinstance(seed, (int, np.integer)):
             super().reset(seed=None if seed is None else int(seed))
         if not self._begun:
-            # what nobody gave a seed gets one of its own: one is drawn, the others follow it
-            fresh = (int(self.np_random.integers(KEYS)) + np.arange(self.num_envs, dtype=np.uint64)) % KEYS
+            # what nobody gave a seed gets one of its own: one is drawn, the others
+            # follow it
+            fresh = (
+                int(self.np_random.integers(KEYS))
+                + np.arange(self.num_envs, dtype=np.uint64)
+            ) % KEYS
             self.lanes.reseed(np.arange(self.num_envs), fresh)
-            given = [int(own) if each is None else each for each, own in zip(given, fresh, strict=True)]
+            given = [
+                int(own) if each is None else each
+                for each, own in zip(given, fresh, strict=True)
+            ]
             self._begun = True
         seeded = [k for k in np.flatnonzero(chosen).tolist() if given[k] is not None]
         going = np.setdiff1d(np.flatnonzero(chosen), seeded)
         if seeded:
-            self.lanes.reseed(np.array(seeded), np.array([seed_of(given[k]) for k in seeded], dtype=np.uint64))
+            self.lanes.reseed(
+                np.array(seeded),
+                np.array([seed_of(given[k]) for k in seeded], dtype=np.uint64),
+            )
         if going.size:
             self.lanes.begin(going)
         self._over = np.flatnonzero(self.lanes.ended | self.lanes.truncated)
         return self._observe(), {}
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, Info]:
-        """Simulate one control period of all parallel episodes, as Gymnasium's ``step``.
+        """Simulate one control period of all parallel episodes, as Gymnasium's
+        ``step``.
 
         Args:
             actions: (num_envs, numbers) in [-1, 1]; what is beyond counts as the bound.
 
         Returns:
-            observations (num_envs, numbers), rewards, terminations, truncations, all (num_envs,), and infos: where an
-            episode ended before its time ``status``, and in the mode SAME_STEP ``final_obs`` and ``final_info``.
+            observations (num_envs, numbers), rewards, terminations, truncations, all
+            (num_envs,), and infos: where an episode ended before its time ``status``,
+            and in the mode SAME_STEP ``final_obs`` and ``final_info``.
 
         Raises:
-            ScenarioError: actions of another shape, no numbers, or numbers that are not finite.
+            ScenarioError: actions of another shape, no numbers, or numbers that are not
+                finite.
         """
         require_open("step", closed=self.closed)
         lanes, over = self.lanes, self._over
@@ -167,7 +195,12 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         final = np.empty(self.num_envs, dtype=object)
         for lane in self._over.tolist():
             final[lane] = self._view[lane].copy()
-        return {"final_obs": final, "_final_obs": mask, "final_info": infos, "_final_info": mask.copy()}
+        return {
+            "final_obs": final,
+            "_final_obs": mask,
+            "final_info": infos,
+            "_final_info": mask.copy(),
+        }
 
 
 def spaces(lanes: EnvLanes) -> tuple[Box, Box]:
@@ -178,8 +211,12 @@ def spaces(lanes: EnvLanes) -> tuple[Box, Box]:
 
 
 def _mode(given: AutoresetMode | str) -> AutoresetMode:
-    modes = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)}
+    modes = {
+        mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
+    }
     name = getattr(given, "value", given)
     if name not in modes:
-        raise ScenarioError(f"autoreset_mode = {shown(name)}: {must_be_one_of(modes, name)}")
+        raise ScenarioError(
+            f"autoreset_mode = {shown(name)}: {must_be_one_of(modes, name)}"
+        )
     return modes[name]

@@ -1,12 +1,14 @@
 """Offset and drift between the clocks of two data streams that measure the same motion.
 
-A gyro and an attitude, or an accelerometer and a position or velocity, are two readings of one signal y. The slower
-stream gives its mean over each of its intervals, the faster one the same mean at any time. The offset and the drift
-minimise the difference: first over all offsets by cross-correlation, then by Gauss-Newton with Huber's weights, so that
-a landing does not decide. The intervals are of 95 %; residuals may be correlated in time (W. K. Newey, K. D. West, "A
-simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance matrix", Econometrica 55,
-1987; critical values of N. M. Kiefer, T. J. Vogelsang, Econometric Theory 21, 2005). Offsets of parts of the flight
-show whether one offset and drift are enough.
+A gyro and an attitude, or an accelerometer and a position or velocity, are two readings
+of one signal y. The slower stream gives its mean over each of its intervals, the faster
+one the same mean at any time. The offset and the drift minimise the difference: first
+over all offsets by cross-correlation, then by Gauss-Newton with Huber's weights, so
+that a landing does not decide. The intervals are of 95 %; residuals may be correlated
+in time (W. K. Newey, K. D. West, "A simple, positive semi-definite, heteroskedasticity
+and autocorrelation consistent covariance matrix", Econometrica 55, 1987; critical
+values of N. M. Kiefer, T. J. Vogelsang, Econometric Theory 21, 2005). Offsets of parts
+of the flight show whether one offset and drift are enough.
 """
 
 from __future__ import annotations
@@ -23,13 +25,24 @@ import numpy as np
 from skyarm.algebra.frames import to_base
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.series import attitude_at, columns_at, integral_of, middle, rotations_between, thin_samples
+from skyarm.flight_data.series import (
+    attitude_at,
+    columns_at,
+    integral_of,
+    middle,
+    rotations_between,
+    thin_samples,
+)
 from skyarm.records.arrays import Array, Mask, doubles
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import positional
 from skyarm.records.units import Unit
 
-PAIRS = (("gyro", "quaternion"), ("accelerometer", "velocity"), ("accelerometer", "position"))
+PAIRS = (
+    ("gyro", "quaternion"),
+    ("accelerometer", "velocity"),
+    ("accelerometer", "position"),
+)
 """Reference and stream whose clocks can be compared, the best first."""
 
 POSE = ("position", "velocity", "quaternion")
@@ -42,30 +55,35 @@ STEP = 0.06
 """Shortest interval (s) over which the slower stream is differenced."""
 
 WITHIN, WIDEST = 2.0, math.inf
-"""Ranges of searched offsets (s to both sides): within one file first, then without limit."""
+"""Ranges of searched offsets (s to both sides): within one file first, then without
+limit."""
 
 LEAST_CORRELATION, FIRM_CORRELATION = 0.5, 0.9
-"""Least correlation of a found offset, and of one beyond the usual offsets within a file."""
+"""Least correlation of a found offset, and of one beyond the usual offsets within a
+file."""
 
 RIVAL, RIVALS = 0.97, 5
-"""Fraction of the best correlation that no other offset may reach; number of other peaks that are compared with it."""
+"""Fraction of the best correlation that no other offset may reach; number of other
+peaks that are compared with it."""
 
 SHARED = 0.5
-"""Least fraction of the rows at one offset that must lie within the reference at a rival, for a comparison there."""
+"""Least fraction of the rows at one offset that must lie within the reference at a
+rival, for a comparison there."""
 
 FINER = 8
-"""Steps of the searched offsets in a step of the slower stream: motion to 12 Hz and more has its peaks some steps
-wide."""
+"""Steps of the searched offsets in a step of the slower stream: motion to 12 Hz and
+more has its peaks some steps wide."""
 
 MEMORY = 1.0
 """Longest correlation time (s) of residuals."""
 
 CLIPPED, HUBER = 4.0, 2.0
-"""Robust standard deviations at which a signal is clipped in the search, and above which residuals weigh less in the
-fit."""
+"""Robust standard deviations at which a signal is clipped in the search, and above
+which residuals weigh less in the fit."""
 
 SHOCK = 8.0
-"""Robust standard deviations of signal or slope above which a row is left out of the fit."""
+"""Robust standard deviations of signal or slope above which a row is left out of the
+fit."""
 
 PARTS = 4
 """Number of parts of the flight whose offsets are compared."""
@@ -74,25 +92,30 @@ NORMAL = 1.959964
 """Half-width of a 95 % interval, in standard deviations."""
 
 BETWEEN = 0.05
-"""Least half-width of the interval of an offset, in steps of the reference: what lies between its samples is
-unknown."""
+"""Least half-width of the interval of an offset, in steps of the reference: what lies
+between its samples is unknown."""
 
 ITERATIONS, FEWEST = 30, 10
-"""Largest number of iterations of a search; least number of rows that determine a clock."""
+"""Largest number of iterations of a search; least number of rows that determine a
+clock."""
 
 WORSE = 0.9
-"""Ratio of the offset's interval to that of straightened stamps below which the stamps are the true ones."""
+"""Ratio of the offset's interval to that of straightened stamps below which the stamps
+are the true ones."""
 
 EVEN = 0.95
-"""Least fraction of the distances between new rows of a held pose, in rows, that are at most twice the usual one."""
+"""Least fraction of the distances between new rows of a held pose, in rows, that are at
+most twice the usual one."""
 
 UNEVEN = 0.2
-"""Largest deviation of a step from the usual one, as a fraction, up to which its difference counts."""
+"""Largest deviation of a step from the usual one, as a fraction, up to which its
+difference counts."""
 
 
 @positional
 class ClockOffset:
-    """Clock offset of a data stream: the reference's time of a stamp t is t + offset + drift (t - middle).
+    """Clock offset of a data stream: the reference's time of a stamp t is t + offset +
+    drift (t - middle).
 
     Attributes:
         reference, stream: channels that were compared.
@@ -102,23 +125,40 @@ class ClockOffset:
     reference: str
     stream: str
     offset: Annotated[
-        float, Unit("s", "estimated offset from the stream's clock to the reference's, at the stamp middle")
+        float,
+        Unit(
+            "s",
+            "estimated offset from the stream's clock to the reference's, at the stamp"
+            " middle",
+        ),
     ]
-    offset_error: Annotated[float, Unit("s", "half-width of the 95 % interval of the offset")]
-    drift: Annotated[float, Unit("s/s", "estimated drift of the stream's clock against the reference's")]
-    drift_error: Annotated[float, Unit("s/s", "half-width of the 95 % interval of the drift")]
-    middle: Annotated[float, Unit("s", "stamp of the stream's clock at which the offset holds")]
-    wander: Annotated[float, Unit("s", "largest deviation of the offset in a part of the flight")]
+    offset_error: Annotated[
+        float, Unit("s", "half-width of the 95 % interval of the offset")
+    ]
+    drift: Annotated[
+        float,
+        Unit("s/s", "estimated drift of the stream's clock against the reference's"),
+    ]
+    drift_error: Annotated[
+        float, Unit("s/s", "half-width of the 95 % interval of the drift")
+    ]
+    middle: Annotated[
+        float, Unit("s", "stamp of the stream's clock at which the offset holds")
+    ]
+    wander: Annotated[
+        float, Unit("s", "largest deviation of the offset in a part of the flight")
+    ]
     correlation: float
 
     @property
     def words(self) -> str:
         """Line of text with offset and drift and their confidence intervals."""
         return (
-            f"offset {1e3 * self.offset:+.2f} ms, +- {1e3 * self.offset_error:.2f}, drift {1e6 * self.drift:+.0f} ppm, "
-            f"+- {1e6 * self.drift_error:.0f}, parts of the flight up to {1e3 * self.wander:.1f} ms from that, of "
-            f"{self.stream} against {self.reference} "
-            f"(correlation {self.correlation:.2f})"
+            f"offset {1e3 * self.offset:+.2f} ms, +- {1e3 * self.offset_error:.2f},"
+            f" drift {1e6 * self.drift:+.0f} ppm, +- {1e6 * self.drift_error:.0f},"
+            f" parts of the flight up to {1e3 * self.wander:.1f} ms from that, of"
+            f" {self.stream} against {self.reference} (correlation"
+            f" {self.correlation:.2f})"
         )
 
     def times(self, time: Array) -> Array:
@@ -126,25 +166,35 @@ class ClockOffset:
         return time + self.offset + self.drift * (time - self.middle)
 
 
-def clock_offset(flight: FlightData, stream: str = "", *, other: FlightData | None = None) -> ClockOffset:
-    """Estimate the clock offset of a data stream against the gyro or accelerometer of a flight.
+def clock_offset(
+    flight: FlightData, stream: str = "", *, other: FlightData | None = None
+) -> ClockOffset:
+    """Estimate the clock offset of a data stream against the gyro or accelerometer of a
+    flight.
 
     Args:
         flight: flight with the reference.
-        stream: quaternion, velocity or position; the first that the flights allow if left out.
+        stream: quaternion, velocity or position; the first that the flights allow if
+            left out.
         other: flight with the stream, if it is another file.
 
     Raises:
-        ValueError: one line: no such streams, or a motion that does not show the offset.
+        ValueError: one line: no such streams, or a motion that does not show the
+            offset.
     """
     second = flight if other is None else other
     if stream and stream not in {name for _, name in PAIRS}:
-        raise ValueError(f"stream = {stream!r}: {must_be_one_of([name for _, name in PAIRS], stream)}")
+        raise ValueError(
+            f"stream = {stream!r}:"
+            f" {must_be_one_of([name for _, name in PAIRS], stream)}"
+        )
     for first, name in PAIRS:
         needed = {name, "quaternion"}  # positions and velocities need an attitude
         if first in flight and needed <= set(second) and name == (stream or name):
             pair, time = _Pair(flight, first, second, name), second[name].time
-            search = partial(_offset, pair, first, name, 0.5 * float(time[0] + time[-1]))
+            search = partial(
+                _offset, pair, first, name, 0.5 * float(time[0] + time[-1])
+            )
             if other is not None:
                 return search(WIDEST, LEAST_CORRELATION)
             try:
@@ -154,64 +204,109 @@ def clock_offset(flight: FlightData, stream: str = "", *, other: FlightData | No
                     return search(WIDEST, FIRM_CORRELATION)
                 except ValueError:
                     raise none from None
-    pairs = " or ".join(f"{first} and {name}" for first, name in PAIRS if name == (stream or name))
+    pairs = " or ".join(
+        f"{first} and {name}" for first, name in PAIRS if name == (stream or name)
+    )
     there = ", ".join({**flight.channels, **second.channels})
     raise ValueError(f"{flight.name}: clocks: must hold {pairs}; there is {there}")
 
 
-def align(flight: FlightData, offset: ClockOffset, channels: Sequence[str]) -> FlightData:
-    """Return a flight with some time series shifted to the clock of the reference sensor, and with a note on that."""
-    moved = {name: replace(flight[name], time=offset.times(flight[name].time)) for name in channels}
-    words = f"{', '.join(channels)}: moved to the clock of {offset.reference}: {offset.words}."
-    return replace(flight.with_channels(moved, words), jumps=_moved_jumps(flight, offset))
+def align(
+    flight: FlightData, offset: ClockOffset, channels: Sequence[str]
+) -> FlightData:
+    """Return a flight with some time series shifted to the clock of the reference
+    sensor, and with a note on that.
+    """
+    moved = {
+        name: replace(flight[name], time=offset.times(flight[name].time))
+        for name in channels
+    }
+    words = (
+        f"{', '.join(channels)}: moved to the clock of {offset.reference}:"
+        f" {offset.words}."
+    )
+    return replace(
+        flight.with_channels(moved, words), jumps=_moved_jumps(flight, offset)
+    )
 
 
-def _moved_jumps(flight: FlightData, offset: ClockOffset) -> tuple[tuple[float, float], ...]:
+def _moved_jumps(
+    flight: FlightData, offset: ClockOffset
+) -> tuple[tuple[float, float], ...]:
     """Steps with resets of a flight's pose, on the clock of the reference sensor."""
-    return tuple(map(tuple, offset.times(np.array(flight.jumps).reshape(-1, 2)).tolist()))
+    return tuple(
+        map(tuple, offset.times(np.array(flight.jumps).reshape(-1, 2)).tolist())
+    )
 
 
 def fresh_poses(flight: FlightData) -> FlightData:
-    """Return a flight without the repeated pose samples of a logger that runs faster than the pose sensor."""
+    """Return a flight without the repeated pose samples of a logger that runs faster
+    than the pose sensor.
+    """
     for name in POSE:
         if name not in flight:
             continue
         channel = flight[name]
-        new = np.flatnonzero(np.append(True, np.diff(channel.values, axis=0).any(axis=1)))
+        new = np.flatnonzero(
+            np.append(True, np.diff(channel.values, axis=0).any(axis=1))
+        )
         rows = np.diff(new)
         # a vehicle that stands still repeats one row for long, and no other
-        if new.size >= FEWEST and np.median(rows) >= 2.0 and np.quantile(rows, EVEN) <= 2.0 * np.median(rows):
-            words = f"{name}: {len(channel.values) - new.size} rows repeat the one before: left out."
+        if (
+            new.size >= FEWEST
+            and np.median(rows) >= 2.0
+            and np.quantile(rows, EVEN) <= 2.0 * np.median(rows)
+        ):
+            words = (
+                f"{name}: {len(channel.values) - new.size} rows repeat the one before:"
+                " left out."
+            )
             fresh = replace(channel, time=channel.time[new], values=channel.values[new])
             flight = flight.with_channels({name: fresh}, words)
     return flight
 
 
 def align_poses(flight: FlightData) -> tuple[FlightData, ClockOffset | None]:
-    """Return a flight with its pose on the gyro's clock, and the offset; unchanged if the motion shows no offset.
+    """Return a flight with its pose on the gyro's clock, and the offset; unchanged if
+    the motion shows no offset.
 
-    Of poses that a logger held the new rows are kept (:func:`fresh_poses`). Stamps of the attitude that are even but
-    for the gyro's rows are straightened before, where it then fits the gyro as well. An offset and a drift that lie
-    within their intervals, or move no sample by a millisecond, change nothing. Channels with the very times of the
-    attitude are of its clock, too, unless the gyro has these times as well.
+    Of poses that a logger held the new rows are kept (:func:`fresh_poses`). Stamps of
+    the attitude that are even but for the gyro's rows are straightened before, where it
+    then fits the gyro as well. An offset and a drift that lie within their intervals,
+    or move no sample by a millisecond, change nothing. Channels with the very times of
+    the attitude are of its clock, too, unless the gyro has these times as well.
     """
     flight = fresh_poses(flight)
     if "gyro" not in flight or "quaternion" not in flight:
         return flight, None
     rows, stamps = flight["gyro"].time, flight["quaternion"].time
     alike = [name for name in flight if np.array_equal(flight[name].time, stamps)]
-    pose = [name for name in flight if name in POSE or (name in alike and "gyro" not in alike)]
+    pose = [
+        name
+        for name in flight
+        if name in POSE or (name in alike and "gyro" not in alike)
+    ]
     offset = _clock_of_attitude(flight)
     if (even := straight_stamps(stamps, rows)) is not stamps:
-        words = f"{', '.join(alike)}: stamps straightened: they are even but for the rows of the gyro."
-        straight = flight.with_channels({name: replace(flight[name], time=even) for name in alike}, words)
+        words = (
+            f"{', '.join(alike)}: stamps straightened: they are even but for the rows"
+            " of the gyro."
+        )
+        straight = flight.with_channels(
+            {name: replace(flight[name], time=even) for name in alike}, words
+        )
         other = _clock_of_attitude(straight)
         # a recorder that takes every so many rows has such stamps, too, but true ones
-        if other is not None and (offset is None or WORSE * other.offset_error < offset.offset_error):
+        if other is not None and (
+            offset is None or WORSE * other.offset_error < offset.offset_error
+        ):
             flight, offset = straight, other
     if offset is None:
         return flight, None
-    late, drifted = abs(offset.offset), 0.5 * abs(offset.drift) * flight["quaternion"].duration
+    late, drifted = (
+        abs(offset.offset),
+        0.5 * abs(offset.drift) * flight["quaternion"].duration,
+    )
     if late <= max(offset.offset_error, NEGLIGIBLE) and (
         abs(offset.drift) <= offset.drift_error or drifted <= NEGLIGIBLE
     ):
@@ -220,7 +315,9 @@ def align_poses(flight: FlightData) -> tuple[FlightData, ClockOffset | None]:
 
 
 def _clock_of_attitude(flight: FlightData) -> ClockOffset | None:
-    """Clock offset of the measured attitude against the gyro; None if the motion does not determine it."""
+    """Clock offset of the measured attitude against the gyro; None if the motion does
+    not determine it.
+    """
     try:
         return clock_offset(flight, "quaternion")
     except ValueError:
@@ -228,23 +325,33 @@ def _clock_of_attitude(flight: FlightData) -> ClockOffset | None:
 
 
 def straight_stamps(time: Array, rows: Array) -> Array:
-    """Evenly spaced times (s) of samples whose time stamps were rounded to log rows; the stamps if they were not.
+    """Evenly spaced times (s) of samples whose time stamps were rounded to log rows;
+    the stamps if they were not.
 
-    Rounded stamps are a saw of less than a row around a straight line. Stamps stay if one is no row, if all are equally
-    many rows apart, as samples of the rows themselves are, or if a line leaves a row or more: a gap, a real jitter.
+    Rounded stamps are a saw of less than a row around a straight line. Stamps stay if
+    one is no row, if all are equally many rows apart, as samples of the rows themselves
+    are, or if a line leaves a row or more: a gap, a real jitter.
     """
-    if time.size < FEWEST or not np.isin(time, rows).all() or np.ptp(np.diff(np.searchsorted(rows, time))) == 0:
+    if (
+        time.size < FEWEST
+        or not np.isin(time, rows).all()
+        or np.ptp(np.diff(np.searchsorted(rows, time))) == 0
+    ):
         return time
     count = np.arange(time.size) - 0.5 * (time.size - 1)
     line = np.mean(time) + count * float(count @ time) / float(count @ count)
     return line if np.ptp(time - line) < np.median(np.diff(rows)) else time
 
 
-def join_flights(flight: FlightData, other: FlightData) -> tuple[FlightData, ClockOffset]:
-    """Merge the time series of a second file of the same flight, shifted to the first's clock; also return the offset.
+def join_flights(
+    flight: FlightData, other: FlightData
+) -> tuple[FlightData, ClockOffset]:
+    """Merge the time series of a second file of the same flight, shifted to the first's
+    clock; also return the offset.
 
-    Position, velocity and attitude refer to one world: the x axis of a motion capture is not north. The second file
-    always has an attitude, without which no clock is found, so its pose replaces all of the first one's.
+    Position, velocity and attitude refer to one world: the x axis of a motion capture
+    is not north. The second file always has an attitude, without which no clock is
+    found, so its pose replaces all of the first one's.
 
     Raises:
         ValueError: one line: the motion does not show the offset of the clocks.
@@ -253,21 +360,39 @@ def join_flights(flight: FlightData, other: FlightData) -> tuple[FlightData, Clo
     onboard = {name: each for name, each in flight.channels.items() if name not in POSE}
     dropped = [name for name in flight if name in POSE]
     added = {
-        name: replace(each, time=offset.times(each.time), source=f"{other.name}: {each.source}")
+        name: replace(
+            each, time=offset.times(each.time), source=f"{other.name}: {each.source}"
+        )
         for name, each in other.channels.items()
         if name not in onboard
     }
-    words = [f"{', '.join(added)}: are of {other.name}, moved to the clock of {offset.reference}: {offset.words}."]
+    words = [
+        f"{', '.join(added)}: are of {other.name}, moved to the clock of"
+        f" {offset.reference}: {offset.words}."
+    ]
     if dropped:
         words.append(
-            f"{', '.join(dropped)}: of {flight.name} are dropped: a pose is of one world, that of {other.name}."
+            f"{', '.join(dropped)}: of {flight.name} are dropped: a pose is of one"
+            f" world, that of {other.name}."
         )
-    both = replace(flight, channels={**onboard, **added}, notes=(*flight.notes, *other.notes, *words))
-    return replace(both, facts={**other.facts, **flight.facts}, jumps=_moved_jumps(other, offset)), offset
+    both = replace(
+        flight,
+        channels={**onboard, **added},
+        notes=(*flight.notes, *other.notes, *words),
+    )
+    return (
+        replace(
+            both,
+            facts={**other.facts, **flight.facts},
+            jumps=_moved_jumps(other, offset),
+        ),
+        offset,
+    )
 
 
 class _Pair:
-    """Signal of a reference sensor, and averages of it over time kernels, which a second sensor measured.
+    """Signal of a reference sensor, and averages of it over time kernels, which a
+    second sensor measured.
 
     Attributes:
         reference: times (M,), s, of the signal.
@@ -278,10 +403,15 @@ class _Pair:
         ValueError: one line: a stream or a reference of a few rows.
     """
 
-    def __init__(self, flight: FlightData, first: str, other: FlightData, name: str) -> None:
+    def __init__(
+        self, flight: FlightData, first: str, other: FlightData, name: str
+    ) -> None:
         time, values = thin_samples(other[name], STEP)
         if time.size < FEWEST:
-            raise ValueError(f"{other.name}: {name}: {other[name].time.size} rows: must be of a longer flight")
+            raise ValueError(
+                f"{other.name}: {name}: {other[name].time.size} rows: must be of a"
+                " longer flight"
+            )
         steps, order = np.diff(time), 2 if name == "position" else 1
         self.width = float(np.median(steps))
         usual = np.abs(steps - self.width) < UNEVEN * self.width
@@ -290,7 +420,11 @@ class _Pair:
         even = np.convolve(usual, np.ones(order), "valid") == order
         self.reference, self.integrals = flight[first].time, [flight[first].values]
         for _ in range(order):
-            slopes = rotations_between(values[:-1], values[1:]) if name == "quaternion" else np.diff(values, axis=0)
+            slopes = (
+                rotations_between(values[:-1], values[1:])
+                if name == "quaternion"
+                else np.diff(values, axis=0)
+            )
             values, time = slopes / np.diff(time)[:, None], middle(time)
             self.integrals.append(integral_of(self.reference, self.integrals[-1]))
         self.time, self.values, self.order = time[even], values[even], order
@@ -301,46 +435,70 @@ class _Pair:
             self.values = to_base(attitude_at(other["quaternion"], self.time), force)
 
     def means(self, when: Array) -> tuple[Array, Array]:
-        """Averages of the reference signal over kernels centred at given times (s), and their time derivatives."""
-        edges = when + self.width * (np.arange(self.order + 1)[:, None] - 0.5 * self.order)
+        """Averages of the reference signal over kernels centred at given times (s), and
+        their time derivatives.
+        """
+        edges = when + self.width * (
+            np.arange(self.order + 1)[:, None] - 0.5 * self.order
+        )
         tables = self.integrals[:-3:-1]
-        values = [np.stack([columns_at(each, self.reference, table) for each in edges]) for table in tables]
-        mean, slope = (np.diff(each, self.order, axis=0)[0] / self.width**self.order for each in values)
+        values = [
+            np.stack([columns_at(each, self.reference, table) for each in edges])
+            for table in tables
+        ]
+        mean, slope = (
+            np.diff(each, self.order, axis=0)[0] / self.width**self.order
+            for each in values
+        )
         return mean, slope
 
     def is_inside(self, when: Array) -> Mask:
-        """Mask of the averaging kernels that lie within the time range of the reference signal."""
+        """Mask of the averaging kernels that lie within the time range of the reference
+        signal.
+        """
         return _is_inside(self.reference, when, self.width * self.order)
 
 
 def _is_inside(reference: Array, when: Array, edge: float) -> Mask:
-    """Mask of the times that lie at least ``edge`` s within the time range of a reference signal."""
+    """Mask of the times that lie at least ``edge`` s within the time range of a
+    reference signal.
+    """
     return np.asarray((when - edge >= reference[0]) & (when + edge <= reference[-1]))
 
 
 def _scale(values: Array) -> Array:
     """Robust standard deviation of each column, by the median absolute deviation."""
-    return 1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0) + 1e-12
+    return (
+        1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0) + 1e-12
+    )
 
 
 def _is_usual(values: Array) -> Mask:
     """Mask of the samples (rows) without shocks, which would dominate a fit."""
-    return np.asarray((np.abs(values - np.median(values, axis=0)) < SHOCK * _scale(values)).all(axis=1))
+    return np.asarray(
+        (np.abs(values - np.median(values, axis=0)) < SHOCK * _scale(values)).all(
+            axis=1
+        )
+    )
 
 
 def _clip(values: Array) -> Array:
-    """Clip a signal to some robust standard deviations about its median, and subtract its mean."""
+    """Clip a signal to some robust standard deviations about its median, and subtract
+    its mean.
+    """
     limit, usual = CLIPPED * _scale(values), np.median(values, axis=0)
     clipped = np.clip(values, usual - limit, usual + limit)
     return np.asarray(clipped - clipped.mean(axis=0))
 
 
 def _best_offset(pair: _Pair, widest: float) -> tuple[float, float | None]:
-    """Clock offset (s) with the highest cross-correlation on a fine grid, and another that may be as good.
+    """Clock offset (s) with the highest cross-correlation on a fine grid, and another
+    that may be as good.
 
-    A vehicle that shakes faster than the stream is sampled correlates about as well one period of its motion beside the
-    true offset. Such a rival must be worse by more than chance (F. X. Diebold, R. S. Mariano, "Comparing predictive
-    accuracy", Journal of Business and Economic Statistics 13, 1995).
+    A vehicle that shakes faster than the stream is sampled correlates about as well one
+    period of its motion beside the true offset. Such a rival must be worse by more than
+    chance (F. X. Diebold, R. S. Mariano, "Comparing predictive accuracy", Journal of
+    Business and Economic Statistics 13, 1995).
 
     Raises:
         ValueError: one line: streams that hardly overlap.
@@ -363,7 +521,9 @@ def _best_offset(pair: _Pair, widest: float) -> tuple[float, float | None]:
         raise ValueError("clocks: must be of streams that were taken at the same time")
     scores = np.where(near, sums, -np.inf)
     best = int(np.argmax(scores))
-    peaks = np.flatnonzero((scores[1:-1] >= scores[:-2]) & (scores[1:-1] >= scores[2:])) + 1
+    peaks = (
+        np.flatnonzero((scores[1:-1] >= scores[:-2]) & (scores[1:-1] >= scores[2:])) + 1
+    )
     peaks = peaks[np.abs(peaks - best) > FINER // 2]
     for rival in peaks[np.argsort(-scores[peaks])][:RIVALS]:
         close = scores[rival] > RIVAL * scores[best] > 0.0
@@ -373,13 +533,17 @@ def _best_offset(pair: _Pair, widest: float) -> tuple[float, float | None]:
 
 
 def _is_as_good(pair: _Pair, offset: float, rival: float) -> bool:
-    """True if the stream correlates as well at another offset (s), or deviates there by chance alone."""
+    """True if the stream correlates as well at another offset (s), or deviates there by
+    chance alone.
+    """
     inside = pair.is_inside(pair.time + offset)
     both = inside & pair.is_inside(pair.time + rival)
     if both.sum() < max(FEWEST, SHARED * inside.sum()):
         return False
     given = _clip(pair.values[both])
-    own, other = (_clip(pair.means(pair.time[both] + each)[0]) for each in (offset, rival))
+    own, other = (
+        _clip(pair.means(pair.time[both] + each)[0]) for each in (offset, rival)
+    )
     if np.sum(given * other) > RIVAL * np.sum(given * own):
         return True
     worse = np.sum((given - other) ** 2 - (given - own) ** 2, axis=1)
@@ -388,8 +552,11 @@ def _is_as_good(pair: _Pair, offset: float, rival: float) -> bool:
     return float(worse.sum()) < NORMAL * spread
 
 
-def _refine(pair: _Pair, rows: Mask, start: Array, middle: float, free: int = 2) -> tuple[Array, Array]:
-    """Refine offset and drift by Gauss-Newton with scale and bias per axis; also returns 95 % half-widths.
+def _refine(
+    pair: _Pair, rows: Mask, start: Array, middle: float, free: int = 2
+) -> tuple[Array, Array]:
+    """Refine offset and drift by Gauss-Newton with scale and bias per axis; also
+    returns 95 % half-widths.
 
     Args:
         pair: signals.
@@ -405,7 +572,12 @@ def _refine(pair: _Pair, rows: Mask, start: Array, middle: float, free: int = 2)
         time, given = pair.time[inside] - middle, pair.values[inside]
         fitted, slope = pair.means(when[inside])
         usual = _is_usual(np.hstack([fitted, slope, given]))
-        time, given, fitted, slope = time[usual], given[usual], fitted[usual], slope[usual]
+        time, given, fitted, slope = (
+            time[usual],
+            given[usual],
+            fitted[usual],
+            slope[usual],
+        )
         count, axes = fitted.shape
         moved = slope[:, :, None] * time[:, None, None] ** np.arange(free)
         biases = np.broadcast_to(np.eye(axes), (count, axes, axes))
@@ -423,28 +595,36 @@ def _refine(pair: _Pair, rows: Mask, start: Array, middle: float, free: int = 2)
     share = memory / max(count, 1)
     # of an estimate over some of the rows (Kiefer, Vogelsang)
     normal = NORMAL + 2.9694 * share + 0.4160 * share**2
-    errors[:free] = normal * np.sqrt(np.maximum(np.diag(_covariance(curved, moments, memory))[:free], 0.0))
+    errors[:free] = normal * np.sqrt(
+        np.maximum(np.diag(_covariance(curved, moments, memory))[:free], 0.0)
+    )
     return estimate, errors
 
 
-def _offset(pair: _Pair, first: str, name: str, middle: float, widest: float, least: float) -> ClockOffset:
-    """Estimate offset and drift of a data stream by cross-correlation, then least squares."""
+def _offset(
+    pair: _Pair, first: str, name: str, middle: float, widest: float, least: float
+) -> ClockOffset:
+    """Estimate offset and drift of a data stream by cross-correlation, then least
+    squares.
+    """
     best, rival = _best_offset(pair, widest)
     estimate, errors = _refine(pair, pair.time > -np.inf, np.array([best, 0.0]), middle)
     when = pair.time + estimate[0] + estimate[1] * (pair.time - middle)
     inside = pair.is_inside(when)
     a, b = _clip(pair.means(when[inside])[0]), _clip(pair.values[inside])
-    correlation = float(np.sum(a * b) / max(np.sqrt(np.sum(a * a) * np.sum(b * b)), 1e-300))
+    correlation = float(
+        np.sum(a * b) / max(np.sqrt(np.sum(a * a) * np.sum(b * b)), 1e-300)
+    )
     if correlation < least:
         raise ValueError(
-            f"clock of {name}: correlation with {first} = {correlation:.2f}: must be at least {least:g}, "
-            "else the motion does not show its offset, or the axes differ: a take of Motive must have y up, and its "
-            "body the nose along x"
+            f"clock of {name}: correlation with {first} = {correlation:.2f}: must be at"
+            f" least {least:g}, else the motion does not show its offset, or the axes"
+            " differ: a take of Motive must have y up, and its body the nose along x"
         )
     if rival is not None:
         raise ValueError(
-            f"clocks: offsets of {best:.2f} and {rival:.2f} s fit equally well: must be a motion that does not repeat "
-            "itself"
+            f"clocks: offsets of {best:.2f} and {rival:.2f} s fit equally well: must be"
+            " a motion that does not repeat itself"
         )
     wander = 0.0
     for begin, end in pairwise(np.linspace(pair.time[0], pair.time[-1], PARTS + 1)):
@@ -453,30 +633,50 @@ def _offset(pair: _Pair, first: str, name: str, middle: float, widest: float, le
             own, _ = _refine(pair, part, estimate, middle, 1)
             wander = max(wander, abs(float(own[0] - estimate[0])))
     (offset, drift), (offset_error, drift_error) = estimate.tolist(), errors.tolist()
-    offset_error = math.hypot(offset_error, BETWEEN * float(np.median(np.diff(pair.reference))))
-    return ClockOffset(first, name, offset, offset_error, drift, drift_error, middle, wander, correlation)
+    offset_error = math.hypot(
+        offset_error, BETWEEN * float(np.median(np.diff(pair.reference)))
+    )
+    return ClockOffset(
+        first,
+        name,
+        offset,
+        offset_error,
+        drift,
+        drift_error,
+        middle,
+        wander,
+        correlation,
+    )
 
 
 def _robust(jacobian: Array, given: Array) -> tuple[Array, Array, Array]:
-    """Robust least squares with Huber weights; returns parameters, residuals and weights."""
+    """Robust least squares with Huber weights; returns parameters, residuals and
+    weights.
+    """
     count, axes = given.shape
     flat, weights = jacobian.reshape(count * axes, -1), np.ones_like(given)
     for _ in range(4):
         root = np.sqrt(weights)
-        change, *_ = np.linalg.lstsq(flat * root.reshape(-1, 1), (given * root).ravel(), rcond=None)
+        change, *_ = np.linalg.lstsq(
+            flat * root.reshape(-1, 1), (given * root).ravel(), rcond=None
+        )
         residual = given - (flat @ change).reshape(count, axes)
         weights = np.minimum(1.0, HUBER * _scale(residual) / (np.abs(residual) + 1e-12))
     return doubles(change), residual, weights
 
 
 def _covariance(jacobian: Array, moments: Array, memory: int) -> Array:
-    """Newey-West covariance of a least-squares estimate with residuals correlated over neighbouring samples."""
+    """Newey-West covariance of a least-squares estimate with residuals correlated over
+    neighbouring samples.
+    """
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     return inverse @ _long_run(moments, memory) @ inverse
 
 
 def _long_run(moments: Array, memory: int) -> Array:
-    """Newey-West covariance (k, k) of the sum of samples (N, k) that are correlated over neighbouring ones."""
+    """Newey-West covariance (k, k) of the sum of samples (N, k) that are correlated
+    over neighbouring ones.
+    """
     sums = np.cumsum(np.pad(moments, ((memory + 1, memory), (0, 0))), axis=0)
     # whose products have Bartlett's weights
     windows = sums[memory + 1 :] - sums[: -memory - 1]

@@ -1,8 +1,10 @@
 """Reader of the binary logs that a Crazyflie writes on its memory card.
 
-The file is little-endian: a byte 0xBC, the version (two bytes, 1 or 2), the number of event types, then of each its
-number, its name, and the names and types of its variables; names end with a zero byte. Events follow: number, time
-(version 1: four bytes, ms; version 2: eight bytes, us), variables. The last four bytes are the CRC-32 of all others.
+The file is little-endian: a byte 0xBC, the version (two bytes, 1 or 2), the number of
+event types, then of each its number, its name, and the names and types of its
+variables; names end with a zero byte. Events follow: number, time (version 1: four
+bytes, ms; version 2: eight bytes, us), variables. The last four bytes are the CRC-32 of
+all others.
 """
 
 from __future__ import annotations
@@ -35,26 +37,32 @@ TYPES: Mapping[str, str] = {
 """Letter of a variable's type -> its type in NumPy."""
 
 SPEED, NO_SPEED = re.compile(r"motor\.m\d_rpm"), 65535.0
-"""Pattern of the variables with the speed of a brushless motor, and their value while it is unknown."""
+"""Pattern of the variables with the speed of a brushless motor, and their value while
+it is unknown."""
 
 CHECK = 4
 """Size (bytes) of the check sum."""
 
-EVENT, VARIABLE = (re.compile(each, re.DOTALL) for each in (rb"(..)([^\0]*)\0(..)", rb"([^\0]*)\0"))
-"""Patterns: number, name and variable count of an event type; name and type of a variable."""
+EVENT, VARIABLE = (
+    re.compile(each, re.DOTALL) for each in (rb"(..)([^\0]*)\0(..)", rb"([^\0]*)\0")
+)
+"""Patterns: number, name and variable count of an event type; name and type of a
+variable."""
 
 
 Rows = np.ndarray[tuple[int], np.dtype[np.void]]
 
 Events = Mapping[int, tuple[str, np.dtype[np.void]]]
-"""Number of an event type -> its name, and the NumPy type of a row: number, time, variables."""
+"""Number of an event type -> its name, and the NumPy type of a row: number, time,
+variables."""
 
 
 def read_crazyflie(path: Path, columns: Columns | None) -> FlightData:
     """Read a log of a Crazyflie's memory card.
 
     Raises:
-        ValueError: one line: it is no such file, or its head is damaged. OSError: it cannot be read.
+        ValueError: one line: it is no such file, or its head is damaged. OSError: it
+            cannot be read.
     """
     data = path.read_bytes()
     notes: list[str] = []
@@ -63,10 +71,19 @@ def read_crazyflie(path: Path, columns: Columns | None) -> FlightData:
     if end + CHECK != len(data):
         number = int.from_bytes(data[end : end + 2], "little")
         cut_off = number in events or len(data) - end < CHECK
-        why = "the file is cut off" if cut_off else f"an event of the unknown number {number} follows"
-        notes.append(f"file: {len(data) - end} bytes after the last whole event are left out; {why}.")
+        why = (
+            "the file is cut off"
+            if cut_off
+            else f"an event of the unknown number {number} follows"
+        )
+        notes.append(
+            f"file: {len(data) - end} bytes after the last whole event are left out;"
+            f" {why}."
+        )
     elif struct.unpack_from("<I", data, end)[0] != zlib.crc32(memoryview(data)[:end]):
-        notes.append("file: its check sum does not fit, so that some of its numbers are damaged.")
+        notes.append(
+            "file: its check sum does not fit, so that some of its numbers are damaged."
+        )
     unit = 1e-3 if version == 1 else 1e-6
     origin = min((int(records["time"][0]) for records in rows.values()), default=0)
     tables: dict[str, RawTable] = {}
@@ -76,20 +93,39 @@ def read_crazyflie(path: Path, columns: Columns | None) -> FlightData:
             read = {each: records[each].astype(float) for each in row.names or ()}
             for each in filter(SPEED.fullmatch, read):
                 read[each][read[each] == NO_SPEED] = np.nan
-            tables[name] = RawTable(columns=dict(list(read.items())[2:]), time=(read["time"] - origin) * unit)
-    facts: dict[str, str | float] = {"vehicle": "Crazyflie", "version of the file": float(version)}
+            tables[name] = RawTable(
+                columns=dict(list(read.items())[2:]),
+                time=(read["time"] - origin) * unit,
+            )
+    facts: dict[str, str | float] = {
+        "vehicle": "Crazyflie",
+        "version of the file": float(version),
+    }
     return flight_of(
-        path, tables, usual_signals(SOURCES["crazyflie"]), columns, origin=origin * unit, facts=facts, notes=notes
+        path,
+        tables,
+        usual_signals(SOURCES["crazyflie"]),
+        columns,
+        origin=origin * unit,
+        facts=facts,
+        notes=notes,
     )
 
 
 def _head(data: bytes) -> tuple[int, Events, int]:
-    """Header of a Crazyflie log: version, event types by number, and byte offset of the first event."""
+    """Header of a Crazyflie log: version, event types by number, and byte offset of the
+    first event.
+    """
     if len(data) < 5 or data[0] != MAGIC:
-        raise ValueError(f"first byte = {data[:1].hex() or 'none'}: must be bc, of a log that a Crazyflie wrote")
+        raise ValueError(
+            f"first byte = {data[:1].hex() or 'none'}: must be bc, of a log that a"
+            " Crazyflie wrote"
+        )
     version, count = struct.unpack_from("<HH", data, 1)
     if version not in VERSIONS:
-        raise ValueError(f"version = {version}: must be {' or '.join(map(str, VERSIONS))}")
+        raise ValueError(
+            f"version = {version}: must be {' or '.join(map(str, VERSIONS))}"
+        )
     events: dict[int, tuple[str, np.dtype[np.void]]] = {}
     place = 5
     for _ in range(count):
@@ -100,8 +136,16 @@ def _head(data: bytes) -> tuple[int, Events, int]:
         for _ in range(variables):
             match = _match_at(VARIABLE, data, place)
             text, place = match[1].decode("utf-8", "replace"), match.end()
-            if text[-3:-2] != "(" or text[-1:] != ")" or text[-2] not in TYPES or text[:-3] in fields:
-                raise ValueError(f"variable = {shown(text)}: must be a new NAME(TYPE), TYPE one of {' '.join(TYPES)}")
+            if (
+                text[-3:-2] != "("
+                or text[-1:] != ")"
+                or text[-2] not in TYPES
+                or text[:-3] in fields
+            ):
+                raise ValueError(
+                    f"variable = {shown(text)}: must be a new NAME(TYPE), TYPE one of"
+                    f" {' '.join(TYPES)}"
+                )
             fields[text[:-3]] = TYPES[text[-2]]
         if number in events or name in (each for each, _ in events.values()):
             raise ValueError(f"event = {number} {shown(name)}: is declared twice")
@@ -112,7 +156,9 @@ def _head(data: bytes) -> tuple[int, Events, int]:
 
 
 def _match_at(pattern: re.Pattern[bytes], data: bytes, place: int) -> re.Match[bytes]:
-    """Match a pattern at a byte offset of the header; raises an error if the header is cut off."""
+    """Match a pattern at a byte offset of the header; raises an error if the header is
+    cut off.
+    """
     match = pattern.match(data, place)
     if match is None:
         raise ValueError("head: is cut off")
@@ -120,14 +166,26 @@ def _match_at(pattern: re.Pattern[bytes], data: bytes, place: int) -> re.Match[b
 
 
 def _rows(data: bytes, events: Events, place: int) -> tuple[dict[int, Rows], int]:
-    """Samples of each event type, and the byte offset after the last complete event of a known type."""
+    """Samples of each event type, and the byte offset after the last complete event of
+    a known type.
+    """
     pieces: dict[int, list[bytes]] = {}
     end = len(data) - CHECK
     sizes = {number: row.itemsize for number, (_, row) in events.items()}
-    while (size := sizes.get(int.from_bytes(data[place : place + 2], "little"), 0)) and place + size <= end:
-        pieces.setdefault(int.from_bytes(data[place : place + 2], "little"), []).append(data[place : place + size])
+    while (
+        size := sizes.get(int.from_bytes(data[place : place + 2], "little"), 0)
+    ) and place + size <= end:
+        pieces.setdefault(int.from_bytes(data[place : place + 2], "little"), []).append(
+            data[place : place + size]
+        )
         place += size
-    return {number: np.frombuffer(b"".join(rows), events[number][1]) for number, rows in pieces.items()}, place
+    return {
+        number: np.frombuffer(b"".join(rows), events[number][1])
+        for number, rows in pieces.items()
+    }, place
 
 
-CRAZYFLIE = FlightFormat(read_crazyflie, begins=tuple(struct.pack("<BH", MAGIC, version) for version in VERSIONS))
+CRAZYFLIE = FlightFormat(
+    read_crazyflie,
+    begins=tuple(struct.pack("<BH", MAGIC, version) for version in VERSIONS),
+)

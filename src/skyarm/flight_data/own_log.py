@@ -1,4 +1,6 @@
-"""Logs of simulated flights as measured flights: sensor readings if logged, else the true state."""
+"""Logs of simulated flights as measured flights: sensor readings if logged, else the
+true state.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +32,18 @@ FIELDS: Mapping[str, str] = {
 }
 """Field of a reading -> quantity."""
 
-COMMANDED: Mapping[str, str] = {"rotor_speed_commands": "rotor_commands", "rotor_speeds": "rotor_speeds"}
+COMMANDED: Mapping[str, str] = {
+    "rotor_speed_commands": "rotor_commands",
+    "rotor_speeds": "rotor_speeds",
+}
 """Quantity -> array of the log that is not a sensor reading."""
 
 STATED: Mapping[str, str] = {
-    **{quantity: field for field, quantity in FIELDS.items() if quantity != "accelerometer"},
+    **{
+        quantity: field
+        for field, quantity in FIELDS.items()
+        if quantity != "accelerometer"
+    },
     **COMMANDED,
 }
 """Quantity -> array of the log with its true value, for states and commands."""
@@ -50,7 +59,9 @@ TAIL = 1 << 16
 
 
 def is_own_mcap(path: Path) -> bool:
-    """True if an MCAP file is the log of a simulated flight, by the names in its header and index."""
+    """True if an MCAP file is the log of a simulated flight, by the names in its header
+    and index.
+    """
     with path.open("rb") as stream:
         head = stream.read(64)
         stream.seek(max(0, stream.seek(0, 2) - TAIL))
@@ -61,10 +72,14 @@ def read_own_log(path: Path, columns: Columns | None) -> FlightData:
     """Read the log of a simulated flight as a measured one.
 
     Raises:
-        ValueError: one line: it is no such log, or a mapping is given. OSError: it cannot be read.
+        ValueError: one line: it is no such log, or a mapping is given. OSError: it
+            cannot be read.
     """
     if columns is not None and columns.signals:
-        raise ValueError(f"{columns.file}: must be left out for a log of skyarm, which names its own quantities")
+        raise ValueError(
+            f"{columns.file}: must be left out for a log of skyarm, which names its own"
+            " quantities"
+        )
     return measured_flight(load_log(path), path)
 
 
@@ -86,33 +101,79 @@ def measured_flight(log: Log, path: Path) -> FlightData:
             continue
         for field, quantity in FIELDS.items():
             array = log.received.get(f"{name}.{field}")
-            if array is not None and quantity not in measured and _fits(quantity, array):
+            if (
+                array is not None
+                and quantity not in measured
+                and _fits(quantity, array)
+            ):
                 if source.mount and quantity in ("gyro", "accelerometer"):
-                    array = turn_vectors(np.array([[*of_euler_angles(*source.mount[3:])]]), array)
+                    array = turn_vectors(
+                        np.array([[*of_euler_angles(*source.mount[3:])]]), array
+                    )
                     place = dict(zip(PLACE, source.mount[:3], strict=True))
                 channel = _reading(log, name, field, source, array)
                 if channel.time.size:
                     measured[quantity] = channel
-    stated = {name: each for name, each in STATED.items() if name not in measured and _fits(name, log[each])}
-    measured |= {name: Channel(time=log.time, values=log[each], source=each) for name, each in stated.items()}
+    stated = {
+        name: each
+        for name, each in STATED.items()
+        if name not in measured and _fits(name, log[each])
+    }
+    measured |= {
+        name: Channel(time=log.time, values=log[each], source=each)
+        for name, each in stated.items()
+    }
     notes = list[str]()
     if log.efforts.size:
         setpoints = list(setpoints_of(log.info).values())
-        units = set(setpoints) if len(setpoints) == log.efforts.shape[1] else {*setpoints, ""}
+        units = (
+            set(setpoints)
+            if len(setpoints) == log.efforts.shape[1]
+            else {*setpoints, ""}
+        )
         if len(units) == 1 and units <= set(SETPOINTS):
-            measured[SETPOINTS[units.pop()]] = Channel(time=log.time, values=log.efforts, source="efforts")
+            measured[SETPOINTS[units.pop()]] = Channel(
+                time=log.time, values=log.efforts, source="efforts"
+            )
         else:
-            notes.append("joint_commands: are left out, as the joints' drives take setpoints of several units.")
+            notes.append(
+                "joint_commands: are left out, as the joints' drives take setpoints of"
+                " several units."
+            )
     if true := [name for name in stated if name not in COMMANDED]:
-        notes.append(f"{', '.join(true)}: are true values, as no sensor of the flight reads them.")
+        notes.append(
+            f"{', '.join(true)}: are true values, as no sensor of the flight reads"
+            " them."
+        )
     facts: dict[str, str | float] = {"vehicle": SIMULATED}
-    facts |= {key: str(log.info[key]) for key in ("scenario", "status", "digest") if key in log.info}
-    gravity, delay = log.info.get("plant_gravity"), written_at(log.info, "delays.command")
-    given = {"gravity": gravity, "command_delay": delay, "start": log.time[0] if log.time.size else 0.0}
-    facts |= {key: float(value) for key, value in given.items() if isinstance(value, (int, float))}
+    facts |= {
+        key: str(log.info[key])
+        for key in ("scenario", "status", "digest")
+        if key in log.info
+    }
+    gravity, delay = (
+        log.info.get("plant_gravity"),
+        written_at(log.info, "delays.command"),
+    )
+    given = {
+        "gravity": gravity,
+        "command_delay": delay,
+        "start": log.time[0] if log.time.size else 0.0,
+    }
+    facts |= {
+        key: float(value)
+        for key, value in given.items()
+        if isinstance(value, (int, float))
+    }
     facts |= place
     channels = {name: measured[name] for name in QUANTITIES if name in measured}
-    return FlightData(name=path.stem, file=str(path), channels=channels, notes=tuple(notes), facts=facts)
+    return FlightData(
+        name=path.stem,
+        file=str(path),
+        channels=channels,
+        notes=tuple(notes),
+        facts=facts,
+    )
 
 
 def require_one_vehicle(log: Log) -> None:
@@ -123,25 +184,40 @@ def require_one_vehicle(log: Log) -> None:
     """
     if len(log.agents) > 1:
         cure = f"skyarm export LOG --vehicle {next(iter(log.agents))} -o NEW.npz"
-        raise ValueError(f"vehicles = {', '.join(log.agents)}: must be one; the log of one is written by: {cure}")
+        raise ValueError(
+            f"vehicles = {', '.join(log.agents)}: must be one; the log of one is"
+            f" written by: {cure}"
+        )
 
 
 def _fits(quantity: str, array: Array) -> bool:
     """True if an array has at least one row, and as many columns as a quantity."""
     width = QUANTITIES[quantity].width
-    return array.ndim == 2 and len(array) > 0 and (array.shape[1] == width if width else array.shape[1] > 0)
+    return (
+        array.ndim == 2
+        and len(array) > 0
+        and (array.shape[1] == width if width else array.shape[1] > 0)
+    )
 
 
 def _reading(log: Log, name: str, field: str, source: Source, array: Array) -> Channel:
-    """Time series of a logged sensor: one sample per reading, at its time of measurement."""
+    """Time series of a logged sensor: one sample per reading, at its time of
+    measurement.
+    """
     stamps = log.received.get(f"{name}.time")
-    rows = np.arange(source.late if stamps is None else 0, log.time.size, source.every if stamps is None else 1)
+    rows = np.arange(
+        source.late if stamps is None else 0,
+        log.time.size,
+        source.every if stamps is None else 1,
+    )
     late = source.late / float(log.info["rates_hz"]["control"])
     time = log.time[rows] - late if stamps is None else stamps.ravel()
     finite = np.isfinite(array[rows]).all(axis=1) & np.isfinite(time)
     rows, time = rows[finite], time[finite]
     rising = rising_rows(time)
-    return Channel(time=time[rising], values=array[rows[rising]], source=f"{name}.{field}")
+    return Channel(
+        time=time[rising], values=array[rows[rising]], source=f"{name}.{field}"
+    )
 
 
 OWN_LOG = FlightFormat(read_own_log, suffixes=("npz",), begins=(b"PK\x03\x04",))

@@ -1,4 +1,6 @@
-"""Meaning of PX4's topics in ULog files and bags: spans over which rates are averaged, motors that turn both ways."""
+"""Meaning of PX4's topics in ULog files and bags: spans over which rates are averaged,
+motors that turn both ways.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +13,13 @@ from skyarm.flight_data.raw_tables import RawTable
 from skyarm.records.arrays import Array
 
 LATEST = 0.1
-"""Largest time (s) between a PX4 message and the sample that it is of for which the sample's own stamp counts."""
+"""Largest time (s) between a PX4 message and the sample that it is of for which the
+sample's own stamp counts."""
 
-BOTH_WAYS = "rotor_commands: are left out, as PX4's motors turn both ways (CA_R_REV); a columns.toml may map them."
+BOTH_WAYS = (
+    "rotor_commands: are left out, as PX4's motors turn both ways (CA_R_REV); a"
+    " columns.toml may map them."
+)
 """Note of a log whose motors turn both ways, so that their signals have a sign."""
 
 
@@ -30,24 +36,31 @@ def _span(columns: Mapping[str, Array], sensor: str) -> Array:
 
 
 def middle_of_mean(columns: Mapping[str, Array], sensor: str) -> Array:
-    """Time (us) from the stamp of PX4's ``sensor_combined`` to the middle of the span that a sensor's mean is of.
+    """Time (us) from the stamp of PX4's ``sensor_combined`` to the middle of the span
+    that a sensor's mean is of.
 
-    PX4's VehicleIMU publishes the integral over ``integral_dt`` divided by that span, at the stamp of its last sample.
+    PX4's VehicleIMU publishes the integral over ``integral_dt`` divided by that span,
+    at the stamp of its last sample.
     """
-    after = columns.get(f"{sensor}_timestamp_relative", 0.0) - 0.5 * _span(columns, sensor)
+    after = columns.get(f"{sensor}_timestamp_relative", 0.0) - 0.5 * _span(
+        columns, sensor
+    )
     # a sensor without a reading has 2**31 - 1
     return np.where(np.abs(after) <= LATEST * 1e6, after, np.nan)
 
 
 APART, CLEARLY = 0.02, 0.9
-"""Least time (s) between compared attitudes; ratio of their errors below which the smaller one is believed."""
+"""Least time (s) between compared attitudes; ratio of their errors below which the
+smaller one is believed."""
 
 
 def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:
-    """PX4's ``sensor_combined`` at the middles of its spans, or at its stamps if its attitude turns by those.
+    """PX4's ``sensor_combined`` at the middles of its spans, or at its stamps if its
+    attitude turns by those.
 
-    Simulators and other writers state a span, and give the sample at the stamp: between two attitudes the rates add up
-    to the turn of the base either way, and one of both errs more.
+    Simulators and other writers state a span, and give the sample at the stamp: between
+    two attitudes the rates add up to the turn of the base either way, and one of both
+    errs more.
     """
     names = [f"gyro_rad[{i}]" for i in range(3)], [f"q[{i}]" for i in range(4)]
     if not (motion.has(*names[0]) and attitude.has(*names[1])):
@@ -64,12 +77,21 @@ def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:
         return motion
     means = 0.5 * (rates[good][1:] + rates[good][:-1]) * np.diff(time)[:, None]
     angle = np.vstack([np.zeros(3), np.cumsum(means, axis=0)])
-    step = max(1, round(APART / max(float(np.median(np.diff(turned))), 1e-6))) if len(turned) > 1 else 1
+    step = (
+        max(1, round(APART / max(float(np.median(np.diff(turned))), 1e-6)))
+        if len(turned) > 1
+        else 1
+    )
     begin, end = turned[:-step], turned[step:]
-    inside = (begin > time[0]) & (end < time[-1] - late.max()) & (end - begin < 5.0 * APART)
+    inside = (
+        (begin > time[0]) & (end < time[-1] - late.max()) & (end - begin < 5.0 * APART)
+    )
     if inside.sum() < 10:
         return motion
-    (w1, x1, y1, z1), (w2, x2, y2, z2) = q[there][:-step][inside].T, q[there][step:][inside].T
+    (w1, x1, y1, z1), (w2, x2, y2, z2) = (
+        q[there][:-step][inside].T,
+        q[there][step:][inside].T,
+    )
     parts = np.stack(
         [
             w1 * x2 - x1 * w2 - y1 * z2 + z1 * y2,
@@ -77,17 +99,30 @@ def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:
             w1 * z2 - x1 * y2 + y1 * x2 - z1 * w2,
         ]
     )
-    turn = 2.0 * (parts * np.where(w1 * w2 + x1 * x2 + y1 * y2 + z1 * z2 < 0.0, -1.0, 1.0)).T
+    turn = (
+        2.0
+        * (parts * np.where(w1 * w2 + x1 * x2 + y1 * y2 + z1 * z2 < 0.0, -1.0, 1.0)).T
+    )
 
     def error(moved: Array) -> float:
-        """Standard deviation (rad) of the turns between attitudes that the rates do not explain."""
+        """Standard deviation (rad) of the turns between attitudes that the rates do not
+        explain.
+        """
         stamps = time + moved
-        sums = [np.interp(end[inside], stamps, each) - np.interp(begin[inside], stamps, each) for each in angle.T]
+        sums = [
+            np.interp(end[inside], stamps, each)
+            - np.interp(begin[inside], stamps, each)
+            for each in angle.T
+        ]
         return float((turn - np.stack(sums, axis=1)).std())
 
     if error(late) > CLEARLY * error(np.zeros(len(time))):
         return motion
     columns = dict(motion.columns)
     if "accelerometer_time" in columns:
-        columns["accelerometer_time"] = columns["accelerometer_time"] + 0.5e-6 * _span(columns, "accelerometer")
-    return replace(motion, columns=columns, time=motion.time + 0.5e-6 * _span(columns, "gyro"))
+        columns["accelerometer_time"] = columns["accelerometer_time"] + 0.5e-6 * _span(
+            columns, "accelerometer"
+        )
+    return replace(
+        motion, columns=columns, time=motion.time + 0.5e-6 * _span(columns, "gyro")
+    )

@@ -1,10 +1,13 @@
-"""Reader of ROS 1 and ROS 2 bags: files ``.bag``, ``.mcap`` and ``.db3``, and folders of the latter two.
+"""Reader of ROS 1 and ROS 2 bags: files ``.bag``, ``.mcap`` and ``.db3``, and folders
+of the latter two.
 
-A topic's columns are the numbers of its messages: ``angular_velocity.x``, ``position[0]``; lists of more than 32 are
-left out. Standard messages, those of PX4 and those of MAVROS are quantities by their type: inertial units, poses,
-transforms, odometry, batteries, joint states, outputs to motors and their speeds. Topics of references and commands
-are no measurements. Of several vehicles, told by the names of their inertial units' topics, one is read. A pose is of
-one world: that of a motion capture where there is one, not the autopilot's.
+A topic's columns are the numbers of its messages: ``angular_velocity.x``,
+``position[0]``; lists of more than 32 are left out. Standard messages, those of PX4 and
+those of MAVROS are quantities by their type: inertial units, poses, transforms,
+odometry, batteries, joint states, outputs to motors and their speeds. Topics of
+references and commands are no measurements. Of several vehicles, told by the names of
+their inertial units' topics, one is read. A pose is of one world: that of a motion
+capture where there is one, not the autopilot's.
 """
 
 from __future__ import annotations
@@ -22,11 +25,33 @@ from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.algebra.frames import turn_vectors
 from skyarm.flight_data.bag_axes import IMU, PX4, MessageAxes
 from skyarm.flight_data.clocks import POSE
-from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
-from skyarm.flight_data.flight_data import BAG_FOLDER, PLACE, FlightData, FlightFormat, choose_log
+from skyarm.flight_data.columns_file import (
+    SOURCES,
+    Columns,
+    QuantitySource,
+    usual_signals,
+)
+from skyarm.flight_data.flight_data import (
+    BAG_FOLDER,
+    PLACE,
+    FlightData,
+    FlightFormat,
+    choose_log,
+)
 from skyarm.flight_data.own_log import is_own_mcap, read_own_log
-from skyarm.flight_data.px4_topics import BOTH_WAYS, by_attitude, is_reversible, middle_of_mean
-from skyarm.flight_data.raw_tables import RawTable, alike_outputs, flight_of, shares_of, valid_rows
+from skyarm.flight_data.px4_topics import (
+    BOTH_WAYS,
+    by_attitude,
+    is_reversible,
+    middle_of_mean,
+)
+from skyarm.flight_data.raw_tables import (
+    RawTable,
+    alike_outputs,
+    flight_of,
+    shares_of,
+    valid_rows,
+)
 from skyarm.records.arrays import Array
 from skyarm.records.files import needs_extra
 from skyarm.records.files.messages import comma_list
@@ -48,10 +73,16 @@ DEEPEST = 8
 ENTRY = re.compile(r"\w+\[([^\]]*[^\]\d][^\]]*)\]")
 """Pattern of a list item with a name."""
 
-NOT_MEASURED = re.compile(r"reference|setpoint|goal|desired|target|command|cmd|/global_position/", re.IGNORECASE)
-"""Pattern of topic names without measurements, or with those of MAVROS of which another topic has better ones."""
+NOT_MEASURED = re.compile(
+    r"reference|setpoint|goal|desired|target|command|cmd|/global_position/",
+    re.IGNORECASE,
+)
+"""Pattern of topic names without measurements, or with those of MAVROS of which another
+topic has better ones."""
 
-MOTION_CAPTURE = re.compile(r"mocap|motion_capture|vicon|optitrack|natnet|vrpn|qualisys", re.IGNORECASE)
+MOTION_CAPTURE = re.compile(
+    r"mocap|motion_capture|vicon|optitrack|natnet|vrpn|qualisys", re.IGNORECASE
+)
 """Pattern of topic names with poses of a motion capture."""
 
 TO_PX4 = "/fmu/in/"
@@ -71,7 +102,10 @@ PLACES = f"{PX4}msg/VehicleLocalPosition"
 
 SECOND, NANO = 1_000_000_000, 1e-9
 
-CONVERT = "convert it by 'ros2 bag convert' to mcap where the package of that type is installed"
+CONVERT = (
+    "convert it by 'ros2 bag convert' to mcap where the package of that type is"
+    " installed"
+)
 """Cure of a bag without definitions of its messages."""
 
 
@@ -81,7 +115,10 @@ TYPES = {kind: usual_signals(each) for kind, each in SOURCES["ros"].items()}
 MOTORS = f"{PX4}msg/ActuatorMotors"
 """Type of messages with PX4's shares of the motors' thrust."""
 
-OF_THRUST = "rotor_commands: of {} are shares of thrust, those of the signal only if THR_MDL_FAC is 0."
+OF_THRUST = (
+    "rotor_commands: of {} are shares of thrust, those of the signal only if"
+    " THR_MDL_FAC is 0."
+)
 """Note on commands from a topic of that type."""
 
 LISTS: Mapping[str, Mapping[str, str]] = {
@@ -99,8 +136,13 @@ LISTS: Mapping[str, Mapping[str, str]] = {
 }
 """Message type -> quantity -> list with a number for each joint or rotor."""
 
-OUTPUTS, PULSES, SHARES = "mavros_msgs/msg/RCOut", (800.0, 2200.0), "rotor signals of {}"
-"""Type of messages with outputs of an autopilot, their bounds (us), and name of the table of their shares."""
+OUTPUTS, PULSES, SHARES = (
+    "mavros_msgs/msg/RCOut",
+    (800.0, 2200.0),
+    "rotor signals of {}",
+)
+"""Type of messages with outputs of an autopilot, their bounds (us), and name of the
+table of their shares."""
 
 
 COMMANDS = {"rotor_speeds": "rotor_speed_commands", "joint_positions": "joint_commands"}
@@ -109,18 +151,23 @@ COMMANDS = {"rotor_speeds": "rotor_speed_commands", "joint_positions": "joint_co
 
 @dataclass(slots=True)
 class _Rows:
-    """Decoded messages of a topic: frames, arrival times (ns), and numeric values grouped by their field names."""
+    """Decoded messages of a topic: frames, arrival times (ns), and numeric values
+    grouped by their field names.
+    """
 
     frames: tuple[str, str] = ("", "")
     received: list[int] = field(default_factory=list)
-    numbers: dict[tuple[str, ...], list[tuple[int, Array]]] = field(default_factory=dict)
+    numbers: dict[tuple[str, ...], list[tuple[int, Array]]] = field(
+        default_factory=dict
+    )
 
 
 def read_bag(path: Path, columns: Columns | None) -> FlightData:
     """Read a ROS bag as a measured flight.
 
     Raises:
-        ValueError: one line: rosbags is missing, it is no bag, or a damaged one. OSError: it cannot be read.
+        ValueError: one line: rosbags is missing, it is no bag, or a damaged one.
+            OSError: it cannot be read.
     """
     if path.is_file() and is_own_mcap(path):
         return read_own_log(path, columns)
@@ -128,61 +175,112 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
         raise ValueError(f"folder: must be a bag of ROS 2, with {METADATA}")
     notes: list[str] = []
     own = {} if columns is None else columns.signals
-    kinds, rows, mounts = _decode(path, {signal.topic for signal in own.values()}, notes)
+    kinds, rows, mounts = _decode(
+        path, {signal.topic for signal in own.values()}, notes
+    )
     apart, vehicles = _vehicles({topic: kinds[topic] for topic in rows})
-    words = [", ".join(sorted(each)) or "topics without a name of their own" for each in vehicles]
+    words = [
+        ", ".join(sorted(each)) or "topics without a name of their own"
+        for each in vehicles
+    ]
     place, choices = choose_log(words, columns, 0, notes, "first vehicle")
     others = set(apart) - set(_of_vehicle(apart, vehicles, place))
     read = {topic: kind for topic, kind in kinds.items() if topic not in others}
     origin = min(min(each.received) for each in rows.values())
-    tables = {topic: _table(each, origin, of_px4=kinds[topic].startswith(PX4)) for topic, each in rows.items()}
-    if of_px4 := {topic: each for topic, each in tables.items() if read.get(topic, "").startswith(PX4)}:
-        delays = [np.min(each.received - each.time) for each in of_px4.values() if each.received is not None]
+    tables = {
+        topic: _table(each, origin, of_px4=kinds[topic].startswith(PX4))
+        for topic, each in rows.items()
+    }
+    if of_px4 := {
+        topic: each
+        for topic, each in tables.items()
+        if read.get(topic, "").startswith(PX4)
+    }:
+        delays = [
+            np.min(each.received - each.time)
+            for each in of_px4.values()
+            if each.received is not None
+        ]
         moved = float(min(delays))
         tables |= {
-            topic: replace(each, time=each.time + moved, origin=each.origin - moved) for topic, each in of_px4.items()
+            topic: replace(each, time=each.time + moved, origin=each.origin - moved)
+            for topic, each in of_px4.items()
         }
-    for topic in (each for each in tables if "accelerometer_time" in tables[each].columns):
-        attitudes = [each for each in tables if read.get(each, "").endswith(("/VehicleAttitude", "/VehicleOdometry"))]
+    for topic in (
+        each for each in tables if "accelerometer_time" in tables[each].columns
+    ):
+        attitudes = [
+            each
+            for each in tables
+            if read.get(each, "").endswith(("/VehicleAttitude", "/VehicleOdometry"))
+        ]
         if attitudes:
             tables[topic] = by_attitude(tables[topic], tables[attitudes[0]])
     for topic in (each for each in tables if read.get(each) == PLACES):
         tables[topic] = valid_rows(topic, tables[topic], notes)
-    axes = MessageAxes(read, tables, {topic: each.frames for topic, each in rows.items()}, frozenset(mounts), notes)
+    axes = MessageAxes(
+        read,
+        tables,
+        {topic: each.frames for topic, each in rows.items()},
+        frozenset(mounts),
+        notes,
+    )
     usual = _of_one_world(_usual(tables, read, axes), own, notes)
     for name, signals in usual.items():
-        held = [each.topic for each in signals if _holds(tables[each.topic], each, name)]
+        held = [
+            each.topic for each in signals if _holds(tables[each.topic], each, name)
+        ]
         if len(held) > 1 and name not in own:
             listed = ", ".join(held)
-            notes.append(f"{name}: there is {listed}; the fastest is taken unless a columns.toml names another.")
-    facts: dict[str, str | float] = {f"topic {topic}": kind for topic, kind in sorted(kinds.items())[:100]}
+            notes.append(
+                f"{name}: there is {listed}; the fastest is taken unless a columns.toml"
+                " names another."
+            )
+    facts: dict[str, str | float] = {
+        f"topic {topic}": kind for topic, kind in sorted(kinds.items())[:100]
+    }
     facts |= choices
-    flight = flight_of(path, tables, usual, columns, origin=origin * NANO, facts=facts, notes=notes)
+    flight = flight_of(
+        path, tables, usual, columns, origin=origin * NANO, facts=facts, notes=notes
+    )
     turned = {"gyro", "accelerometer", "quaternion"} - {*own}
-    return _in_base_axes(flight, {} if len(turned & {"gyro", "accelerometer"}) < 2 else mounts, turned)
+    return _in_base_axes(
+        flight, {} if len(turned & {"gyro", "accelerometer"}) < 2 else mounts, turned
+    )
 
 
 def _decode(
     path: Path, topics: Collection[str], notes: list[str]
 ) -> tuple[dict[str, str], dict[str, _Rows], dict[str, tuple[Vec3, Quaternion]]]:
-    """Types of all topics of a bag, rows of those that are read, and mounts of the inertial units.
+    """Types of all topics of a bag, rows of those that are read, and mounts of the
+    inertial units.
 
     Raises:
-        ValueError: one line: rosbags is missing, the bag is damaged, or no topic that is read has messages.
+        ValueError: one line: rosbags is missing, the bag is damaged, or no topic that
+            is read has messages.
     """
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise ValueError(f"rosbags: is missing; a bag of ROS {needs_extra('flights')}") from None
+        raise ValueError(
+            f"rosbags: is missing; a bag of ROS {needs_extra('flights')}"
+        ) from None
     rows: dict[str, _Rows] = {}
     mounts: dict[str, tuple[Vec3, Quaternion]] = {}
     try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        with AnyReader(
+            [path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)
+        ) as reader:
             kinds = {each.topic: str(each.msgtype) for each in reader.connections}
             chosen = [each for each in reader.connections if _is_read(each, topics)]
-            # a .db3 of ROS 2 Humble defines none of its types, and rosbags knows those of ROS alone
-            unknown = {each.topic for each in chosen if each.msgtype not in reader.typestore.fielddefs}
+            # a .db3 of ROS 2 Humble defines none of its types, and rosbags knows those
+            # of ROS alone
+            unknown = {
+                each.topic
+                for each in chosen
+                if each.msgtype not in reader.typestore.fielddefs
+            }
             if known := [each for each in chosen if each.topic not in unknown]:
                 _read(reader, known, rows, notes)
                 mounts = _mounts(reader)
@@ -190,22 +288,32 @@ def _decode(
         raise
     except Exception as error:
         # YAML, SQLite, compression and messages have readers of their own
-        raise ValueError(f"bag: must be a whole bag of ROS ({type(error).__name__}: {error})") from None
+        raise ValueError(
+            f"bag: must be a whole bag of ROS ({type(error).__name__}: {error})"
+        ) from None
     if unknown:
         undefined = comma_list(sorted({kinds[topic] for topic in unknown}))
         notes.append(f"bag: holds no definition of {undefined}; {CONVERT}.")
         if not rows or not unknown.isdisjoint(topics):
             raise ValueError(notes[-1].removesuffix("."))
     if not rows:
-        there = ", ".join(sorted(f"{topic} ({kind})" for topic, kind in kinds.items())[:20])
-        raise ValueError(f"topics: none that is read holds a message; there is {there or 'none'}")
+        there = ", ".join(
+            sorted(f"{topic} ({kind})" for topic, kind in kinds.items())[:20]
+        )
+        raise ValueError(
+            f"topics: none that is read holds a message; there is {there or 'none'}"
+        )
     return kinds, rows, mounts
 
 
 def _in_base_axes(
-    flight: FlightData, mounts: Mapping[str, tuple[Vec3, Quaternion]], quantities: Collection[str]
+    flight: FlightData,
+    mounts: Mapping[str, tuple[Vec3, Quaternion]],
+    quantities: Collection[str],
 ) -> FlightData:
-    """Turn the readings of inertial units into base axes, and state the place of the accelerometer."""
+    """Turn the readings of inertial units into base axes, and state the place of the
+    accelerometer.
+    """
     for quantity in sorted(quantities):
         topic = flight[quantity].source.partition(":")[0] if quantity in flight else ""
         if topic in mounts:
@@ -216,14 +324,22 @@ def _in_base_axes(
             else:
                 turned = turn_vectors(np.array([[*turn]]), values)
             changed = {quantity: replace(flight[quantity], values=turned)}
-            stated = dict(zip(PLACE, place, strict=True)) if quantity == "accelerometer" else {}
-            flight = flight.with_channels(changed, f"{quantity}: is turned to {BASE} by {STATIC}.")
+            stated = (
+                dict(zip(PLACE, place, strict=True))
+                if quantity == "accelerometer"
+                else {}
+            )
+            flight = flight.with_channels(
+                changed, f"{quantity}: is turned to {BASE} by {STATIC}."
+            )
             flight = replace(flight, facts={**flight.facts, **stated})
     return flight
 
 
 def _mounts(reader: AnyReader) -> dict[str, tuple[Vec3, Quaternion]]:
-    """Place (m) and axes of the inertial unit of each topic, by the fixed transforms that lead to it from the base."""
+    """Place (m) and axes of the inertial unit of each topic, by the fixed transforms
+    that lead to it from the base.
+    """
     links = dict[str, tuple[str, Vec3, Quaternion]]()
     mounts = dict[str, tuple[Vec3, Quaternion]]()
     fixed = [each for each in reader.connections if each.topic.endswith(STATIC)]
@@ -231,9 +347,17 @@ def _mounts(reader: AnyReader) -> dict[str, tuple[Vec3, Quaternion]]:
         for each in reader.deserialize(data, connection.msgtype).transforms:  # type: ignore[attr-defined]
             at, q = each.transform.translation, each.transform.rotation
             turn = Quaternion(q.w, q.x, q.y, q.z).normalized()
-            links[each.child_frame_id] = (each.header.frame_id, Vec3(at.x, at.y, at.z), turn)
-    for connection in [each for each in reader.connections if each.msgtype == IMU] if links else ():
-        data = next((data for _, _, data in reader.messages(connections=[connection])), b"")
+            links[each.child_frame_id] = (
+                each.header.frame_id,
+                Vec3(at.x, at.y, at.z),
+                turn,
+            )
+    for connection in (
+        [each for each in reader.connections if each.msgtype == IMU] if links else ()
+    ):
+        data = next(
+            (data for _, _, data in reader.messages(connections=[connection])), b""
+        )
         name = reader.deserialize(data, IMU).header.frame_id if data else ""  # type: ignore[attr-defined]
         mount, left = (ZERO3, Quaternion(1.0, 0.0, 0.0, 0.0)), dict(links)
         while name in left:  # each once, that no circle is followed
@@ -245,20 +369,29 @@ def _mounts(reader: AnyReader) -> dict[str, tuple[Vec3, Quaternion]]:
 
 
 def _is_read(connection: Connection, topics: Collection[str]) -> bool:
-    """True if a topic must be decoded: named by the mapping, of a known type, or any if the mapping names none."""
+    """True if a topic must be decoded: named by the mapping, of a known type, or any if
+    the mapping names none.
+    """
     topic, kind = connection.topic, connection.msgtype
     is_usual = (kind in TYPES or kind in LISTS) and TO_PX4 not in topic
     return topic in topics or is_usual or ("" in topics and LARGE.search(kind) is None)
 
 
-def _read(reader: AnyReader, chosen: Collection[Connection], rows: dict[str, _Rows], notes: list[str]) -> None:
+def _read(
+    reader: AnyReader,
+    chosen: Collection[Connection],
+    rows: dict[str, _Rows],
+    notes: list[str],
+) -> None:
     """Decode the messages of the chosen topics; failures are noted."""
     wrong = 0
     try:
         for connection, received, data in reader.messages(connections=chosen):
             try:
                 message = reader.deserialize(data, connection.msgtype)
-                numbers = {name: float(value) for name, value in _numbers_of(message, "")}
+                numbers = {
+                    name: float(value) for name, value in _numbers_of(message, "")
+                }
                 of_topic = rows.setdefault(connection.topic, _Rows(_frames_of(message)))
                 alike = of_topic.numbers.setdefault(tuple(numbers), [])
                 alike.append((len(of_topic.received), np.array([*numbers.values()])))
@@ -268,39 +401,64 @@ def _read(reader: AnyReader, chosen: Collection[Connection], rows: dict[str, _Ro
     except Exception as error:  # of a damaged chunk: those before it are read
         if not rows:
             raise
-        notes.append(f"bag: is damaged and read up to there ({type(error).__name__}: {error}).")
+        notes.append(
+            f"bag: is damaged and read up to there ({type(error).__name__}: {error})."
+        )
     if wrong:
         notes.append(f"bag: {wrong} messages cannot be decoded and are left out.")
 
 
 def _frames_of(message: Any) -> tuple[str, str]:
     """Names of a message's frame and of its child frame; "" for one that it has not."""
-    return getattr(getattr(message, "header", None), "frame_id", ""), getattr(message, "child_frame_id", "")
+    return getattr(getattr(message, "header", None), "frame_id", ""), getattr(
+        message, "child_frame_id", ""
+    )
 
 
 def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, SupportsFloat]]:
-    """Yield field path and value of each number in a message; list entries by name if the message gives names."""
+    """Yield field path and value of each number in a message; list entries by name if
+    the message gives names.
+    """
     names = getattr(message, "name", ())
-    named = isinstance(names, (list, tuple)) and all(isinstance(each, str) and each for each in names)
-    for name in (each for each in getattr(message, "__dataclass_fields__", ()) if not each.startswith("__")):
+    named = isinstance(names, (list, tuple)) and all(
+        isinstance(each, str) and each for each in names
+    )
+    for name in (
+        each
+        for each in getattr(message, "__dataclass_fields__", ())
+        if not each.startswith("__")
+    ):
         value, at = getattr(message, name), f"{place}{name}"
         if isinstance(value, (bool, int, float, np.number)):
             yield at, value
         elif isinstance(value, np.ndarray):
             if value.size <= LONGEST_LIST and value.dtype.kind in "biuf":
-                entries = names if named and len(set(names)) == value.size else range(value.size)
-                yield from ((f"{at}[{entry}]", each) for entry, each in zip(entries, value.ravel(), strict=True))
+                entries = (
+                    names
+                    if named and len(set(names)) == value.size
+                    else range(value.size)
+                )
+                yield from (
+                    (f"{at}[{entry}]", each)
+                    for entry, each in zip(entries, value.ravel(), strict=True)
+                )
         elif place.count(".") < DEEPEST:
             each_of = (
-                {f"{at}[{k}].": each for k, each in enumerate(value)} if isinstance(value, list) else {f"{at}.": value}
+                {f"{at}[{k}].": each for k, each in enumerate(value)}
+                if isinstance(value, list)
+                else {f"{at}.": value}
             )
             for inner, each in each_of.items() if len(each_of) <= LONGEST_LIST else ():
                 yield from _numbers_of(each, inner)
 
 
 def _table(rows: _Rows, origin: int, *, of_px4: bool = False) -> RawTable:
-    """Numeric table of a ROS topic, NaN where a message lacks a number; named list entries also by index."""
-    every = {name: place for place, name in enumerate(dict.fromkeys(chain(*rows.numbers)))}
+    """Numeric table of a ROS topic, NaN where a message lacks a number; named list
+    entries also by index.
+    """
+    every = {
+        name: place for place, name in enumerate(dict.fromkeys(chain(*rows.numbers)))
+    }
     table = np.full((len(rows.received), len(every)), np.nan)
     for names, alike in rows.numbers.items():
         at, values = zip(*alike, strict=True)
@@ -314,18 +472,27 @@ def _table(rows: _Rows, origin: int, *, of_px4: bool = False) -> RawTable:
     lists: dict[str, list[str]] = {}
     for name in filter(ENTRY.fullmatch, every):
         lists.setdefault(name[: name.index("[")], []).append(name)
-    columns |= {f"{name}[{k}]": columns[each] for name, entries in lists.items() for k, each in enumerate(entries)}
+    columns |= {
+        f"{name}[{k}]": columns[each]
+        for name, entries in lists.items()
+        for k, each in enumerate(entries)
+    }
     received = np.array(rows.received)
     stamps = received
     if {"header.stamp.sec", "header.stamp.nanosec"} <= set(columns):
         # a message without a stamp has NaN here
-        seconds, rest = (np.nan_to_num(columns[f"header.stamp.{part}"]).astype(int) for part in ("sec", "nanosec"))
+        seconds, rest = (
+            np.nan_to_num(columns[f"header.stamp.{part}"]).astype(int)
+            for part in ("sec", "nanosec")
+        )
         stated = seconds * SECOND + rest
         stamps = np.where(stated == 0, received, stated)
     elif of_px4 and STAMP in columns:
         stamps = columns[STAMP] * 1e3
         if "accelerometer_m_s2[0]" in columns:
-            columns["accelerometer_time"] = (columns[STAMP] + middle_of_mean(columns, "accelerometer")) * 1e-6
+            columns["accelerometer_time"] = (
+                columns[STAMP] + middle_of_mean(columns, "accelerometer")
+            ) * 1e-6
             stamps = stamps + np.nan_to_num(middle_of_mean(columns, "gyro")) * 1e3
     # as they were sent, not as they arrived
     order = np.argsort(stamps, kind="stable") if of_px4 else slice(None)
@@ -334,58 +501,112 @@ def _table(rows: _Rows, origin: int, *, of_px4: bool = False) -> RawTable:
     return RawTable(columns=columns, time=time, received=arrival, origin=origin * NANO)
 
 
-def _vehicles(kinds: Mapping[str, str]) -> tuple[Mapping[str, str], list[frozenset[str]]]:
-    """Topics and types by which vehicles differ, and the words that those of each vehicle have alone.
+def _vehicles(
+    kinds: Mapping[str, str],
+) -> tuple[Mapping[str, str], list[frozenset[str]]]:
+    """Topics and types by which vehicles differ, and the words that those of each
+    vehicle have alone.
 
-    Vehicles are told by topics of one type and last word: by their inertial units. Beside a single unit the bodies of a
-    motion capture are told, all other poses are estimates of one vehicle; without a unit whatever moves is one.
+    Vehicles are told by topics of one type and last word: by their inertial units.
+    Beside a single unit the bodies of a motion capture are told, all other poses are
+    estimates of one vehicle; without a unit whatever moves is one.
     """
-    given = {each: {*TYPES.get(kinds[each], {})} for each in sorted(kinds) if NOT_MEASURED.search(each) is None}
-    units = [each for each, names in given.items() if "gyro" in names and "position" not in names]
-    captured = {each: kinds[each] for each in kinds if MOTION_CAPTURE.search(each)} if units else kinds
-    for name, topics, apart in ("gyro", units, kinds), ("gyro", given, captured), ("position", given, captured):
+    given = {
+        each: {*TYPES.get(kinds[each], {})}
+        for each in sorted(kinds)
+        if NOT_MEASURED.search(each) is None
+    }
+    units = [
+        each
+        for each, names in given.items()
+        if "gyro" in names and "position" not in names
+    ]
+    captured = (
+        {each: kinds[each] for each in kinds if MOTION_CAPTURE.search(each)}
+        if units
+        else kinds
+    )
+    for name, topics, apart in (
+        ("gyro", units, kinds),
+        ("gyro", given, captured),
+        ("position", given, captured),
+    ):
         alike = dict[tuple[str, str], list[frozenset[str]]]()
         for topic in (each for each in topics if each in apart and name in given[each]):
-            alike.setdefault((kinds[topic], topic.rpartition("/")[2]), []).append(frozenset(topic.split("/")))
+            alike.setdefault((kinds[topic], topic.rpartition("/")[2]), []).append(
+                frozenset(topic.split("/"))
+            )
         for every in alike.values():
             if len(every) > 1:
-                return apart, [each - frozenset.intersection(*every) for each in sorted(every, key=len)]
+                return apart, [
+                    each - frozenset.intersection(*every)
+                    for each in sorted(every, key=len)
+                ]
     return {}, []
 
 
-def _of_vehicle(kinds: Mapping[str, str], vehicles: Sequence[frozenset[str]], place: int) -> dict[str, str]:
-    """Topics and their types without those of other vehicles: with their words, or as one of this vehicle without."""
+def _of_vehicle(
+    kinds: Mapping[str, str], vehicles: Sequence[frozenset[str]], place: int
+) -> dict[str, str]:
+    """Topics and their types without those of other vehicles: with their words, or as
+    one of this vehicle without.
+    """
     own = vehicles[place] if vehicles else frozenset[str]()
     others = frozenset[str]().union(*vehicles) - own
     words = {topic: frozenset(topic.split("/")) for topic in kinds}
     of_this = {each - own for each in words.values() if own & each}
-    return {topic: kinds[topic] for topic, each in words.items() if not others & each and each not in of_this}
+    return {
+        topic: kinds[topic]
+        for topic, each in words.items()
+        if not others & each and each not in of_this
+    }
 
 
-def _usual(tables: dict[str, RawTable], kinds: Mapping[str, str], axes: MessageAxes) -> dict[str, list[QuantitySource]]:
-    """Default sources of each quantity, by the types of the topics; shares of outputs are added to ``tables``."""
+def _usual(
+    tables: dict[str, RawTable], kinds: Mapping[str, str], axes: MessageAxes
+) -> dict[str, list[QuantitySource]]:
+    """Default sources of each quantity, by the types of the topics; shares of outputs
+    are added to ``tables``.
+    """
     sources: dict[str, list[QuantitySource]] = {}
     ranks = [*TYPES, *LISTS]
     for topic in sorted(
-        (each for each in tables if kinds.get(each) in ranks), key=lambda each: ranks.index(kinds[each])
+        (each for each in tables if kinds.get(each) in ranks),
+        key=lambda each: ranks.index(kinds[each]),
     ):
-        table, kind, measured = tables[topic], kinds[topic], NOT_MEASURED.search(topic) is None
+        table, kind, measured = (
+            tables[topic],
+            kinds[topic],
+            NOT_MEASURED.search(topic) is None,
+        )
         for name, signals in TYPES.get(kind, {}).items() if measured else ():
-            # of PX4 a source without any number is noted, as that of an estimate that failed
-            there = [e for e in signals if _holds(table, e, name) or (kind.startswith(PX4) and table.has(*e.columns))]
+            # of PX4 a source without any number is noted, as that of an estimate that
+            # failed
+            there = [
+                e
+                for e in signals
+                if _holds(table, e, name)
+                or (kind.startswith(PX4) and table.has(*e.columns))
+            ]
             held = (axes.of(name, replace(each, topic=topic)) for each in there)
             sources.setdefault(name, []).extend(filter(None, held))
         if kind == MOTORS:
-            axes.notes.append(BOTH_WAYS if is_reversible(table) else OF_THRUST.format(topic))
+            axes.notes.append(
+                BOTH_WAYS if is_reversible(table) else OF_THRUST.format(topic)
+            )
             if is_reversible(table):
                 continue
             tables[topic] = table = _motor_shares(table)
         for listed, place in LISTS.get(kind, {}).items():
             name = listed if measured else COMMANDS.get(listed, "")
             if name and (entries := _usual_entries(table, *place.split("[]"))):
-                names = tuple(match[1] for match in map(ENTRY.fullmatch, entries) if match)
+                names = tuple(
+                    match[1] for match in map(ENTRY.fullmatch, entries) if match
+                )
                 unit = "rpm" if place.endswith(".rpm") else ""
-                source = QuantitySource(columns=entries, topic=topic, names=names, unit=unit)
+                source = QuantitySource(
+                    columns=entries, topic=topic, names=names, unit=unit
+                )
                 if kind == OUTPUTS:
                     source = _signals(tables, source, axes.notes)
                 sources.setdefault(name, []).extend([source] if source.columns else [])
@@ -393,54 +614,101 @@ def _usual(tables: dict[str, RawTable], kinds: Mapping[str, str], axes: MessageA
 
 
 def _of_one_world(
-    usual: dict[str, list[QuantitySource]], own: Mapping[str, QuantitySource], notes: list[str]
+    usual: dict[str, list[QuantitySource]],
+    own: Mapping[str, QuantitySource],
+    notes: list[str],
 ) -> dict[str, list[QuantitySource]]:
-    """Keep the sources of the pose that are of one world: a motion capture's, unless a mapping names another's.
+    """Keep the sources of the pose that are of one world: a motion capture's, unless a
+    mapping names another's.
 
-    The x axis of a motion capture is not east, and its clock is another. A velocity has to be of the pose's clock even
-    where it is in base axes.
+    The x axis of a motion capture is not east, and its clock is another. A velocity has
+    to be of the pose's clock even where it is in base axes.
     """
     named = [own[name].topic for name in POSE if name in own and own[name].topic]
     is_captured = not named or any(MOTION_CAPTURE.search(each) for each in named)
     pose = {name: usual[name] for name in POSE if name in usual and name not in own}
     kept = {
-        name: [each for each in every if (MOTION_CAPTURE.search(each.topic) is not None) == is_captured]
+        name: [
+            each
+            for each in every
+            if (MOTION_CAPTURE.search(each.topic) is not None) == is_captured
+        ]
         for name, every in pose.items()
     }
-    read, there = ({each.topic: 0 for every in some.values() for each in every} for some in (kept, pose))
+    read, there = (
+        {each.topic: 0 for every in some.values() for each in every}
+        for some in (kept, pose)
+    )
     if not read or len(read) == len(there):
         return usual
     others = ", ".join(each for each in there if each not in read)
-    notes.append(f"pose: of {', '.join(read)}, not {others}: it is of one world; a columns.toml may name another.")
+    notes.append(
+        f"pose: of {', '.join(read)}, not {others}: it is of one world; a columns.toml"
+        " may name another."
+    )
     alone = [name for name, every in kept.items() if not every and name != "velocity"]
-    notes += [f"{name}: is of another world than the rest of the pose." for name in alone]
-    return {**usual, **{name: every for name, every in kept.items() if name not in alone}}
+    notes += [
+        f"{name}: is of another world than the rest of the pose." for name in alone
+    ]
+    return {
+        **usual,
+        **{name: every for name, every in kept.items() if name not in alone},
+    }
 
 
-def _signals(tables: dict[str, RawTable], source: QuantitySource, notes: list[str]) -> QuantitySource:
-    """Source of the shares of outputs to rotors, whose table is added; without columns if it has none."""
+def _signals(
+    tables: dict[str, RawTable], source: QuantitySource, notes: list[str]
+) -> QuantitySource:
+    """Source of the shares of outputs to rotors, whose table is added; without columns
+    if it has none.
+    """
     table = tables[source.topic]
     sent = {name: table.numbers(name) for name in source.columns}
-    sent = {name: np.where((each >= PULSES[0]) & (each <= PULSES[1]), each, np.nan) for name, each in sent.items()}
-    pulses = replace(table, columns={name: each for name, each in sent.items() if np.isfinite(each).any()})
+    sent = {
+        name: np.where((each >= PULSES[0]) & (each <= PULSES[1]), each, np.nan)
+        for name, each in sent.items()
+    }
+    pulses = replace(
+        table,
+        columns={name: each for name, each in sent.items() if np.isfinite(each).any()},
+    )
     rotors = alike_outputs(pulses, [*pulses.columns], notes)
     if rotors:
-        notes.append("rotor_commands: limits of 1000 and 2000 us are assumed; a columns.toml may state others.")
+        notes.append(
+            "rotor_commands: limits of 1000 and 2000 us are assumed; a columns.toml may"
+            " state others."
+        )
     topic = SHARES.format(source.topic)
     tables[topic] = shares_of(pulses, rotors, 1000.0, 2000.0)
     return replace(source, columns=tuple(tables[topic].columns), topic=topic)
 
 
 def _motor_shares(motors: RawTable) -> RawTable:
-    """Shares of the motors' thrust, 0 of a motor that is stopped: NaN in some messages only."""
-    shares = {name: each for name, each in motors.columns.items() if name.startswith("control[")}
-    stopped = {name: np.nan_to_num(each) for name, each in shares.items() if np.isfinite(each).any()}
+    """Shares of the motors' thrust, 0 of a motor that is stopped: NaN in some messages
+    only.
+    """
+    shares = {
+        name: each
+        for name, each in motors.columns.items()
+        if name.startswith("control[")
+    }
+    stopped = {
+        name: np.nan_to_num(each)
+        for name, each in shares.items()
+        if np.isfinite(each).any()
+    }
     return replace(motors, columns={**motors.columns, **stopped})
 
 
 def _usual_entries(table: RawTable, begin: str, end: str = "") -> tuple[str, ...]:
-    """Columns of a topic's list with the most numbers; only named list entries if there are any."""
-    every = [each for each in table.columns if each.startswith(f"{begin}[") and each.endswith(f"]{end}")]
+    """Columns of a topic's list with the most numbers; only named list entries if there
+    are any.
+    """
+    every = [
+        each
+        for each in table.columns
+        if each.startswith(f"{begin}[") and each.endswith(f"]{end}")
+    ]
     if end:  # of a motor that is not there
         every = [each for each in every if np.nan_to_num(table.columns[each]).any()]
     counts = {each: int(np.isfinite(table.columns[each]).sum()) for each in every}
@@ -452,9 +720,15 @@ def _usual_entries(table: RawTable, begin: str, end: str = "") -> tuple[str, ...
 def _holds(table: RawTable, source: QuantitySource, name: str) -> bool:
     """True if a topic has numbers of a quantity; zeros alone are no attitude."""
     values = [table.numbers(each) for each in source.columns if table.has(each)]
-    return bool((np.nan_to_num(values) if name == "quaternion" else np.isfinite(values)).any())
+    return bool(
+        (np.nan_to_num(values) if name == "quaternion" else np.isfinite(values)).any()
+    )
 
 
 BAG = FlightFormat(read_bag, suffixes=("bag",), begins=(b"#ROSBAG V",), several=True)
-MCAP = FlightFormat(read_bag, suffixes=("mcap",), begins=(b"\x89MCAP0\r\n",), several=True)
-DATABASE = FlightFormat(read_bag, suffixes=(BAG_FOLDER,), begins=(b"SQLite format 3\0",), several=True)
+MCAP = FlightFormat(
+    read_bag, suffixes=("mcap",), begins=(b"\x89MCAP0\r\n",), several=True
+)
+DATABASE = FlightFormat(
+    read_bag, suffixes=(BAG_FOLDER,), begins=(b"SQLite format 3\0",), several=True
+)

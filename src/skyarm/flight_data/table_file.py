@@ -22,7 +22,8 @@ from skyarm.records.files import errors_as, require_file, shown
 from skyarm.records.files.messages import comma_list
 
 SEPARATORS = ",;\t "
-"""Possible column separators; the first that cuts the head and most rows into as many cells is used."""
+"""Possible column separators; the first that cuts the head and most rows into as many
+cells is used."""
 
 UTF_16 = b"\xff\xfe", b"\xfe\xff"
 """First bytes of text of 16 bits, as Windows writes it."""
@@ -32,25 +33,37 @@ JUDGED = 100
 
 
 def read_table(path: Path, columns: Columns | None) -> FlightData:
-    """Read a CSV file with a header line of column names and one row per instant, and other files that a mapping names.
+    """Read a CSV file with a header line of column names and one row per instant, and
+    other files that a mapping names.
 
     Raises:
-        ValueError: one line: it is no table, it has no mapping, or the mapping does not fit. OSError: it cannot be
-            read.
+        ValueError: one line: it is no table, it has no mapping, or the mapping does not
+            fit. OSError: it cannot be read.
     """
     notes: list[str] = []
     if columns is None or not any(each.file for each in columns.signals.values()):
-        return flight_of(path, {"": _table_of(path, columns, notes)}, {}, columns, notes=notes)
+        return flight_of(
+            path, {"": _table_of(path, columns, notes)}, {}, columns, notes=notes
+        )
     of_files = {
-        name: replace(each, topic=each.topic or each.file or path.name) for name, each in columns.signals.items()
+        name: replace(each, topic=each.topic or each.file or path.name)
+        for name, each in columns.signals.items()
     }
     tables = {}
-    for name in dict.fromkeys([path.name, *(each.file for each in columns.signals.values() if each.file)]):
+    for name in dict.fromkeys(
+        [path.name, *(each.file for each in columns.signals.values() if each.file)]
+    ):
         require_file(path.parent / name, f"file = {shown(name)}")
-        here = {word: each for word, each in columns.signals.items() if (each.file or path.name) == name}
+        here = {
+            word: each
+            for word, each in columns.signals.items()
+            if (each.file or path.name) == name
+        }
         of_file: list[str] = []
         with errors_as(ValueError, f"{name}: "):
-            tables[name] = _table_of(path.parent / name, replace(columns, signals=here), of_file)
+            tables[name] = _table_of(
+                path.parent / name, replace(columns, signals=here), of_file
+            )
         notes += [f"{name}{each.removeprefix('file')}" for each in of_file]
     return flight_of(path, tables, {}, replace(columns, signals=of_files), notes=notes)
 
@@ -63,35 +76,68 @@ def _table_of(path: Path, columns: Columns | None, notes: list[str]) -> RawTable
     # western Windows writes degree signs so
     if lost in text.lstrip().partition("\n")[0] and lost.encode() not in data:
         western = data.decode("cp1252", "replace")
-        text = western if western.lstrip().splitlines()[0].replace("\t", "").isprintable() else text
+        text = (
+            western
+            if western.lstrip().splitlines()[0].replace("\t", "").isprintable()
+            else text
+        )
     text = re.sub(r"^\s*sep=.\n", "", text.replace("\r\n", "\n").replace("\r", "\n"))
     head, _, body = text.lstrip("\n").partition("\n")
     first_rows = "\n".join(body.split("\n", JUDGED)[:JUDGED])
-    separator = max(SEPARATORS, key=lambda each: (_alike(head, first_rows, each), head.count(each)))
+    separator = max(
+        SEPARATORS, key=lambda each: (_alike(head, first_rows, each), head.count(each))
+    )
     names = [name.strip() for name in next(_cells(head, separator), [])]
     if not any(names) or "\0" in head or "\ufffd" in head:
         raise ValueError(f"head = {shown(head[:60])}: must be the names of the columns")
     if columns is None:
-        raise ValueError(f"columns: are missing; a columns.toml must map these: {comma_list(names)}")
+        raise ValueError(
+            f"columns: are missing; a columns.toml must map these: {comma_list(names)}"
+        )
     signals = columns.signals.values()
-    mapped = {columns.time, *(each for signal in signals for each in (*signal.columns, signal.time))}
-    used = [name for name in dict.fromkeys(names) if name and mapped & {name, f"-{name}"}]
+    mapped = {
+        columns.time,
+        *(each for signal in signals for each in (*signal.columns, signal.time)),
+    }
+    used = [
+        name for name in dict.fromkeys(names) if name and mapped & {name, f"-{name}"}
+    ]
     if twice := sorted(name for name in used if names.count(name) > 1):
-        raise ValueError(f"head = {shown(twice[0])}: names {names.count(twice[0])} columns: must name one")
+        raise ValueError(
+            f"head = {shown(twice[0])}: names {names.count(twice[0])} columns: must"
+            " name one"
+        )
     unit = TIMES[columns.time_unit or "s"]
-    times = {name: unit for name in (columns.time, *(each.time for each in signals)) if name}
-    rows = numbers_of_rows(body, {name: names.index(name) for name in used}, separator, len(names), notes, times)
+    times = {
+        name: unit for name in (columns.time, *(each.time for each in signals)) if name
+    }
+    rows = numbers_of_rows(
+        body,
+        {name: names.index(name) for name in used},
+        separator,
+        len(names),
+        notes,
+        times,
+    )
     if not len(rows):
         raise ValueError("rows = 0: must be one or more")
     # not read: a mapping names none of them
     others = dict.fromkeys(filter(None, names), np.zeros(0))
-    return RawTable(columns={**others, **dict(zip(used, rows.T, strict=True))}, time=np.zeros(0))
+    return RawTable(
+        columns={**others, **dict(zip(used, rows.T, strict=True))}, time=np.zeros(0)
+    )
 
 
 def _alike(head: str, rows: str, separator: str) -> float:
-    """Fraction of rows that a separator cuts into as many cells as the head; 0 if it cuts nothing."""
+    """Fraction of rows that a separator cuts into as many cells as the head; 0 if it
+    cuts nothing.
+    """
     width = len(next(_cells(head, separator), []))
-    alike = [len(cells) >= width > 1 and not any(cells[width:]) for cells in _cells(rows, separator) if any(cells)]
+    alike = [
+        len(cells) >= width > 1 and not any(cells[width:])
+        for cells in _cells(rows, separator)
+        if any(cells)
+    ]
     return sum(alike) / max(1, len(alike))
 
 
@@ -103,15 +149,18 @@ def numbers_of_rows(
     notes: list[str],
     times: Mapping[str, float] | None = None,
 ) -> Array:
-    """Numeric values (N, columns) of the rows; NaN for empty or non-numeric cells, and for incomplete rows.
+    """Numeric values (N, columns) of the rows; NaN for empty or non-numeric cells, and
+    for incomplete rows.
 
     Args:
         body: rows of the file.
         places: index of each column to read, by its name.
-        separator: sign between cells; other than a comma, cells may have decimal commas.
+        separator: sign between cells; other than a comma, cells may have decimal
+            commas.
         width: number of cells in the head.
         notes: sentences on losses, extended here.
-        times: columns that may hold dates as ISO 8601 writes them, and the unit (s) of their numbers.
+        times: columns that may hold dates as ISO 8601 writes them, and the unit (s) of
+            their numbers.
 
     Raises:
         ValueError: one line: a column without any number.
@@ -132,7 +181,11 @@ def numbers_of_rows(
                 row[k] = float(filled[place].replace(point, ".") or "nan")
                 decimal += "," in filled[place]
             except ValueError:
-                if times and name in times and not math.isnan(seconds := _unix_time(filled[place])):
+                if (
+                    times
+                    and name in times
+                    and not math.isnan(seconds := _unix_time(filled[place]))
+                ):
                     row[k] = seconds / times[name]
                     continue
                 first_wrong.setdefault(name, filled[place][:40])
@@ -140,12 +193,18 @@ def numbers_of_rows(
         numbers.extend(row)
         count += 1
     if short:
-        notes.append(f"file: {short} of {count} rows have not the {width} cells of the head and count as empty.")
+        notes.append(
+            f"file: {short} of {count} rows have not the {width} cells of the head and"
+            " count as empty."
+        )
     table = np.array(numbers).reshape(count, len(places))
     for name, column in zip(places, table.T, strict=True):
         if name in first_wrong and np.isnan(column).all():
             cell = shown(first_wrong[name])
-            raise ValueError(f"{name} = {cell}: must be a number in each cell; split lists, write times as ISO 8601")
+            raise ValueError(
+                f"{name} = {cell}: must be a number in each cell; split lists, write"
+                " times as ISO 8601"
+            )
     if wrong:
         notes.append(f"file: {wrong} cells are no numbers and count as empty.")
     if decimal:
@@ -154,7 +213,9 @@ def numbers_of_rows(
 
 
 def _unix_time(cell: str) -> float:
-    """Unix time (s) of a date as ISO 8601 writes it, UTC where it states no zone; NaN if it is none."""
+    """Unix time (s) of a date as ISO 8601 writes it, UTC where it states no zone; NaN
+    if it is none.
+    """
     try:
         date = datetime.fromisoformat(cell if "-" in cell[1:] else f"1970-01-01T{cell}")
     except ValueError:
@@ -169,7 +230,11 @@ def _cells(text: str, separator: str) -> Iterator[list[str]]:
         ValueError: one line: a quote without end, or a cell of very many letters.
     """
     try:
-        yield from csv.reader(io.StringIO(text.replace("\0", "")), delimiter=separator, skipinitialspace=True)
+        yield from csv.reader(
+            io.StringIO(text.replace("\0", "")),
+            delimiter=separator,
+            skipinitialspace=True,
+        )
     except csv.Error as error:
         raise ValueError(f"cells: must be of a table of text ({error})") from None
 

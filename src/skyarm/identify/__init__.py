@@ -1,1 +1,3 @@
-"""System identification: vehicle models from flight logs, fitted by simulating short windows of the flights."""
+"""System identification: vehicle models from flight logs, fitted by simulating short
+windows of the flights.
+"""

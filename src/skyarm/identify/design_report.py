@@ -1,4 +1,6 @@
-"""Report of a designed excitation flight: expected confidence intervals, and the space and tilt that it needs."""
+"""Report of a designed excitation flight: expected confidence intervals, and the space
+and tilt that it needs.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ HEADS = ("", "95 % interval, designed", "undesigned", "sharper by")
 
 
 def design_facts(found: DesignedFlight) -> list[dict[str, float | str]]:
-    """Expected half widths of the 95 % interval of each parameter, in its unit, as plain data."""
+    """Expected half widths of the 95 % interval of each parameter, in its unit, as
+    plain data.
+    """
     return [
         {
             "name": each.designed.name,
@@ -33,17 +37,27 @@ def design_lines(found: DesignedFlight, vehicle: str, seconds: float) -> list[st
         seconds: s, of flight.
     """
     rows = [
-        (each.designed.title, *map(_width, (each.designed.verdict, each.undesigned.verdict)), f"{each.ratio:.1f}")
+        (
+            each.designed.title,
+            *map(_width, (each.designed.verdict, each.undesigned.verdict)),
+            f"{each.ratio:.1f}",
+        )
         for each in found.numbers
     ]
     extent = " x ".join(f"{each:.2f}" for each in found.box)
-    needs = [f"base within {extent} m", f"tilt at most {math.degrees(found.tilt):.0f} deg"]
+    needs = [
+        f"base within {extent} m",
+        f"tilt at most {math.degrees(found.tilt):.0f} deg",
+    ]
     if math.isfinite(found.clearance):
         needs.append(f"arm at least {found.clearance:.2f} m from rotors and base")
     return [
         f"excitation of {vehicle}: {seconds:g} s",
         *aligned_lines([HEADS, *rows]),
-        f"In a simulated flight: {', '.join(needs)}; {found.saturated:.2%} of the rotor commands at a limit.",
+        (
+            f"In a simulated flight: {', '.join(needs)}; {found.saturated:.2%} of the"
+            " rotor commands at a limit."
+        ),
         "Undesigned: the path on which tuned gains are validated, for as long.",
     ]
 

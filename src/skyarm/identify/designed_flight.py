@@ -1,7 +1,10 @@
-"""Design of an excitation flight as a scenario, checked in the closed loop and compared with an undesigned flight.
+"""Design of an excitation flight as a scenario, checked in the closed loop and compared
+with an undesigned flight.
 
-The scenario's sensors have the noise of the comparison suite and the default inertial unit; expected intervals are
-those of :func:`skyarm.identify.information.expected_numbers`, from simulated flights of the nominal vehicle.
+The scenario's sensors have the noise of the comparison suite and the default inertial
+unit; expected intervals are those of
+:func:`skyarm.identify.information.expected_numbers`, from simulated flights of the
+nominal vehicle.
 """
 
 from __future__ import annotations
@@ -19,7 +22,13 @@ from skyarm.flight_data.own_log import measured_flight
 from skyarm.identify.design import SHRUNK, DesignLimits, design_segments, measured_noise
 from skyarm.identify.information import ExpectedNumber, expected_numbers
 from skyarm.identify.logged_commands import highest_speeds
-from skyarm.identify.multisines import BASE_AXES, Axes, Segment, axes_of, reference_table
+from skyarm.identify.multisines import (
+    BASE_AXES,
+    Axes,
+    Segment,
+    axes_of,
+    reference_table,
+)
 from skyarm.identify.required_flight import arm_clearance
 from skyarm.identify.window_fit import one_thread
 from skyarm.log.flight_log import Log
@@ -38,7 +47,8 @@ USUAL = DesignLimits()
 Progress = Callable[[int, int, str], None]
 
 LAW = "centroidal_joint"
-"""Law of the designed flight: it tracks base and joints, which are excited, and not the tip."""
+"""Law of the designed flight: it tracks base and joints, which are excited, and not the
+tip."""
 
 FLIGHTS = 8
 """Largest number of closed-loop flights until one stays within the limits."""
@@ -49,7 +59,8 @@ SATURATED = 0.002
 
 @immutable
 class Sharpened:
-    """Parameter of a vehicle with its expected 95 % intervals after a designed and an undesigned flight.
+    """Parameter of a vehicle with its expected 95 % intervals after a designed and an
+    undesigned flight.
 
     Attributes:
         designed: accuracy by the designed flight.
@@ -61,7 +72,9 @@ class Sharpened:
 
     @property
     def ratio(self) -> float:
-        """Ratio of the expected half width after the undesigned flight to that after the designed one."""
+        """Ratio of the expected half width after the undesigned flight to that after
+        the designed one.
+        """
         return self.undesigned.half_width / self.designed.half_width
 
 
@@ -73,7 +86,8 @@ class DesignedFlight:
         document: scenario, as tables of a scenario file.
         numbers: accuracy of each number of the vehicle.
         tilt: rad, largest of the flight in the closed loop.
-        box: (3,) m, extent of the base's path. clearance: m, least of the arm; infinite without one.
+        box: (3,) m, extent of the base's path. clearance: m, least of the arm; infinite
+            without one.
         saturated: share of commands at a rotor's limit.
     """
 
@@ -100,7 +114,8 @@ def design_flight(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> DesignedFlight:
-    """Design the flight within limits that identifies a vehicle's parameters best, and simulate it.
+    """Design the flight within limits that identifies a vehicle's parameters best, and
+    simulate it.
 
     Args:
         vehicle: nominal vehicle.
@@ -129,23 +144,38 @@ def design_flight(
     hover = scenario_from(document, folder)
     plain = run(hover.with_reference(unseen_motion(vehicle)))
     if plain.info["status"] != "completed":
-        raise ValueError(f"vehicle '{vehicle.name}': the law {LAW} does not fly it ({plain.info['status']})")
+        raise ValueError(
+            f"vehicle '{vehicle.name}': the law {LAW} does not fly it"
+            f" ({plain.info['status']})"
+        )
     measured = measured_noise(_flight_data(plain), vehicle)
 
     def drawn(done: int, _: int, words: str) -> None:
         tell(done + 1, words)
 
-    segments = design_segments(vehicle, measured, axes, limits, candidates=candidates, seed=seed, progress=drawn)
+    segments = design_segments(
+        vehicle,
+        measured,
+        axes,
+        limits,
+        candidates=candidates,
+        seed=seed,
+        progress=drawn,
+    )
     for flight in range(FLIGHTS):
         tell(candidates + 1, f"flight {flight + 1} in the closed loop")
-        document = scenario_document(vehicle, name, segments, axes, limits.seconds, seed)
+        document = scenario_document(
+            vehicle, name, segments, axes, limits.seconds, seed
+        )
         log = run(scenario_from(document, folder))
         broken = broken_axes(log, vehicle, axes, limits)
         if not broken.any():
             break
         segments = [each.scale(np.where(broken, SHRUNK, 1.0)) for each in segments]
     else:
-        raise ValueError(f"vehicle '{vehicle.name}': no flight stays in the limits; widen them")
+        raise ValueError(
+            f"vehicle '{vehicle.name}': no flight stays in the limits; widen them"
+        )
     tell(candidates + 2, "flown")
     extent = np.ptp(log.position, axis=0)
     pairs = zip(accuracy(log), accuracy(plain), strict=True)
@@ -164,10 +194,19 @@ def _flight_data(log: Log) -> FlightData:
 
 
 def scenario_document(
-    vehicle: Vehicle, name: str, segments: Sequence[Segment], axes: Axes, seconds: float, seed: int
+    vehicle: Vehicle,
+    name: str,
+    segments: Sequence[Segment],
+    axes: Axes,
+    seconds: float,
+    seed: int,
 ) -> dict[str, Entry]:
-    """Scenario in which a vehicle flies segments of multisines, as tables of a scenario file."""
-    sensors: dict[str, Entry] = {k: v for k, v in dataclasses.asdict(NOISE).items() if v}
+    """Scenario in which a vehicle flies segments of multisines, as tables of a scenario
+    file.
+    """
+    sensors: dict[str, Entry] = {
+        k: v for k, v in dataclasses.asdict(NOISE).items() if v
+    }
     sensors["imu"] = {"kind": "imu"}
     if vehicle.n:
         sensors["encoders"] = {"kind": "encoders"}
@@ -192,7 +231,10 @@ def broken_axes(log: Log, vehicle: Vehicle, axes: Axes, limits: DesignLimits) ->
         broken[:] = True
     broken[:3] |= np.abs(log.position - axes.rest[:3]).max(axis=0) > 0.5 * limits.box
     broken[:2] |= _tilt(log).max() > limits.tilt
-    low, high = (float_array(getattr(joint, end) for joint in vehicle.joints) for end in ("lower", "upper"))
+    low, high = (
+        float_array(getattr(joint, end) for joint in vehicle.joints)
+        for end in ("lower", "upper")
+    )
     broken[BASE_AXES:] |= ((log.joints < low) | (log.joints > high)).any(axis=0)
     broken[BASE_AXES:] |= arm_clearance(vehicle, log.joints)[0].min() < limits.clear
     return broken

@@ -1,4 +1,6 @@
-"""Page of a measured flight: its channels, notes, clock, and the vehicle parameters that it can identify."""
+"""Page of a measured flight: its channels, notes, clock, and the vehicle parameters
+that it can identify.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,14 @@ from shlex import quote
 
 from skyarm.cli.output import bar, give, tell
 from skyarm.flight_data.clocks import clock_offset
-from skyarm.flight_data.flight_data import PAUSE, FlightData, format_name, load_flight, parts_of, split_path
+from skyarm.flight_data.flight_data import (
+    PAUSE,
+    FlightData,
+    format_name,
+    load_flight,
+    parts_of,
+    split_path,
+)
 from skyarm.flight_data.quantities import QUANTITIES
 from skyarm.identify.information import ExpectedNumber, expected_numbers
 from skyarm.identify.isolate_fault import find_faults
@@ -23,8 +32,11 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.pages import Facts, Line, heading, table_of
 
 
-def excited_numbers(flight: FlightData, start: Vehicle, faults: Sequence[LogFault]) -> Sequence[ExpectedNumber]:
-    """Accuracy that a flight allows for each parameter of a vehicle; empty if a fault makes the flight unusable.
+def excited_numbers(
+    flight: FlightData, start: Vehicle, faults: Sequence[LogFault]
+) -> Sequence[ExpectedNumber]:
+    """Accuracy that a flight allows for each parameter of a vehicle; empty if a fault
+    makes the flight unusable.
 
     Raises:
         ValueError: one line: a flight that is too short or does not fit the vehicle.
@@ -34,13 +46,20 @@ def excited_numbers(flight: FlightData, start: Vehicle, faults: Sequence[LogFaul
     return expected_numbers([flight], start)
 
 
-def excitation_facts(start: Vehicle, faults: Sequence[LogFault], numbers: Sequence[ExpectedNumber]) -> Facts:
+def excitation_facts(
+    start: Vehicle, faults: Sequence[LogFault], numbers: Sequence[ExpectedNumber]
+) -> Facts:
     """Faults and excited parameters of a measured flight as plain data."""
     return {
         "start": start.name,
         "faults": [{**asdict(each), "words": each.words} for each in faults],
         "excitation": [
-            {**asdict(each), "title": each.title, "excited": each.is_excited, "verdict": each.verdict}
+            {
+                **asdict(each),
+                "title": each.title,
+                "excited": each.is_excited,
+                "verdict": each.verdict,
+            }
             for each in numbers
         ],
     }
@@ -48,7 +67,9 @@ def excitation_facts(start: Vehicle, faults: Sequence[LogFault], numbers: Sequen
 
 def fault_line(fault: LogFault) -> str:
     """Fault of a measured flight as one line of text, without its file."""
-    return printable(f"{fault.severity}: {fault.channel}: {fault.finding}; {fault.remedy}")
+    return printable(
+        f"{fault.severity}: {fault.channel}: {fault.finding}; {fault.remedy}"
+    )
 
 
 def excitation_lines(numbers: Sequence[ExpectedNumber]) -> list[str]:
@@ -56,7 +77,10 @@ def excitation_lines(numbers: Sequence[ExpectedNumber]) -> list[str]:
     titles = [f"{each.title}:" for each in numbers]
     widths = max(map(len, titles)), max(len(each.verdict) for each in numbers)
     rows = zip(titles, numbers, strict=True)
-    return [f"{title:{widths[0]}} {each.verdict:{widths[1]}} {each.name}" for title, each in rows]
+    return [
+        f"{title:{widths[0]}} {each.verdict:{widths[1]}} {each.name}"
+        for title, each in rows
+    ]
 
 
 SHOWN = 12
@@ -73,12 +97,23 @@ MISSING = {
 
 
 def flight_facts(flight: FlightData) -> Facts:
-    """Facts of a measured flight as plain data: format, duration, channels, notes and clock."""
+    """Facts of a measured flight as plain data: format, duration, channels, notes and
+    clock.
+    """
     channels, parts = [], parts_of(flight)
-    listed = {name: words for name, words in flight.facts.items() if name.startswith("flight #")}
+    listed = {
+        name: words
+        for name, words in flight.facts.items()
+        if name.startswith("flight #")
+    }
     if not listed and len(parts) > 1:
-        listed = {f"flight #{k + 1}": f"{begin:.4g} to {end:.4g} s" for k, (begin, end) in enumerate(parts)}
-    logged = {"rotor_commands" if name == "rotor_speed_commands" else name for name in flight}
+        listed = {
+            f"flight #{k + 1}": f"{begin:.4g} to {end:.4g} s"
+            for k, (begin, end) in enumerate(parts)
+        }
+    logged = {
+        "rotor_commands" if name == "rotor_speed_commands" else name for name in flight
+    }
     for name in flight:
         channel, quantity = flight[name], QUANTITIES[name]
         gaps = channel_gaps(name, channel)
@@ -106,14 +141,18 @@ def flight_facts(flight: FlightData) -> Facts:
         "channels": channels,
         "notes": list(flight.notes),
         "clock": _clock_words(flight),
-        "missing": {name: words for name, words in MISSING.items() if name not in logged},
+        "missing": {
+            name: words for name, words in MISSING.items() if name not in logged
+        },
         "facts": dict(flight.facts),
         "unused": list(flight.unused),
     }
 
 
 def _clock_words(flight: FlightData) -> str:
-    """Text on the offset between the clocks of two channels, or on why that offset is unknown."""
+    """Text on the offset between the clocks of two channels, or on why that offset is
+    unknown.
+    """
     try:
         return clock_offset(flight).words
     except ValueError as error:
@@ -124,21 +163,54 @@ def flight_sheet(facts: Facts) -> Iterator[Line]:
     """Yield the tables of a flight: channels, clock, notes."""
     rows = []
     for each in facts["channels"]:
-        gaps = f"{each['gaps']}, to {each['longest_gap_s']:.3g} s" if each["gaps"] else "none"
-        span = "" if each["begin_s"] is None else f"{each['begin_s']:.4g} to {each['end_s']:.4g}"
-        name = each["quantity"] + (f" ({each['columns']})" if QUANTITIES[each["quantity"]].width == 0 else "")
-        rows.append((name, each["unit"], each["source"], shown_number(each["rate_hz"], 4), span, gaps))
+        gaps = (
+            f"{each['gaps']}, to {each['longest_gap_s']:.3g} s"
+            if each["gaps"]
+            else "none"
+        )
+        span = (
+            ""
+            if each["begin_s"] is None
+            else f"{each['begin_s']:.4g} to {each['end_s']:.4g}"
+        )
+        name = each["quantity"] + (
+            f" ({each['columns']})" if QUANTITIES[each["quantity"]].width == 0 else ""
+        )
+        rows.append(
+            (
+                name,
+                each["unit"],
+                each["source"],
+                shown_number(each["rate_hz"], 4),
+                span,
+                gaps,
+            )
+        )
     title = f"{facts['flight']}: {facts['format']}, {facts['duration_s']:.4g} s"
-    yield table_of(("channel", "unit", "source", "rate, Hz", "time, s", "gaps"), rows, left=3, title=title)
+    yield table_of(
+        ("channel", "unit", "source", "rate, Hz", "time, s", "gaps"),
+        rows,
+        left=3,
+        title=title,
+    )
     lines = [f"clock: {facts['clock']}", *(f"note: {each}" for each in facts["notes"])]
     lines += [f"missing: {name}: {words}" for name, words in facts["missing"].items()]
     if facts["flights"] > 1:
-        lines.append(f"flights: {facts['flights']}, with pauses of more than {PAUSE:g} s between them; all are read")
+        lines.append(
+            f"flights: {facts['flights']}, with pauses of more than {PAUSE:g} s between"
+            " them; all are read"
+        )
     file = split_path(facts["file"])[0]
     for name, words in facts["choices"].items():
-        lines.append(f"{name}: {words}: skyarm show {quote(file + name.removeprefix('flight '))}")
+        lines.append(
+            f"{name}: {words}: skyarm show {quote(file + name.removeprefix('flight '))}"
+        )
     if facts["unused"]:
-        more = f" and {len(facts['unused']) - SHOWN} more" if len(facts["unused"]) > SHOWN else ""
+        more = (
+            f" and {len(facts['unused']) - SHOWN} more"
+            if len(facts["unused"]) > SHOWN
+            else ""
+        )
         lines.append(f"not read: {', '.join(facts['unused'][:SHOWN])}{more}")
     yield "\n".join(map(printable, lines))
 
@@ -150,7 +222,9 @@ AXES = {3: "xyz", 4: "wxyz"}
 def _columns(name: str, flight: FlightData) -> tuple[str, ...]:
     """Names of the columns of a channel: joints, axes, or numbers from 1 on."""
     count = flight[name].values.shape[1]
-    return flight[name].names or tuple(AXES.get(QUANTITIES[name].width, map(str, range(1, count + 1))))
+    return flight[name].names or tuple(
+        AXES.get(QUANTITIES[name].width, map(str, range(1, count + 1)))
+    )
 
 
 def _draw(flight: FlightData, file: str) -> None:
@@ -160,14 +234,23 @@ def _draw(flight: FlightData, file: str) -> None:
 
     target = picture_file(file, "--out")
     every = {
-        name: (QUANTITIES[name].unit, _columns(name, flight), flight[name].time, flight[name].values) for name in flight
+        name: (
+            QUANTITIES[name].unit,
+            _columns(name, flight),
+            flight[name].time,
+            flight[name].values,
+        )
+        for name in flight
     }
     give(drawing=save_picture(channels_figure(every), target))
     tell(f"drawing: {target}")
 
 
-def show_flight(name: str, columns: str | None, vehicle: str | None, drawing: str | None = None) -> None:
-    """Print the page of a measured flight, with its faults and excitation for a start vehicle; or draw its channels.
+def show_flight(
+    name: str, columns: str | None, vehicle: str | None, drawing: str | None = None
+) -> None:
+    """Print the page of a measured flight, with its faults and excitation for a start
+    vehicle; or draw its channels.
 
     Args:
         name: path of the flight.
@@ -176,7 +259,8 @@ def show_flight(name: str, columns: str | None, vehicle: str | None, drawing: st
         drawing: path of a picture of the channels, in place of the page.
 
     Raises:
-        ValueError: one line, after the channels: of what is too short, or does not fit the vehicle, none is excited.
+        ValueError: one line, after the channels: of what is too short, or does not fit
+            the vehicle, none is excited.
     """
     if drawing is not None:
         return _draw(load_flight(name, columns), drawing)
@@ -205,6 +289,9 @@ def show_flight(name: str, columns: str | None, vehicle: str | None, drawing: st
     if numbers:
         tell(heading(f"excitation of {start.name}: expected 95 % intervals"), "")
         tell("\n".join(excitation_lines(numbers)), "")
-        tell(f"next: skyarm identify flights {quote(name)} --vehicle {quote(vehicle or '')} --known mass=KG")
+        tell(
+            f"next: skyarm identify flights {quote(name)} --vehicle"
+            f" {quote(vehicle or '')} --known mass=KG"
+        )
     else:
         tell("excitation: is shown of a flight without refused faults", "")

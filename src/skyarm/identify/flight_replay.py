@@ -1,4 +1,6 @@
-"""Replay of a measured flight for ``skyarm studio --vehicle``, with delays and offsets identified with the vehicle."""
+"""Replay of a measured flight for ``skyarm studio --vehicle``, with delays and offsets
+identified with the vehicle.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +22,19 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.studio.replay import HORIZONS, PredictionReplay
 
 
-def replay_of(flight: str, vehicle: str, horizon: float, delay: float | None, columns: str | None) -> PredictionReplay:
-    """Read a flight, a vehicle, and the delays and offsets identified with it, and predict the flight."""
+def replay_of(
+    flight: str, vehicle: str, horizon: float, delay: float | None, columns: str | None
+) -> PredictionReplay:
+    """Read a flight, a vehicle, and the delays and offsets identified with it, and
+    predict the flight.
+    """
     require_within("--horizon", horizon, *HORIZONS)
     model = load_vehicle(vehicle)
     flown = joints_in_order(load_flight(flight, columns), model)
-    about, full = IdentifiedSurroundings(delay=float(flown.facts.get("command_delay", 0.0))), 0.0
+    about, full = (
+        IdentifiedSurroundings(delay=float(flown.facts.get("command_delay", 0.0))),
+        0.0,
+    )
     beside = Path(vehicle).parent / NUMBERS
     if Path(vehicle).is_file() and beside.is_file():
         of, about_it, volts = read_surroundings(beside, flown.name)
@@ -33,14 +42,24 @@ def replay_of(flight: str, vehicle: str, horizon: float, delay: float | None, co
             about, full = about_it, volts
             tell(f"delays and offsets: {beside}")
         else:
-            say(f"{beside}: is not used: it is of {shown(of)}, and the vehicle is {shown(model.name)}")
+            say(
+                f"{beside}: is not used: it is of {shown(of)}, and the vehicle is"
+                f" {shown(model.name)}"
+            )
     if delay is not None:
         require_within("--delay", delay, 0.0, 1.0)
         about = dataclasses.replace(about, delay=delay)
-    predicted = OpenLoopFlight(flown, model, about, gravity=flown.gravity, full_voltage=full)
-    faults = [f"{each.channel}: {each.finding}" for each in find_faults(flown, model, isolate=False)]
+    predicted = OpenLoopFlight(
+        flown, model, about, gravity=flown.gravity, full_voltage=full
+    )
+    faults = [
+        f"{each.channel}: {each.finding}"
+        for each in find_faults(flown, model, isolate=False)
+    ]
     count = f"{len(faults)} fault{'s' if len(faults) > 1 else ''}"
     warning = one_line(f"{flown.name}: {count}: {'; '.join(faults)}") if faults else ""
     if warning:
         say(f"warning: {warning}")
-    return PredictionReplay(flown.name, model, predicted.measured, predicted.over, horizon, warning)
+    return PredictionReplay(
+        flown.name, model, predicted.measured, predicted.over, horizon, warning
+    )

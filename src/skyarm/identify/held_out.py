@@ -1,4 +1,6 @@
-"""Prediction of held-out flights: errors of the identified vehicle, of the start vehicle and of constant velocity."""
+"""Prediction of held-out flights: errors of the identified vehicle, of the start
+vehicle and of constant velocity.
+"""
 
 from __future__ import annotations
 
@@ -58,24 +60,28 @@ APART = 0.1
 """Time (s) between the starts of two predictions."""
 
 LEARNT, ONCE = 300, 2000
-"""Largest number of predictions in the fitted flights that determine how a past counts, and of one-step predictions."""
+"""Largest number of predictions in the fitted flights that determine how a past counts,
+and of one-step predictions."""
 
 PASTS, MEMORIES = (0.1, 0.35), (0.0, 0.1, 1.0)
-"""Candidate durations (s) of the past that shows the unexplained part, and candidate decay times (s) of its variable
-fraction."""
+"""Candidate durations (s) of the past that shows the unexplained part, and candidate
+decay times (s) of its variable fraction."""
 
 SMOOTHED = ((), ("position", "velocity"), ("quaternion", "rate"), FIELDS)
-"""Candidate sets of state fields that are taken from the window of the past, where smoothing measures them better."""
+"""Candidate sets of state fields that are taken from the window of the past, where
+smoothing measures them better."""
 
 WORSE = 1.01
 """Ratio of the error with the past to that without up to which both count as equal."""
 
 FAR = 0.2
-"""Shortest horizon (s) for the choice, if there is one; below it the error is mostly measurement noise."""
+"""Shortest horizon (s) for the choice, if there is one; below it the error is mostly
+measurement noise."""
 
 LASTING = 3.0
-"""Time (s) over which the mean unexplained wrench is taken to last. A fit leaves no mean in its own flights, so they
-cannot show it; in others battery, wind and trim may differ."""
+"""Time (s) over which the mean unexplained wrench is taken to last. A fit leaves no
+mean in its own flights, so they cannot show it; in others battery, wind and trim may
+differ."""
 
 ROUNDS = 4
 """Number of iterations of the estimate of sensor noise and wrench spread."""
@@ -90,17 +96,21 @@ def predict_held_out(
     seen: Sequence[FlightData] = (),
     horizons: Sequence[float] = CURVE,
 ) -> HeldOut:
-    """Predict flights from their commands by the identified vehicle, the start vehicle and constant velocity.
+    """Predict flights from their commands by the identified vehicle, the start vehicle
+    and constant velocity.
 
-    Where flights of the fit with poses are given, the identified vehicle predicts once more, from what a window of a
-    flight's past tells of the state and of the wrench that the commands do not explain, and weighted beside holding as
-    those flights show is best. The start vehicle flies with the delays and offsets that were thought of before the fit.
+    Where flights of the fit with poses are given, the identified vehicle predicts once
+    more, from what a window of a flight's past tells of the state and of the wrench
+    that the commands do not explain, and weighted beside holding as those flights show
+    is best. The start vehicle flies with the delays and offsets that were thought of
+    before the fit.
 
     Args:
         found: identified vehicle and surroundings.
         start: vehicle before.
         flights: flights to predict.
-        options: options of the search; its sections are those of the flights of the fit.
+        options: options of the search; its sections are those of the flights of the
+            fit.
         seen: flights of the fit.
         horizons: s.
 
@@ -124,35 +134,65 @@ def predict_held_out(
         for i, each in enumerate(every)
     ]
     thrusts = [found.surroundings.thrust] * count
-    thrusts += [found.searched.get(f"{THRUST}{each.name}", found.surroundings.thrust) for each in learnt]
-    before = surroundings_with({**{each.name: each.start for each in found.numbers}, **options.known})
-    identified = OpenLoopPredictor(found.vehicle, found.surroundings, every, clocks, options.gravity, thrusts)
-    at_start = OpenLoopPredictor(start, before, flights, clocks[:count], options.gravity)
-    slower = max((found.vehicle, start), key=lambda each: float(time_constants(each.rotors).max(initial=0.0)))
+    thrusts += [
+        found.searched.get(f"{THRUST}{each.name}", found.surroundings.thrust)
+        for each in learnt
+    ]
+    before = surroundings_with(
+        {**{each.name: each.start for each in found.numbers}, **options.known}
+    )
+    identified = OpenLoopPredictor(
+        found.vehicle, found.surroundings, every, clocks, options.gravity, thrusts
+    )
+    at_start = OpenLoopPredictor(
+        start, before, flights, clocks[:count], options.gravity
+    )
+    slower = max(
+        (found.vehicle, start),
+        key=lambda each: float(time_constants(each.rotors).max(initial=0.0)),
+    )
 
     def begins(which: Collection[int], behind: float, apart: float) -> list[IntArray]:
-        """Start steps of predictions in some flights, ``apart`` s apart, from ``behind`` s into each usable part on."""
-        rows = [places_of(each, slower, max(1, round(apart / step)), behind) for each in clocks]
+        """Start steps of predictions in some flights, ``apart`` s apart, from
+        ``behind`` s into each usable part on.
+        """
+        rows = [
+            places_of(each, slower, max(1, round(apart / step)), behind)
+            for each in clocks
+        ]
         return [each if i in which else each[:0] for i, each in enumerate(rows)]
 
-    # all predictors from the same instants on, of those that have a past if there are any
+    # all predictors from the same instants on, of those that have a past if there are
+    # any
     ahead, past = posed or range(count), None
     begun = begins(ahead, max(PASTS) if learnt else 0.0, APART)
     of_fit = thin_places(begins(range(count, len(every)), max(PASTS), APART), LEARNT)
     windows = identified.windows(begun)
-    if learnt and any(map(len, of_fit)) and (identified.left(windows.windows) * step > max(horizons)).any():
+    if (
+        learnt
+        and any(map(len, of_fit))
+        and (identified.left(windows.windows) * step > max(horizons)).any()
+    ):
         past = learn_from_past(identified, identified.windows(of_fit), horizons)
     else:
         begun = begins(ahead, 0.0, APART)
         windows = identified.windows(begun)
     names = tuple(each.name for each in flights)
     if identified.left(windows.windows).max(initial=0) * step < min(horizons) - 1e-9:
-        raise ValueError(f"{', '.join(names)}: no stretch is long enough for a prediction")
+        raise ValueError(
+            f"{', '.join(names)}: no stretch is long enough for a prediction"
+        )
     ends = ends_of(identified, windows, horizons, identified.begins(windows.windows))
-    errors = {IDENTIFIED: [errors_of(each, WHOLE) for each in ends], HOLD: [errors_of(each, NOTHING) for each in ends]}
+    errors = {
+        IDENTIFIED: [errors_of(each, WHOLE) for each in ends],
+        HOLD: [errors_of(each, NOTHING) for each in ends],
+    }
     if past is not None:
         ends = ends_of(identified, windows, horizons, *past.begins(identified, windows))
-        errors[PAST] = [errors_of(each, shares) for each, shares in zip(ends, past.shares, strict=True)]
+        errors[PAST] = [
+            errors_of(each, shares)
+            for each, shares in zip(ends, past.shares, strict=True)
+        ]
     windows = at_start.windows(begun[:count])
     ends = ends_of(at_start, windows, horizons, at_start.begins(windows.windows))
     errors[START] = [errors_of(each, WHOLE) for each in ends]
@@ -175,7 +215,9 @@ def predict_held_out(
 
 
 def thin_places(places: Sequence[IntArray], most: int) -> list[IntArray]:
-    """Thin out the start steps of predictions in several flights evenly, to about a given number."""
+    """Thin out the start steps of predictions in several flights evenly, to about a
+    given number.
+    """
     every = -(-sum(map(len, places)) // most)
     return [each[:: max(1, every)] for each in places]
 
@@ -187,12 +229,18 @@ def _notes(flights: Sequence[FlightData], start: Vehicle) -> tuple[str, ...]:
         if note := no_poses(flight):
             notes.append(f"{flight.name}: {note}")
         elif "velocity" not in flight:
-            words = f"the velocity is the slope of the position over {SLOPE:g} s, of begins over the {SLOPE:g} s before"
+            words = (
+                f"the velocity is the slope of the position over {SLOPE:g} s, of begins"
+                f" over the {SLOPE:g} s before"
+            )
             notes.append(f"{flight.name}: {words}")
         elif "position" not in flight:
             notes.append(f"{flight.name}: the position is the sum of the velocity")
     if start.n:
-        notes.append("The motion of the joints is given as measured; over a few periods its noise is most of an error.")
+        notes.append(
+            "The motion of the joints is given as measured; over a few periods its"
+            " noise is most of an error."
+        )
     return tuple(notes)
 
 
@@ -205,12 +253,13 @@ WHOLE, NOTHING = (np.array([[part], [0.0]]) * np.ones(3) for part in (1.0, 0.0))
 
 @positional(eq=False)
 class Ends:
-    """Predicted and measured states one horizon after K start instants, relative to a constant-velocity prediction.
+    """Predicted and measured states one horizon after K start instants, relative to a
+    constant-velocity prediction.
 
     Attributes:
         horizon: s.
-        off: (4, 2, K, 3) of position, velocity, attitude (rotation vector, base axes) and rate: by the model, and by
-            rest at the begin's pose.
+        off: (4, 2, K, 3) of position, velocity, attitude (rotation vector, base axes)
+            and rate: by the model, and by rest at the begin's pose.
         measured: (4, K, 3).
     """
 
@@ -234,7 +283,11 @@ def ends_of(
     windows, step, left = errors.windows, errors.windows.step, loop.left(errors.windows)
     ends = [round(each / step) for each in horizons]
     last = max((k for k in ends if (left >= k).any()), default=0)
-    flown = {k: states for k, states in enumerate(islice(loop.ahead(errors, begins, pushes), last + 1)) if k in ends}
+    flown = {
+        k: states
+        for k, states in enumerate(islice(loop.ahead(errors, begins, pushes), last + 1))
+        if k in ends
+    }
     still = replace(begins, velocity=0.0 * begins.velocity, rate=0.0 * begins.rate)
     predictions = []
     for horizon, k in zip(horizons, ends, strict=True):
@@ -248,20 +301,32 @@ def ends_of(
 
 
 def _difference(first: BaseStates, second: BaseStates) -> Array:
-    """Differences (4, K, 3) between two sets of base states: position, velocity, attitude and rate."""
+    """Differences (4, K, 3) between two sets of base states: position, velocity,
+    attitude and rate.
+    """
     turned = rotations_between(first.quaternion, second.quaternion)
-    others = [getattr(second, name) - getattr(first, name) for name in PARTS if name != "attitude"]
+    others = [
+        getattr(second, name) - getattr(first, name)
+        for name in PARTS
+        if name != "attitude"
+    ]
     return np.stack([*others[:2], turned, others[2]])
 
 
 def errors_of(ends: Ends, shares: Array) -> HorizonErrors:
-    """Root mean square errors of the model's prediction combined with a base at rest, weights (2, 3) or (4, 2, 3)."""
+    """Root mean square errors of the model's prediction combined with a base at rest,
+    weights (2, 3) or (4, 2, 3).
+    """
     predicted = (ends.off * shares[..., None, :]).sum(axis=1)
     left, turn = ends.measured - predicted, PARTS.index("attitude")
-    left[turn] = rotations_between(*(_attitudes(each[turn]) for each in (predicted, ends.measured)))
+    left[turn] = rotations_between(
+        *(_attitudes(each[turn]) for each in (predicted, ends.measured))
+    )
     count = left.shape[1]
     sizes = [math.sqrt((rows**2).sum() / count) if count else math.nan for rows in left]
-    return HorizonErrors(horizon=ends.horizon, begins=count, **dict(zip(PARTS, sizes, strict=True)))
+    return HorizonErrors(
+        horizon=ends.horizon, begins=count, **dict(zip(PARTS, sizes, strict=True))
+    )
 
 
 def _attitudes(turns: Array) -> Array:
@@ -270,38 +335,52 @@ def _attitudes(turns: Array) -> Array:
 
 
 def shares_of(ends: Ends) -> Array:
-    """Least-squares weights (4, 2, 3) of the model and of a base at rest in a prediction (Bates and Granger 1969).
+    """Least-squares weights (4, 2, 3) of the model and of a base at rest in a
+    prediction (Bates and Granger 1969).
 
-    A controller keeps a vehicle where a model alone, from a state that is known a little wrong, departs from it; the
-    longer the horizon, the less of the model's prediction counts. Flights must be those of the fit, not the predicted.
-    All of the model counts over a horizon that no part is long enough for.
+    A controller keeps a vehicle where a model alone, from a state that is known a
+    little wrong, departs from it; the longer the horizon, the less of the model's
+    prediction counts. Flights must be those of the fit, not the predicted. All of the
+    model counts over a horizon that no part is long enough for.
     """
     if not ends.measured.shape[1]:
         return np.stack([WHOLE] * len(PARTS))
     student_quantile()
     from scipy.optimize import lsq_linear
 
-    # over a few samples all parts are within the noise: beyond 0 to 1 they would only fit that
+    # over a few samples all parts are within the noise: beyond 0 to 1 they would only
+    # fit that
     sizes = np.linalg.norm(ends.off, axis=2) + 1e-300
     shares = np.empty_like(sizes)
     for i, j in np.ndindex(len(sizes), 3):
         size = sizes[i, :, j]
         shares[i, :, j] = (
-            lsq_linear(ends.off[i, :, :, j].T / size, ends.measured[i, :, j], (0.0, size), "bvls").x / size
+            lsq_linear(
+                ends.off[i, :, :, j].T / size,
+                ends.measured[i, :, j],
+                (0.0, size),
+                "bvls",
+            ).x
+            / size
         )
     return np.asarray(shares)
 
 
 @positional(eq=False)
 class PastWeight:
-    """Settings of a prediction that uses the flight before it, such as how long estimated disturbances last.
+    """Settings of a prediction that uses the flight before it, such as how long
+    estimated disturbances last.
 
     Attributes:
         seconds: s, of the window before each begin that tells the unexplained wrench.
-        noise: (flights, sensor axes) of the sensors. spread: (6,) of the wrench, N and N m.
-        smoothed: fields of the state with which predictions begin that are the window's; others are as measured.
-        memory: s, in which what is beside the wrench's mean over :data:`LASTING` fades; 0 leaves it out.
-        shares: over each horizon, of the model and of rest beside holding, as of :func:`shares_of`.
+        noise: (flights, sensor axes) of the sensors. spread: (6,) of the wrench, N and
+            N m.
+        smoothed: fields of the state with which predictions begin that are the
+            window's; others are as measured.
+        memory: s, in which what is beside the wrench's mean over :data:`LASTING` fades;
+            0 leaves it out.
+        shares: over each horizon, of the model and of rest beside holding, as of
+            :func:`shares_of`.
     """
 
     seconds: float
@@ -311,20 +390,29 @@ class PastWeight:
     memory: float
     shares: Sequence[Array]
 
-    def begins(self, loop: OpenLoopPredictor, errors: WindowErrors) -> tuple[BaseStates, Callable[[float], Array]]:
-        """Base states at the starts of windows, and the expected unexplained wrench over time (s) since then."""
+    def begins(
+        self, loop: OpenLoopPredictor, errors: WindowErrors
+    ) -> tuple[BaseStates, Callable[[float], Array]]:
+        """Base states at the starts of windows, and the expected unexplained wrench
+        over time (s) since then.
+        """
         state, wrench = end_of_past(loop, errors, self.seconds, self.noise, self.spread)
         begins = _replace_fields(loop.begins(errors.windows), state, self.smoothed)
         return begins, fading(wrench, errors.windows, self.memory)
 
 
-def _replace_fields(states: BaseStates, others: BaseStates, names: Sequence[str]) -> BaseStates:
+def _replace_fields(
+    states: BaseStates, others: BaseStates, names: Sequence[str]
+) -> BaseStates:
     """Replace some fields of base states by those of others."""
     return replace(states, **{name: getattr(others, name) for name in names})
 
 
-def learn_from_past(loop: OpenLoopPredictor, errors: WindowErrors, horizons: Sequence[float]) -> PastWeight:
-    """Choose how predictions use a flight's past, by position and attitude errors in the identification flights.
+def learn_from_past(
+    loop: OpenLoopPredictor, errors: WindowErrors, horizons: Sequence[float]
+) -> PastWeight:
+    """Choose how predictions use a flight's past, by position and attitude errors in
+    the identification flights.
 
     What makes neither of them larger than without a past goes before what does.
 
@@ -334,36 +422,64 @@ def learn_from_past(loop: OpenLoopPredictor, errors: WindowErrors, horizons: Seq
         horizons: s.
     """
     chosen, least = list[PastWeight](), (True, math.inf)
-    without = [errors_of(each, WHOLE) for each in ends_of(loop, errors, horizons, loop.begins(errors.windows))]
+    without = [
+        errors_of(each, WHOLE)
+        for each in ends_of(loop, errors, horizons, loop.begins(errors.windows))
+    ]
     for seconds in PASTS:
         before = past_windows(loop, errors.windows, seconds)
         noise, spread = noises_of(before, loop.begins(before.windows))
         state, wrench = end_of_past(loop, errors, seconds, noise, spread)
         for smoothed, memory in product(SMOOTHED, MEMORIES):
             begins = _replace_fields(loop.begins(errors.windows), state, smoothed)
-            ends = ends_of(loop, errors, horizons, begins, fading(wrench, errors.windows, memory))
+            ends = ends_of(
+                loop, errors, horizons, begins, fading(wrench, errors.windows, memory)
+            )
             shares = [shares_of(each) for each in ends]
-            rows = [errors_of(each, share) for each, share in zip(ends, shares, strict=True)]
-            counted = [pair for pair in zip(rows, without, strict=True) if pair[0].begins]
+            rows = [
+                errors_of(each, share) for each, share in zip(ends, shares, strict=True)
+            ]
+            counted = [
+                pair for pair in zip(rows, without, strict=True) if pair[0].begins
+            ]
             far = [pair for pair in counted if pair[0].horizon >= FAR] or counted
-            good = [a.position <= WORSE * b.position and a.attitude <= WORSE * b.attitude for a, b in far]
-            score = not all(good), sum(math.log(max(each.position * each.attitude, 1e-300)) for each, _ in far)
+            good = [
+                a.position <= WORSE * b.position and a.attitude <= WORSE * b.attitude
+                for a, b in far
+            ]
+            score = (
+                not all(good),
+                sum(
+                    math.log(max(each.position * each.attitude, 1e-300))
+                    for each, _ in far
+                ),
+            )
             if score < least:
-                chosen, least = [PastWeight(seconds, noise, spread, smoothed, memory, shares)], score
+                chosen, least = (
+                    [PastWeight(seconds, noise, spread, smoothed, memory, shares)],
+                    score,
+                )
     return chosen[0]
 
 
-def past_windows(loop: OpenLoopPredictor, windows: ClockedWindows, seconds: float) -> WindowErrors:
+def past_windows(
+    loop: OpenLoopPredictor, windows: ClockedWindows, seconds: float
+) -> WindowErrors:
     """Windows of a given length (s) that end where other windows begin."""
-    places = windows.begins - windows.firsts[windows.owners] - round(seconds / windows.step)
-    return loop.windows([places[windows.owners == i] for i in range(len(windows.flights))], seconds)
+    places = (
+        windows.begins - windows.firsts[windows.owners] - round(seconds / windows.step)
+    )
+    return loop.windows(
+        [places[windows.owners == i] for i in range(len(windows.flights))], seconds
+    )
 
 
 def noises_of(before: WindowErrors, begins: BaseStates) -> tuple[Array, Array]:
-    """Maximum-likelihood noise (flights, sensor axes) and spread (6,) of the unexplained wrench.
+    """Maximum-likelihood noise (flights, sensor axes) and spread (6,) of the
+    unexplained wrench.
 
-    A row that no window has keeps what differences of its samples tell; flights without windows take the noise of the
-    others.
+    A row that no window has keeps what differences of its samples tell; flights without
+    windows take the noise of the others.
     """
     states, spread, noise = window_states(begins), before.push, first_noise(before)
     for turn in range(ROUNDS):
@@ -380,45 +496,67 @@ def noises_of(before: WindowErrors, begins: BaseStates) -> tuple[Array, Array]:
 def _turn(
     before: WindowErrors, states: WindowStates, noise: Array, spread: Array
 ) -> tuple[Array, Mask, NormalEquations, Reduced, WindowStates]:
-    """One Gauss-Newton step in initial states and unexplained wrenches of windows, with known vehicle parameters."""
+    """One Gauss-Newton step in initial states and unexplained wrenches of windows, with
+    known vehicle parameters.
+    """
     errors, there, normal = before.normal(NONE, states, noise)
     reduced = reduce(normal, states.beside, loose_with(before, spread), NONE)
     return errors, there, normal, reduced, states.moved_by(-reduced.shift)
 
 
 def end_of_past(
-    loop: OpenLoopPredictor, errors: WindowErrors, seconds: float, noise: Array, spread: Array
+    loop: OpenLoopPredictor,
+    errors: WindowErrors,
+    seconds: float,
+    noise: Array,
+    spread: Array,
 ) -> tuple[BaseStates, Array]:
-    """Base states at the starts of windows and unexplained wrenches (W, 6), estimated from data before each start."""
+    """Base states at the starts of windows and unexplained wrenches (W, 6), estimated
+    from data before each start.
+    """
     before = past_windows(loop, errors.windows, seconds)
     states = window_states(loop.begins(before.windows))
     for _ in range(2):
         *_, states = _turn(before, states, noise, spread)
     begins = BaseStates(*(states.parts[name] for name in FIELDS))
-    *_, last = islice(loop.ahead(before, begins, lambda _: states.beside), before.windows.length + 1)
+    *_, last = islice(
+        loop.ahead(before, begins, lambda _: states.beside), before.windows.length + 1
+    )
     return last, states.beside
 
 
-def fading(wrench: Array, windows: ClockedWindows, memory: float) -> Callable[[float], Array]:
-    """Function that predicts the unexplained wrench (W, 6) a time (s) after the starts of windows: decay to a mean.
+def fading(
+    wrench: Array, windows: ClockedWindows, memory: float
+) -> Callable[[float], Array]:
+    """Function that predicts the unexplained wrench (W, 6) a time (s) after the starts
+    of windows: decay to a mean.
 
     Args:
         wrench: (W, 6), estimated at the begins.
-        windows: windows that begin there; the mean is of those before, of the same flight.
+        windows: windows that begin there; the mean is of those before, of the same
+            flight.
         memory: s.
     """
     lasting, counts = wrench.copy(), np.ones((len(wrench), 1))
     for j in range(1, len(wrench)):
         if windows.owners[j] == windows.owners[j - 1]:
-            left = math.exp(-(windows.begins[j] - windows.begins[j - 1]) * windows.step / LASTING)
+            left = math.exp(
+                -(windows.begins[j] - windows.begins[j - 1]) * windows.step / LASTING
+            )
             lasting[j] += left * lasting[j - 1]
             counts[j] += left * counts[j - 1]
     lasting /= counts
-    return lambda t: lasting + (math.exp(-t / memory) if memory else 0.0) * (wrench - lasting)
+    return lambda t: (
+        lasting + (math.exp(-t / memory) if memory else 0.0) * (wrench - lasting)
+    )
 
 
-def one_step_errors(loop: OpenLoopPredictor, places: Sequence[IntArray]) -> tuple[float, OneStep, OneStep]:
-    """Accelerometer period (s), errors of mean accelerations predicted over one period, and spread of measured ones."""
+def one_step_errors(
+    loop: OpenLoopPredictor, places: Sequence[IntArray]
+) -> tuple[float, OneStep, OneStep]:
+    """Accelerometer period (s), errors of mean accelerations predicted over one period,
+    and spread of measured ones.
+    """
     count = loop.averaged
     whole = loop.left(loop.windows(places).windows) >= 2 * count
     each_of = np.split(whole, np.cumsum([len(each) for each in places])[:-1])
@@ -432,11 +570,19 @@ def one_step_errors(loop: OpenLoopPredictor, places: Sequence[IntArray]) -> tupl
     force = errors.samples["accelerometer"].values[at]
     *_, last = islice(loop.ahead(errors, begins), count + 1)
     period = count * windows.step
-    turned = (loop.measured_at(windows, count).rate - loop.measured_at(windows, 0).rate) / period
+    turned = (
+        loop.measured_at(windows, count).rate - loop.measured_at(windows, 0).rate
+    ) / period
     off = turned - (last.rate - begins.rate) / period
-    model = OneStep(specific_force=_length(left[counted]), angular_acceleration=_length(off))
+    model = OneStep(
+        specific_force=_length(left[counted]), angular_acceleration=_length(off)
+    )
     rows = [each - each.mean(axis=0) for each in (force[counted], turned)]
-    return period, model, OneStep(specific_force=_length(rows[0]), angular_acceleration=_length(rows[1]))
+    return (
+        period,
+        model,
+        OneStep(specific_force=_length(rows[0]), angular_acceleration=_length(rows[1])),
+    )
 
 
 def _length(rows: Array) -> float:

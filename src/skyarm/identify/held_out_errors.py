@@ -16,7 +16,8 @@ CURVE = (SHORTEST, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)
 """Horizons (s) of a figure, those of the table among them."""
 
 IDENTIFIED, PAST, START, HOLD = "identified", "with past", "start vehicle", "hold"
-"""Predictors; "with past" estimates the unexplained wrench from the flight before the prediction."""
+"""Predictors; "with past" estimates the unexplained wrench from the flight before the
+prediction."""
 
 ORDER = (IDENTIFIED, PAST, START, HOLD)
 """Order of the predictors in tables and figures."""
@@ -28,7 +29,8 @@ class HorizonErrors:
 
     Attributes:
         horizon: s. begins: number of predictions.
-        position: m. velocity: m/s. attitude: rad, angle of the rotation between both. rate: rad/s.
+        position: m. velocity: m/s. attitude: rad, angle of the rotation between both.
+            rate: rad/s.
     """
 
     horizon: float
@@ -44,7 +46,8 @@ class OneStep:
     """Root mean square errors of the mean accelerations over one accelerometer period.
 
     Attributes:
-        specific_force: m/s^2. angular_acceleration: rad/s^2; both of the vector's length.
+        specific_force: m/s^2. angular_acceleration: rad/s^2; both of the vector's
+            length.
     """
 
     specific_force: float
@@ -57,10 +60,13 @@ class HeldOut:
 
     Attributes:
         flights: names.
-        period: s, of the one step: that of the accelerometer's samples, in whole steps of the clock.
+        period: s, of the one step: that of the accelerometer's samples, in whole steps
+            of the clock.
         horizons: s.
-        errors: predictor -> errors over each horizon; position, velocity and attitude are NaN if ``has_poses`` is not.
-        one_step: predictor -> errors of accelerations; of holding, the spread of what is measured about its mean.
+        errors: predictor -> errors over each horizon; position, velocity and attitude
+            are NaN if ``has_poses`` is not.
+        one_step: predictor -> errors of accelerations; of holding, the spread of what
+            is measured about its mean.
         has_poses: some flight measures position or velocity, and attitude.
         notes: notes on how poses were made, a line each.
     """

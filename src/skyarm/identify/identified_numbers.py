@@ -1,7 +1,9 @@
-"""Identified parameters with 95 % intervals, and substitutes for parameters that the flights cannot identify.
+"""Identified parameters with 95 % intervals, and substitutes for parameters that the
+flights cannot identify.
 
-One list of shares of information says what is not in the data. Such a number is put back to its start, and the others
-are fitted to that: what a flight does not show of a vehicle is what was known before.
+One list of shares of information says what is not in the data. Such a number is put
+back to its start, and the others are fitted to that: what a flight does not show of a
+vehicle is what was known before.
 """
 
 from __future__ import annotations
@@ -23,10 +25,12 @@ NOT_SHOWN = "not in this data"
 """Reason for a parameter on which the flights give less information than the prior."""
 
 APART = f"{NOT_SHOWN} apart from "
-"""Prefix of the reason for a parameter known only together with another one, whose name follows."""
+"""Prefix of the reason for a parameter known only together with another one, whose name
+follows."""
 
 GIVEN = "Total mass and rotor places are given; inertia scales with both."
-"""Note on the given numbers: flights show forces per mass, and torques as these times the distances of the rotors."""
+"""Note on the given numbers: flights show forces per mass, and torques as these times
+the distances of the rotors."""
 
 SHOWN = 0.5
 """Least fraction of a parameter's information that the flights must give."""
@@ -72,18 +76,22 @@ class Identified:
     Attributes:
         numbers: each with its interval.
         correlation: (numbers, numbers) of their errors.
-        vehicle: the start vehicle with the numbers that the flights show; the rest is the start's.
+        vehicle: the start vehicle with the numbers that the flights show; the rest is
+            the start's.
         surroundings: delays, places and offsets.
-        explained: row -> share that the model explains, 0 to 1, of its variance in a window beyond a straight line and
-            white noise.
+        explained: row -> share that the model explains, 0 to 1, of its variance in a
+            window beyond a straight line and white noise.
         deviation: row -> standard deviation of its errors.
         settled: whether the search came to rest.
         seconds: duration of the flight that counted, s.
         period: s, between samples of the gyroscope.
         held_out: errors of predictions of other flights, if any were asked for.
-        absent: channel that no flight has -> number -> times by which its interval is wider than with that channel.
-        counted: whether any part of each flight of :func:`skyarm.identify_flights` was long enough to count.
-        sampled: whether commands were taken as samples of a faster loop's, since held ones would act before they come.
+        absent: channel that no flight has -> number -> times by which its interval is
+            wider than with that channel.
+        counted: whether any part of each flight of :func:`skyarm.identify_flights` was
+            long enough to count.
+        sampled: whether commands were taken as samples of a faster loop's, since held
+            ones would act before they come.
     """
 
     numbers: tuple[IdentifiedNumber, ...]
@@ -115,11 +123,13 @@ class Identified:
 
 @positional(eq=False)
 class Scale:
-    """Linearisation of the reported parameters about their estimates; of positive ones, of their logarithms.
+    """Linearisation of the reported parameters about their estimates; of positive ones,
+    of their logarithms.
 
     Attributes:
         reported: reported numbers.
-        values, starts: estimates, and values before. positive: mask of the numbers whose logarithm is meant.
+        values, starts: estimates, and values before. positive: mask of the numbers
+            whose logarithm is meant.
         rows: (reported, searched) slopes.
         before: (reported,) variances of what was known before.
     """
@@ -133,8 +143,12 @@ class Scale:
 
     @property
     def off(self) -> Array:
-        """Differences of the start values from the estimates, logarithmic for positive parameters."""
-        ratio = np.where(self.positive, self.starts / np.where(self.positive, self.values, 1.0), 1.0)
+        """Differences of the start values from the estimates, logarithmic for positive
+        parameters.
+        """
+        ratio = np.where(
+            self.positive, self.starts / np.where(self.positive, self.values, 1.0), 1.0
+        )
         return np.where(self.positive, np.log(ratio), self.starts - self.values)
 
 
@@ -144,10 +158,16 @@ def scale_of(
     reported: Sequence[Reported],
     known: Mapping[str, float],
 ) -> Scale:
-    """Linearise the reported parameters about an estimate, as functions of the searched ones, for given known ones."""
+    """Linearise the reported parameters about an estimate, as functions of the searched
+    ones, for given known ones.
+    """
     place = {each.name: i for i, each in enumerate(unknowns)}
     shown = [each for each in reported if any(part in place for part in each.parts)]
-    values, starts, positive = np.zeros(len(shown)), np.zeros(len(shown)), np.zeros(len(shown), dtype=bool)
+    values, starts, positive = (
+        np.zeros(len(shown)),
+        np.zeros(len(shown)),
+        np.zeros(len(shown), dtype=bool),
+    )
     rows = np.zeros((len(shown), len(unknowns)))
     for k, each in enumerate(shown):
         for name in each.parts:
@@ -156,7 +176,11 @@ def scale_of(
                 continue
             unknown = unknowns[place[name]]
             value = unknown.value(float(found.values[place[name]]))
-            values[k], starts[k], positive[k] = values[k] + value, starts[k] + unknown.start, unknown.positive
+            values[k], starts[k], positive[k] = (
+                values[k] + value,
+                starts[k] + unknown.start,
+                unknown.positive,
+            )
             rows[k, place[name]] = value if unknown.positive else 1.0
         if positive[k]:
             rows[k] /= values[k]
@@ -172,22 +196,33 @@ def identified_numbers(
     Args:
         found: fit.
         scale: reported numbers.
-        sample: s, between samples of the flights, of which half is the least that an accelerometer's delay is off.
-        flights: name of the flight of each stretch; numbers on which flights disagree get wider intervals.
+        sample: s, between samples of the flights, of which half is the least that an
+            accelerometer's delay is off.
+        flights: name of the flight of each stretch; numbers on which flights disagree
+            get wider intervals.
     """
     covariance = scale.rows @ found.covariance @ scale.rows.T
     before = scale.before
-    after = np.maximum(np.diag(covariance), np.diag(scale.rows @ found.curvature @ scale.rows.T))
+    after = np.maximum(
+        np.diag(covariance), np.diag(scale.rows @ found.curvature @ scale.rows.T)
+    )
     wider = disagreement(found, scale, after, flights)
-    # a number that few blocks tell is known as well as its interval is narrow; what the data blur, as before
+    # a number that few blocks tell is known as well as its interval is narrow; what the
+    # data blur, as before
     halves = np.minimum(found.half_widths(scale.rows) * wider, NORMAL * np.sqrt(before))
     shares = 1.0 - (halves / NORMAL) ** 2 / before
-    sampling = np.array([0.5 * sample * (each.name == ACCELEROMETER) for each in scale.reported])
+    sampling = np.array(
+        [0.5 * sample * (each.name == ACCELEROMETER) for each in scale.reported]
+    )
     halves = np.hypot(halves, sampling)
     numbers = []
     for k, each in enumerate(scale.reported):
         value, half = float(scale.values[k]), float(halves[k])
-        low, high = (value * np.exp(-half), value * np.exp(half)) if scale.positive[k] else (value - half, value + half)
+        low, high = (
+            (value * np.exp(-half), value * np.exp(half))
+            if scale.positive[k]
+            else (value - half, value + half)
+        )
         numbers.append(
             IdentifiedNumber(
                 name=each.name,
@@ -205,12 +240,15 @@ def identified_numbers(
     return tuple(numbers), covariance / np.outer(deviations, deviations)
 
 
-def disagreement(found: WindowFit, scale: Scale, after: Array, flights: Sequence[str]) -> Array:
-    """Birge ratio (parameters,), at least 1: spread of estimates between flights over that expected from noise.
+def disagreement(
+    found: WindowFit, scale: Scale, after: Array, flights: Sequence[str]
+) -> Array:
+    """Birge ratio (parameters,), at least 1: spread of estimates between flights over
+    that expected from noise.
 
-    The ratio of Birge (1932), by which the Particle Data Group scales errors: the root of chi squared over its degrees
-    of freedom, of the estimates of each flight alone, one linear step from the common one. Flights that do not show a
-    number do not count.
+    The ratio of Birge (1932), by which the Particle Data Group scales errors: the root
+    of chi squared over its degrees of freedom, of the estimates of each flight alone,
+    one linear step from the common one. Flights that do not show a number do not count.
 
     Args:
         found: fit of all flights.
@@ -228,20 +266,33 @@ def disagreement(found: WindowFit, scale: Scale, after: Array, flights: Sequence
     off, variances = [], []
     for name in names:
         own = [k for k, each in enumerate(flights) if each == name]
-        spread: Array = np.asarray(np.linalg.inv(at_least(found.stretch_information[own].sum(axis=0) + prior, prior)))
-        off.append(-scale.rows @ spread @ (found.stretch_scores[own].sum(axis=0) + pulled))
+        spread: Array = np.asarray(
+            np.linalg.inv(
+                at_least(found.stretch_information[own].sum(axis=0) + prior, prior)
+            )
+        )
+        off.append(
+            -scale.rows @ spread @ (found.stretch_scores[own].sum(axis=0) + pulled)
+        )
         variances.append(variances_of(scale.rows, spread))
     noise = after / variances_of(scale.rows, found.curvature)
     variance = np.stack(variances) * noise
     weights = np.where(1.0 - variance / scale.before >= SHOWN, 1.0 / variance, 0.0)
-    total, freedom = np.maximum(weights.sum(axis=0), 1e-300), (weights > 0.0).sum(axis=0) - 1
+    total, freedom = (
+        np.maximum(weights.sum(axis=0), 1e-300),
+        (weights > 0.0).sum(axis=0) - 1,
+    )
     mean = (weights * off).sum(axis=0) / total
-    square = (weights * (np.stack(off) - mean) ** 2).sum(axis=0) / np.maximum(freedom, 1)
+    square = (weights * (np.stack(off) - mean) ** 2).sum(axis=0) / np.maximum(
+        freedom, 1
+    )
     return np.where(freedom > 0, np.maximum(np.sqrt(square), 1.0), ratio)
 
 
 def bound_number(found: IdentifiedNumber, least: float) -> IdentifiedNumber:
-    """Clip a parameter and its interval to a physical bound; unidentified if the whole interval lies beyond it."""
+    """Clip a parameter and its interval to a physical bound; unidentified if the whole
+    interval lies beyond it.
+    """
     if found.low >= least or found.reason:
         return found
     if found.high <= least:
@@ -251,12 +302,14 @@ def bound_number(found: IdentifiedNumber, least: float) -> IdentifiedNumber:
 
 @positional(eq=False)
 class Conditioned:
-    """Estimate conditioned on the start values of parameters that the flights cannot identify.
+    """Estimate conditioned on the start values of parameters that the flights cannot
+    identify.
 
     Attributes:
         values: (P,) searched values.
         replaced: places of the numbers that are at their starts.
-        beside: place of a number that shows beside one of these only -> place of that one.
+        beside: place of a number that shows beside one of these only -> place of that
+            one.
     """
 
     values: Array
@@ -273,10 +326,11 @@ def condition_on_start(
     shares: Array,
     groups: Sequence[Sequence[int]],
 ) -> Conditioned:
-    """Reset unidentified parameters to their start values, and refit the others under this condition.
+    """Reset unidentified parameters to their start values, and refit the others under
+    this condition.
 
-    What is known least is put back first. Of two numbers of which the flights show the ratio only, one thus stays at
-    its start and the other keeps the ratio.
+    What is known least is put back first. Of two numbers of which the flights show the
+    ratio only, one thus stays at its start and the other keeps the ratio.
 
     Args:
         values: (P,) what was searched and found.
@@ -285,16 +339,22 @@ def condition_on_start(
         off: (numbers,) what their starts are off them.
         before: (numbers,) variances of what was known of them.
         shares: (numbers,) of their information that the flights give, as they are told.
-        groups: places of the numbers that may be put back; those of the first group come first.
+        groups: places of the numbers that may be put back; those of the first group
+            come first.
     """
     values, spread, off = values.copy(), spread.copy(), off.copy()
     first = spread.copy()
-    correction = (1.0 - shares) * before / np.maximum(variances_of(rows, spread), 1e-300)
+    correction = (
+        (1.0 - shares) * before / np.maximum(variances_of(rows, spread), 1e-300)
+    )
     replaced, beside = list[int](), dict[int, int]()
     for group in groups:
         left = [i for i in group if shares[i] < SHOWN]
         while left:
-            now = [1.0 - correction[i] * float(rows[i] @ spread @ rows[i]) / before[i] for i in left]
+            now = [
+                1.0 - correction[i] * float(rows[i] @ spread @ rows[i]) / before[i]
+                for i in left
+            ]
             # of those known alike the first, however they are rounded
             least = int(np.argmin(np.round(now, 6)))
             if now[least] >= SHOWN:
@@ -306,15 +366,27 @@ def condition_on_start(
             spread -= np.outer(gain, row @ spread)
             replaced.append(left.pop(least))
         for i in left:
-            sizes = [abs(float(rows[i] @ first @ rows[j])) / float(rows[j] @ first @ rows[j]) ** 0.5 for j in replaced]
+            sizes = [
+                abs(float(rows[i] @ first @ rows[j]))
+                / float(rows[j] @ first @ rows[j]) ** 0.5
+                for j in replaced
+            ]
             beside[i] = replaced[int(np.argmax(sizes))]
     return Conditioned(values, replaced, beside)
 
 
-def with_reasons(numbers: Sequence[IdentifiedNumber], beside: Mapping[int, int]) -> tuple[IdentifiedNumber, ...]:
-    """Add to each parameter that is identifiable only together with another one a reason that names the other."""
+def with_reasons(
+    numbers: Sequence[IdentifiedNumber], beside: Mapping[int, int]
+) -> tuple[IdentifiedNumber, ...]:
+    """Add to each parameter that is identifiable only together with another one a
+    reason that names the other.
+    """
     return tuple(
-        replace(each, reason=f"{APART}{numbers[beside[i]].name}") if i in beside else each
+        (
+            replace(each, reason=f"{APART}{numbers[beside[i]].name}")
+            if i in beside
+            else each
+        )
         for i, each in enumerate(numbers)
     )
 
@@ -327,7 +399,8 @@ def at_starts(
     shown: Mapping[int, float] | None = None,
     found: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
-    """Parameter values by name; those that are shown and those reset to start values, also sums, are exactly these.
+    """Parameter values by name; those that are shown and those reset to start values,
+    also sums, are exactly these.
 
     Shown numbers and starts that no body has together are left as they were found.
 
@@ -340,18 +413,35 @@ def at_starts(
         found: numbers before they were conditioned.
     """
     place, printed = {name: i for i, name in enumerate(searched)}, shown or {}
-    sums, totals = np.zeros((len(scale.reported), len(searched))), np.zeros(len(scale.reported))
+    sums, totals = (
+        np.zeros((len(scale.reported), len(searched))),
+        np.zeros(len(scale.reported)),
+    )
     for k, each in enumerate(scale.reported):
         given = sum(plain[part] for part in each.parts if part not in place)
-        whole = scale.starts[k] if k in replaced else sum(plain[part] for part in each.parts)
+        whole = (
+            scale.starts[k]
+            if k in replaced
+            else sum(plain[part] for part in each.parts)
+        )
         totals[k] = printed.get(k, whole) - given
         sums[k, [place[part] for part in each.parts if part in place]] = 1.0
     if sums.shape[0] != sums.shape[1]:
         return dict(plain)
     solved = dict(zip(searched, np.linalg.solve(sums, totals).tolist(), strict=True))
-    rising = {part for k, each in enumerate(scale.reported) if scale.positive[k] for part in each.parts}
+    rising = {
+        part
+        for k, each in enumerate(scale.reported)
+        if scale.positive[k]
+        for part in each.parts
+    }
     impossible = {name for name in rising & set(solved) if solved[name] <= 0.0}
     if impossible and found is None:
         return dict(plain)
-    together = [part for each in scale.reported if impossible & {*each.parts} for part in each.parts]
+    together = [
+        part
+        for each in scale.reported
+        if impossible & {*each.parts}
+        for part in each.parts
+    ]
     return {**plain, **solved, **{name: (found or plain)[name] for name in together}}

@@ -20,8 +20,14 @@ from skyarm.vehicle.thrust_table import ThrustTable
 
 R = TypeVar("R", Rotor, Link, Body, Joint, PositionServo, MountedDrive, BodyDrag)
 
-SCALED = ("thrust_coefficient", "moment_coefficient", "time_constant_up", "time_constant_down")
-"""Positive parameters of a rotor; those of all rotors keep the proportions of the start vehicle."""
+SCALED = (
+    "thrust_coefficient",
+    "moment_coefficient",
+    "time_constant_up",
+    "time_constant_down",
+)
+"""Positive parameters of a rotor; those of all rotors keep the proportions of the start
+vehicle."""
 
 FRICTIONS = ("damping", "coulomb", "coulomb_rate", "armature")
 """Friction parameters of a joint that may be identified."""
@@ -32,7 +38,8 @@ OF_SERVOS = ("stiffness", "damping", "integral", "latency", "speed_limit")
 
 @immutable
 class IdentifiedSurroundings:
-    """Delays, sensor position and offsets of a flight, identified together with the vehicle.
+    """Delays, sensor position and offsets of a flight, identified together with the
+    vehicle.
 
     Attributes:
         delay: s, dead time from a rotor's command to the measured rates.
@@ -45,9 +52,10 @@ class IdentifiedSurroundings:
         torque: N m, constant, base axes.
         sag: thrust over that of the curve is the relative voltage to this power.
         drift: 1/s, relative change of the thrust, from the flight's take-off on.
-        thrust: over that of the first flight, at the take-offs; 1 where the voltage is known.
-        setpoint_hold: share of a sample's period that servos average their setpoints over; where a servo's own loop is
-            slow, as in skyarm's plants, 1.
+        thrust: over that of the first flight, at the take-offs; 1 where the voltage is
+            known.
+        setpoint_hold: share of a sample's period that servos average their setpoints
+            over; where a servo's own loop is slow, as in skyarm's plants, 1.
     """
 
     delay: float = 0.0
@@ -64,18 +72,23 @@ class IdentifiedSurroundings:
     setpoint_hold: float = 0.5
 
 
-def vehicle_with(start: Vehicle, numbers: Mapping[str, Scalar], *, checked: bool = False) -> Vehicle:
+def vehicle_with(
+    start: Vehicle, numbers: Mapping[str, Scalar], *, checked: bool = False
+) -> Vehicle:
     """Vehicle with identified parameters and unchanged total mass.
 
     Args:
         start: the rest.
         numbers: values by name of the unknown; any scalars where they are not checked.
-        checked: whether its records are checked: a search passes through what no vehicle is.
+        checked: whether its records are checked: a search passes through what no
+            vehicle is.
 
     Raises:
         ValueError: one line, if checked: no vehicle has such numbers.
     """
-    rotors = tuple(_rotor(start.rotors[0], each, numbers, checked) for each in start.rotors)
+    rotors = tuple(
+        _rotor(start.rotors[0], each, numbers, checked) for each in start.rotors
+    )
     links = tuple(_link(each, numbers, checked) for each in start.links)
     drives = tuple(_drive(each, numbers, checked) for each in start.drives)
     mass = start.base.mass
@@ -85,24 +98,47 @@ def vehicle_with(start: Vehicle, numbers: Mapping[str, Scalar], *, checked: bool
         start.base,
         checked,
         mass=mass,
-        com=Vec3(*(numbers.get(f"base.com.{axis}", getattr(start.base.com, axis)) for axis in "xyz")),
-        inertia=of_a_body(_inertia(start.base, numbers)) if checked else _inertia(start.base, numbers),
+        com=Vec3(
+            *(
+                numbers.get(f"base.com.{axis}", getattr(start.base.com, axis))
+                for axis in "xyz"
+            )
+        ),
+        inertia=(
+            of_a_body(_inertia(start.base, numbers))
+            if checked
+            else _inertia(start.base, numbers)
+        ),
     )
-    areas = [numbers.get(f"drag.area.{axis}", getattr(start.drag.area, axis)) for axis in "xyz"]
-    drag = with_changes(start.drag, checked, area=Vec3(*(max(area, 0.0) if checked else area for area in areas)))
+    areas = [
+        numbers.get(f"drag.area.{axis}", getattr(start.drag.area, axis))
+        for axis in "xyz"
+    ]
+    drag = with_changes(
+        start.drag,
+        checked,
+        area=Vec3(*(max(area, 0.0) if checked else area for area in areas)),
+    )
     if checked:
-        return replace(start, base=base, rotors=rotors, links=links, drag=drag, drives=drives)
-    return start.with_checked(base=base, rotors=rotors, links=links, drag=drag, drives=drives)
+        return replace(
+            start, base=base, rotors=rotors, links=links, drag=drag, drives=drives
+        )
+    return start.with_checked(
+        base=base, rotors=rotors, links=links, drag=drag, drives=drives
+    )
 
 
 THIN = 1e-3
-"""Least principal second moment of mass of a body, as a fraction of the sum of the three."""
+"""Least principal second moment of mass of a body, as a fraction of the sum of the
+three."""
 
 
 def of_a_body(inertia: Sym3) -> Sym3:
-    """Nearest physically possible inertia: principal second moments of mass not below a fraction of their sum.
+    """Nearest physically possible inertia: principal second moments of mass not below a
+    fraction of their sum.
 
-    Moments that were found beside one that stays at the start's may add up to what no body has.
+    Moments that were found beside one that stays at the start's may add up to what no
+    body has.
     """
     xx, yy, zz, xy, xz, yz = map(float, inertia.entries)
     rows = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -113,11 +149,18 @@ def of_a_body(inertia: Sym3) -> Sym3:
         return inertia
     second = axes @ np.diag(np.maximum(sizes, least)) @ axes.T
     moments = np.trace(second) * np.eye(3) - second
-    return Sym3(*(float(moments[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
+    return Sym3(
+        *(
+            float(moments[i, j])
+            for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        )
+    )
 
 
 def with_changes(record: R, checked: bool, **changes: Any) -> R:
-    """Copy of a dataclass record with changed fields, with or without validation of the new values."""
+    """Copy of a dataclass record with changed fields, with or without validation of the
+    new values.
+    """
     if checked:
         return replace(record, **changes)
     changed = copy.copy(record)  # which runs no checks
@@ -126,16 +169,27 @@ def with_changes(record: R, checked: bool, **changes: Any) -> R:
     return changed
 
 
-def _rotor(first: Rotor, rotor: Rotor, numbers: Mapping[str, Scalar], checked: bool) -> Rotor:
-    """Rotor with identified parameters: those of the first rotor, scaled by the original ratio of the two rotors."""
+def _rotor(
+    first: Rotor, rotor: Rotor, numbers: Mapping[str, Scalar], checked: bool
+) -> Rotor:
+    """Rotor with identified parameters: those of the first rotor, scaled by the
+    original ratio of the two rotors.
+    """
     changes: dict[str, Scalar | Vec3 | ThrustTable] = {}
     for name in SCALED:
         if f"rotors.{name}" in numbers:
-            # the ratio first: of alike rotors it is exactly 1, and the number is the one that is reported
-            changes[name] = numbers[f"rotors.{name}"] * (float(getattr(rotor, name)) / float(getattr(first, name)))
+            # the ratio first: of alike rotors it is exactly 1, and the number is the
+            # one that is reported
+            changes[name] = numbers[f"rotors.{name}"] * (
+                float(getattr(rotor, name)) / float(getattr(first, name))
+            )
     for name in ("inertia", "drag_coefficient"):
         if f"rotors.{name}" in numbers:
-            changes[name] = max(numbers[f"rotors.{name}"], 0.0) if checked else numbers[f"rotors.{name}"]
+            changes[name] = (
+                max(numbers[f"rotors.{name}"], 0.0)
+                if checked
+                else numbers[f"rotors.{name}"]
+            )
     if DRAG_HEIGHT in numbers:
         x, y, z = rotor.position
         changes["position"] = Vec3(x, y, z + numbers[DRAG_HEIGHT])
@@ -153,27 +207,54 @@ def _link(link: Link, numbers: Mapping[str, Scalar], checked: bool) -> Link:
         body,
         checked,
         mass=numbers.get(f"{name}.mass", body.mass),
-        com=Vec3(*(numbers.get(f"{name}.com.{axis}", getattr(body.com, axis)) for axis in "xyz")),
-        inertia=Sym3(*(getattr(body.inertia, each.name) * scale for each in fields(Sym3))),
+        com=Vec3(
+            *(
+                numbers.get(f"{name}.com.{axis}", getattr(body.com, axis))
+                for axis in "xyz"
+            )
+        ),
+        inertia=Sym3(
+            *(getattr(body.inertia, each.name) * scale for each in fields(Sym3))
+        ),
     )
-    frictions = {k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers}
+    frictions = {
+        k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers
+    }
     if checked:
-        frictions |= {name: max(frictions[name], 0.0) for name in ("damping", "coulomb") if name in frictions}
-    return with_changes(link, checked, body=moved, joint=with_changes(link.joint, checked, **frictions))
+        frictions |= {
+            name: max(frictions[name], 0.0)
+            for name in ("damping", "coulomb")
+            if name in frictions
+        }
+    return with_changes(
+        link, checked, body=moved, joint=with_changes(link.joint, checked, **frictions)
+    )
 
 
-def _drive(mounted: MountedDrive, numbers: Mapping[str, Scalar], checked: bool) -> MountedDrive:
+def _drive(
+    mounted: MountedDrive, numbers: Mapping[str, Scalar], checked: bool
+) -> MountedDrive:
     """Joint drive with identified parameters."""
-    changes = {k: numbers[at] for k in OF_SERVOS if (at := f"drives.{mounted.name}.{k}") in numbers}
+    changes = {
+        k: numbers[at]
+        for k in OF_SERVOS
+        if (at := f"drives.{mounted.name}.{k}") in numbers
+    }
     if not changes or not isinstance(mounted.drive, PositionServo):
         return mounted
     if checked:
-        changes["latency"] = max(changes.get("latency", float(mounted.drive.latency)), 0.0)
-    return with_changes(mounted, checked, drive=with_changes(mounted.drive, checked, **changes))
+        changes["latency"] = max(
+            changes.get("latency", float(mounted.drive.latency)), 0.0
+        )
+    return with_changes(
+        mounted, checked, drive=with_changes(mounted.drive, checked, **changes)
+    )
 
 
 def _table(first: Rotor, numbers: Mapping[str, Scalar]) -> ThrustTable | None:
-    """Thrust curve of the rotors from identified thrust increments; None if they are not identified."""
+    """Thrust curve of the rotors from identified thrust increments; None if they are
+    not identified.
+    """
     rises = [numbers[name] for name in rises_of_thrust() if name in numbers]
     if not rises:
         return None
@@ -187,28 +268,43 @@ def _inertia(base: Body, numbers: Mapping[str, Scalar]) -> Sym3:
         axis: numbers.get(f"base.second_moment.{axis}", moment)
         for axis, moment in zip("xyz", second_moments(base), strict=True)
     }
-    products = {axis: numbers.get(f"base.inertia.{axis}", getattr(base.inertia, axis)) for axis in ("xy", "xz", "yz")}
-    return Sym3(xx=at["y"] + at["z"], yy=at["x"] + at["z"], zz=at["x"] + at["y"], **products)
+    products = {
+        axis: numbers.get(f"base.inertia.{axis}", getattr(base.inertia, axis))
+        for axis in ("xy", "xz", "yz")
+    }
+    return Sym3(
+        xx=at["y"] + at["z"], yy=at["x"] + at["z"], zz=at["x"] + at["y"], **products
+    )
 
 
 def surroundings_with(numbers: Mapping[str, float]) -> IdentifiedSurroundings:
-    """Delays and offsets around a vehicle from identified parameters, with defaults for missing ones."""
+    """Delays and offsets around a vehicle from identified parameters, with defaults for
+    missing ones.
+    """
     usual = IdentifiedSurroundings()
-    return rebuild(usual, (numbers.get(name, value) for name, value in _by_name(usual).items()))
+    return rebuild(
+        usual, (numbers.get(name, value) for name, value in _by_name(usual).items())
+    )
 
 
 def numbers_around(about: IdentifiedSurroundings) -> dict[str, float]:
-    """Delays and offsets of the surroundings by parameter name, without the thrust factor of a single flight."""
+    """Delays and offsets of the surroundings by parameter name, without the thrust
+    factor of a single flight.
+    """
     numbers = _by_name(about)
     del numbers["thrust"]
     return numbers
 
 
 def _by_name(about: IdentifiedSurroundings) -> dict[str, float]:
-    """All parameters of the surroundings by name, in the order of the record's fields."""
+    """All parameters of the surroundings by name, in the order of the record's
+    fields.
+    """
     numbers = dict[str, float]()
     for each in fields(about):
         value = getattr(about, each.name)
         parts = zip("xyz", value, strict=True) if isinstance(value, tuple) else ()
-        numbers |= {f"{each.name}.{axis}": part for axis, part in parts} or {each.name: value}
+        numbers |= {f"{each.name}.{axis}": part for axis, part in parts} or {
+            each.name: value
+        }
     return numbers

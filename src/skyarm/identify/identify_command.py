@@ -1,7 +1,8 @@
-"""Command ``skyarm identify``: identify a vehicle, or delays and lags, from flights, or design such a flight.
+"""Command ``skyarm identify``: identify a vehicle, or delays and lags, from flights, or
+design such a flight.
 
-The words ``flights``, ``lags`` and ``design`` behind it are commands of their own. Without one of them it takes the
-options of all three, as before there were these words.
+The words ``flights``, ``lags`` and ``design`` behind it are commands of their own.
+Without one of them it takes the options of all three, as before there were these words.
 """
 
 from __future__ import annotations
@@ -37,7 +38,13 @@ from skyarm.identify.identified_report import (
 from skyarm.identify.identify_files import FlightFiles, identify_files
 from skyarm.identify.identify_flights import known_of_search
 from skyarm.identify.identify_windows import SearchOptions
-from skyarm.identify.lag_report import every_lag, lag_lines, lag_tables, nominal_model, stated_delays
+from skyarm.identify.lag_report import (
+    every_lag,
+    lag_lines,
+    lag_tables,
+    nominal_model,
+    stated_delays,
+)
 from skyarm.identify.loop_lags import loop_lags
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.formats import load_log, require_readable
@@ -60,49 +67,93 @@ from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 
 FLATTEST, STEEPEST, LONGEST = 2.0, 60.0, 600.0
-"""Bounds of the options: tilt (deg) below which the loop tilts anyway, and far from lying on its side; duration (s)
-of a battery."""
+"""Bounds of the options: tilt (deg) below which the loop tilts anyway, and far from
+lying on its side; duration (s) of a battery."""
 
 USUAL = DesignLimits()
 
-Moment = Annotated[float | None, typer.Option(help="only the part of each flight between --begin and --end is used, s")]
+Moment = Annotated[
+    float | None,
+    typer.Option(
+        help="only the part of each flight between --begin and --end is used, s"
+    ),
+]
 
-Gravity = Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81", hidden=True)]
+Gravity = Annotated[
+    float | None, typer.Option(help="m/s^2; the log's, or 9.81", hidden=True)
+]
 
 
 Out = Annotated[
     str | None,
-    out_option("folder for vehicle file and numbers; with lags or design a .toml file", metavar="PATH"),
+    out_option(
+        "folder for vehicle file and numbers; with lags or design a .toml file",
+        metavar="PATH",
+    ),
 ]
 
 
 def flights(
-    files: Annotated[list[str], typer.Argument(metavar="FLIGHT", help="logs of any format that skyarm reads")],
+    files: Annotated[
+        list[str],
+        typer.Argument(metavar="FLIGHT", help="logs of any format that skyarm reads"),
+    ],
     vehicle: Annotated[
-        str | None, typer.Option(help="required: file or name of the vehicle as data sheet and drawing describe it")
+        str | None,
+        typer.Option(
+            help=(
+                "required: file or name of the vehicle as data sheet and drawing"
+                " describe it"
+            )
+        ),
     ] = None,
     columns: Annotated[
-        str | None, typer.Option(metavar="FILE", help="file that says what the columns of the flights mean")
+        str | None,
+        typer.Option(
+            metavar="FILE", help="file that says what the columns of the flights mean"
+        ),
     ] = None,
     known: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME=VALUE",
-            help="known number: mass=0.034, voltage=4.2, or one of the printed table; repeat",
+            help=(
+                "known number: mass=0.034, voltage=4.2, or one of the printed table;"
+                " repeat"
+            ),
         ),
     ] = None,
-    curve: Annotated[bool, typer.Option("--curve", help="estimate a thrust curve in place of one coefficient")] = False,
+    curve: Annotated[
+        bool,
+        typer.Option(
+            "--curve", help="estimate a thrust curve in place of one coefficient"
+        ),
+    ] = False,
     held_out: Annotated[
-        list[str] | None, typer.Option(metavar="FLIGHT", help="flight that is predicted and not fitted; repeat")
+        list[str] | None,
+        typer.Option(
+            metavar="FLIGHT", help="flight that is predicted and not fitted; repeat"
+        ),
     ] = None,
     join: Annotated[
-        str | None, typer.Option(metavar="FILE", help="log of the same flight from a computer with another clock")
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="log of the same flight from a computer with another clock",
+        ),
     ] = None,
     despite_faults: Annotated[
-        bool, typer.Option("--despite-faults", help="only warn of faults in a log that would be refused")
+        bool,
+        typer.Option(
+            "--despite-faults",
+            help="only warn of faults in a log that would be refused",
+        ),
     ] = False,
     drag_height: Annotated[
-        bool, typer.Option("--drag-height", help="estimate the height at which the hub drag acts")
+        bool,
+        typer.Option(
+            "--drag-height", help="estimate the height at which the hub drag acts"
+        ),
     ] = False,
     begin: Moment = None,
     end: Moment = None,
@@ -119,26 +170,41 @@ def flights(
         if not Path(flight).is_dir():
             require_file(flight, f"flight = {shown(flight)}")
     if vehicle is None:
-        raise ValueError("--vehicle: is missing: must be the vehicle as its data sheet and drawing say")
+        raise ValueError(
+            "--vehicle: is missing: must be the vehicle as its data sheet and"
+            " drawing say"
+        )
     start, given = known_numbers(load_vehicle(vehicle), known or ())
-    felt, sections = None if gravity is None else require_gravity(gravity, "--gravity"), _sections(begin, end)
+    felt, sections = (
+        (None if gravity is None else require_gravity(gravity, "--gravity")),
+        _sections(begin, end),
+    )
     folder = None if out is None else Path(out)
     with taken_back(out):
         with bar(f"identify {start.name}") as advance:
             if folder is not None:
                 require_writable(folder)
-                require_replaceable(*(folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)))
+                require_replaceable(
+                    *(folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE))
+                )
             report = identify_files(
-                FlightFiles(fit=files, held_out=held_out or (), join=join, columns=columns),
+                FlightFiles(
+                    fit=files, held_out=held_out or (), join=join, columns=columns
+                ),
                 start,
-                SearchOptions(curve=curve, drag_height=drag_height, sections=sections, known=given),
+                SearchOptions(
+                    curve=curve, drag_height=drag_height, sections=sections, known=given
+                ),
                 gravity=felt,
                 despite_faults=despite_faults,
                 warn=lambda fault: say(f"warning: {fault.words}"),
                 progress=advance,
             )
             identified, document = report.found, report.document()
-            contents = {VEHICLE: report.vehicle_file().encode(), NUMBERS: json_text(document).encode()}
+            contents = {
+                VEHICLE: report.vehicle_file().encode(),
+                NUMBERS: json_text(document).encode(),
+            }
             if identified.held_out is not None:
                 contents[TABLE] = prediction_csv(identified.held_out).encode()
                 if folder is not None and identified.held_out.has_poses:
@@ -149,23 +215,45 @@ def flights(
         shows, written = any(each.is_known for each in identified.numbers), list[Path]()
         if folder is not None and shows:
             # none of an earlier identification stays beside them
-            with earlier_kept([folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)]) as earlier:
-                written = [write_atomically(folder / name, content) for name, content in contents.items()]
-            following = [f"next: skyarm check {folder / VEHICLE}"] if identified.settled else []
-            tell(f"written: {', '.join(map(str, written))}", *kept_lines(earlier), *following)
+            with earlier_kept(
+                [folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)]
+            ) as earlier:
+                written = [
+                    write_atomically(folder / name, content)
+                    for name, content in contents.items()
+                ]
+            following = (
+                [f"next: skyarm check {folder / VEHICLE}"] if identified.settled else []
+            )
+            tell(
+                f"written: {', '.join(map(str, written))}",
+                *kept_lines(earlier),
+                *following,
+            )
         give(document, files=written)
         if not identified.settled:
-            say("the search did not settle: give known numbers (--known), or fly with more motion")
+            say(
+                "the search did not settle: give known numbers (--known), or fly with"
+                " more motion"
+            )
         if not shows:
-            say("the flights show none of these numbers: fly with more motion, or longer")
+            say(
+                "the flights show none of these numbers: fly with more motion, or"
+                " longer"
+            )
         if not (identified.settled and shows):
             raise typer.Exit(NOT_COMPLETED)
 
 
 def lags(
-    log: Annotated[str, typer.Argument(metavar="LOG", help="log of one flight in skyarm")],
+    log: Annotated[
+        str, typer.Argument(metavar="LOG", help="log of one flight in skyarm")
+    ],
     vehicle: Annotated[
-        str | None, typer.Option(help="name or file of a vehicle; if left out the model of the log's law")
+        str | None,
+        typer.Option(
+            help="name or file of a vehicle; if left out the model of the log's law"
+        ),
     ] = None,
     begin: Moment = None,
     end: Moment = None,
@@ -180,38 +268,64 @@ def lags(
     require_readable(log, "flight")
     require_file(log, f"flight = {shown(log)}")
     with taken_back(out and Path(out).parent):
-        written, name = None if out is None else output_file(out, "--out", ".toml", force=force), Path(log).name
+        written, name = (
+            (None if out is None else output_file(out, "--out", ".toml", force=force)),
+            Path(log).name,
+        )
         whole = load_log(log)
         with errors_as(ValueError, f"flight = {shown(log)}: "):
             require_one_vehicle(whole)
         flight = _part(whole, begin, end)
         felt = None if gravity is None else require_gravity(gravity, "--gravity")
-        (model, felt), stated = nominal_model(flight, vehicle, felt), stated_delays(flight)
+        (model, felt), stated = (
+            nominal_model(flight, vehicle, felt),
+            stated_delays(flight),
+        )
         with bar(f"{name}: delays and lags"):
             loops = loop_lags(flight, model, felt)
         tables = lag_tables(loops, measured=stated["measurement"] or 0.0)
-        tell_report(lag_lines(f"{name}: {loops.seconds:g} s, vehicle {model.name}", loops, stated))
+        tell_report(
+            lag_lines(
+                f"{name}: {loops.seconds:g} s, vehicle {model.name}", loops, stated
+            )
+        )
         if tables:
             tell(f"\n{tables}")
             if written is not None:
                 write_atomically(written, tables.encode())
-        give(plain(loops), vehicle=model.name, stated=stated, tables=tables, file=written if tables else None)
+        give(
+            plain(loops),
+            vehicle=model.name,
+            stated=stated,
+            tables=tables,
+            file=written if tables else None,
+        )
         if not any(each.is_known for each in every_lag(loops)):
             say("the flight does not tell: fly with more motion, or longer")
             raise typer.Exit(NOT_COMPLETED)
 
 
 def _limit(name: str) -> Any:
-    """Command-line option for a flight limit, with unit, meaning and default from its record; angles in degrees."""
+    """Command-line option for a flight limit, with unit, meaning and default from its
+    record; angles in degrees.
+    """
     unit, usual = units(DesignLimits)[name], getattr(USUAL, name)
-    of, usual = ("deg", math.degrees(usual)) if unit.unit == "rad" else (unit.unit, usual)
-    return typer.Option(help=f"{of}, {unit.meaning}  [default: {usual:g}]", show_default=False)
+    of, usual = (
+        ("deg", math.degrees(usual)) if unit.unit == "rad" else (unit.unit, usual)
+    )
+    return typer.Option(
+        help=f"{of}, {unit.meaning}  [default: {usual:g}]", show_default=False
+    )
 
 
 def design(
     model: Annotated[
         str,
-        typer.Argument(metavar="VEHICLE", help="name or file of a vehicle", autocompletion=name_completion("vehicle")),
+        typer.Argument(
+            metavar="VEHICLE",
+            help="name or file of a vehicle",
+            autocompletion=name_completion("vehicle"),
+        ),
     ],
     box: Annotated[float, _limit("box")] = USUAL.box,
     tilt: Annotated[float, _limit("tilt")] = math.degrees(USUAL.tilt),
@@ -229,11 +343,15 @@ def design(
     )
     start = load_vehicle(model)
     with taken_back(out and Path(out).parent):
-        written = None if out is None else output_file(out, "--out", ".toml", force=force)
+        written = (
+            None if out is None else output_file(out, "--out", ".toml", force=force)
+        )
         folder = Path() if written is None else Path(written).parent
         name = model if model in list_vehicles() else os.path.relpath(model, folder)
         with bar(f"design {start.name}") as advance:
-            designed = design_flight(start, name, limits, folder=folder, progress=advance)
+            designed = design_flight(
+                start, name, limits, folder=folder, progress=advance
+            )
         tell_report(design_lines(designed, start.name, limits.seconds))
         if written is not None:
             write_atomically(written, designed.text().encode())
@@ -241,7 +359,11 @@ def design(
         give(numbers=design_facts(designed), vehicle=start.name, file=written)
 
 
-SUBCOMMANDS: Mapping[str, Callable[..., None]] = {"flights": flights, "lags": lags, "design": design}
+SUBCOMMANDS: Mapping[str, Callable[..., None]] = {
+    "flights": flights,
+    "lags": lags,
+    "design": design,
+}
 """Subcommand -> its function."""
 
 OPTIONS = {
@@ -263,28 +385,43 @@ def _words_and_files(begun: str) -> list[str]:
 def identify(
     context: typer.Context,
     files: Annotated[
-        list[str] | None, typer.Argument(metavar="flights|lags|design", autocompletion=_words_and_files)
+        list[str] | None,
+        typer.Argument(metavar="flights|lags|design", autocompletion=_words_and_files),
     ] = None,
-    only_lags: Annotated[bool, typer.Option("--lags", help="as identify lags does")] = False,
-    designed: Annotated[str | None, typer.Option("--design", metavar="VEHICLE", help="as identify design does")] = None,
+    only_lags: Annotated[
+        bool, typer.Option("--lags", help="as identify lags does")
+    ] = False,
+    designed: Annotated[
+        str | None,
+        typer.Option("--design", metavar="VEHICLE", help="as identify design does"),
+    ] = None,
     **options: Any,
 ) -> None:
     """Identify a vehicle, or delays and lags, from flights.
 
-    Without one of these words the options of all three are taken: FLIGHT... --vehicle START identifies a vehicle,
-    one log alone or with --lags gives delays and lags, --design VEHICLE designs a flight.
+    Without one of these words the options of all three are taken: FLIGHT... --vehicle
+    START identifies a vehicle, one log alone or with --lags gives delays and lags,
+    --design VEHICLE designs a flight.
     """
     if designed is not None:
         if files:
             raise ValueError("FLIGHT: must be left out with --design")
-        require_left_out(context, [*_beyond("flights", "design"), "--lags"], " with --design")
+        require_left_out(
+            context, [*_beyond("flights", "design"), "--lags"], " with --design"
+        )
         design(designed, **_of("design", options))
         return
     require_left_out(context, _beyond("design", "flights"), " without --design")
     if not files:
-        raise ValueError("FLIGHT: is missing: must be one log or more, or --design VEHICLE")
-    if only_lags or (options["vehicle"] is None and len(files) == 1 and _is_own_log(Path(files[0]))):
-        require_left_out(context, _beyond("flights", "lags"), " without --vehicle, and with --lags")
+        raise ValueError(
+            "FLIGHT: is missing: must be one log or more, or --design VEHICLE"
+        )
+    if only_lags or (
+        options["vehicle"] is None and len(files) == 1 and _is_own_log(Path(files[0]))
+    ):
+        require_left_out(
+            context, _beyond("flights", "lags"), " without --vehicle, and with --lags"
+        )
         if len(files) > 1:
             raise ValueError(f"flights = {len(files)}: must be one with --lags")
         lags(files[0], **_of("lags", options))
@@ -305,11 +442,17 @@ def _of(word: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
 def _beyond(word: str, other: str) -> list[str]:
     """Names of the options of a subcommand that another one lacks."""
-    return [f"--{name.replace('_', '-')}" for name in OPTIONS[word] if name not in OPTIONS[other]]
+    return [
+        f"--{name.replace('_', '-')}"
+        for name in OPTIONS[word]
+        if name not in OPTIONS[other]
+    ]
 
 
 def _is_own_log(path: Path) -> bool:
-    """True for the log of a simulated flight, by its name and, of an MCAP file, its content."""
+    """True for the log of a simulated flight, by its name and, of an MCAP file, its
+    content.
+    """
     if path.suffix == ".mcap" and path.is_file():
         return is_own_mcap(path)
     with suppress(RegistryError):
@@ -317,7 +460,9 @@ def _is_own_log(path: Path) -> bool:
     return False
 
 
-def _sections(begin: float | None, end: float | None) -> tuple[tuple[float, float], ...]:
+def _sections(
+    begin: float | None, end: float | None
+) -> tuple[tuple[float, float], ...]:
     """Time interval (s) of each flight to use; empty for all parts in the air."""
     if begin is None and end is None:
         return ()
@@ -336,7 +481,8 @@ def _part(log: Log, begin: float | None, end: float | None) -> Log:
             option, value = ("--end", high) if begin is None else ("--begin", low)
             first, last = float(log.time[0]), float(log.time[-1])
             raise ValueError(
-                f"{option} = {value:g}: nothing of the flight is left, whose times are {first:g} to {last:g} s"
+                f"{option} = {value:g}: nothing of the flight is left, whose times are"
+                f" {first:g} to {last:g} s"
             )
         log = rows_of(log, slice(int(inside[0]), int(inside[-1]) + 1))
     return log
@@ -349,11 +495,14 @@ def _within(value: float, option: str, low: float, high: float) -> float:
     return value
 
 
-def known_numbers(start: Vehicle, words: Sequence[str]) -> tuple[Vehicle, dict[str, float]]:
-    """Parse known parameters such as ``mass=0.034``; returns the start vehicle with its total mass, and the others.
+def known_numbers(
+    start: Vehicle, words: Sequence[str]
+) -> tuple[Vehicle, dict[str, float]]:
+    """Parse known parameters such as ``mass=0.034``; returns the start vehicle with its
+    total mass, and the others.
 
-    The total mass becomes that of the start vehicle, by its base. The three moments of inertia of the base become the
-    second moments of mass that are searched.
+    The total mass becomes that of the start vehicle, by its base. The three moments of
+    inertia of the base become the second moments of mass that are searched.
 
     Raises:
         ValueError: one line with the option, the value and what is allowed.
@@ -362,13 +511,17 @@ def known_numbers(start: Vehicle, words: Sequence[str]) -> tuple[Vehicle, dict[s
     for each in words:
         name, equals, text = (part.strip() for part in each.partition("="))
         if not (name and equals and text):
-            raise ValueError(f"--known = {shown(each)}: must be NAME=VALUE, such as mass=0.034")
+            raise ValueError(
+                f"--known = {shown(each)}: must be NAME=VALUE, such as mass=0.034"
+            )
         if name in given:
             raise ValueError(f"--known {name}: must be given once")
         try:
             value = float(text)
         except ValueError:
-            raise ValueError(f"--known {name} = {shown(text)}: must be a number") from None
+            raise ValueError(
+                f"--known {name} = {shown(text)}: must be a number"
+            ) from None
         given[name] = number(value, f"--known {name}")
     if VOLTAGE in given:
         number(given[VOLTAGE], f"--known {VOLTAGE}", low=0.0, strict=True)

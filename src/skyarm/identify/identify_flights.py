@@ -1,4 +1,6 @@
-"""Identification from measured flights: logging faults, parameter search, plausibility and predictions."""
+"""Identification from measured flights: logging faults, parameter search, plausibility
+and predictions.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ MOMENTS = ("base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
 """Known numbers that must be given together, since sums of them are estimated."""
 
 FLAT = 1e-6
-"""Least second moment of mass over the sum of the moments; that of a flat plate is 0 and has no logarithm."""
+"""Least second moment of mass over the sum of the moments; that of a flat plate is 0
+and has no logarithm."""
 
 
 def identify_flights(
@@ -44,28 +47,36 @@ def identify_flights(
     despite_faults: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Identified:
-    """Identify the parameters of a vehicle from measured flights of :func:`skyarm.load_flight`.
+    """Identify the parameters of a vehicle from measured flights of
+    :func:`skyarm.load_flight`.
 
-    Poses of another clock are moved to the gyro's (:func:`skyarm.flight_data.clocks.align_poses`).
+    Poses of another clock are moved to the gyro's
+    (:func:`skyarm.flight_data.clocks.align_poses`).
 
     Args:
-        flights: flights with gyro, accelerometer and rotor commands; of an arm, positions of the joints.
+        flights: flights with gyro, accelerometer and rotor commands; of an arm,
+            positions of the joints.
         start: vehicle with what is known before: data sheet, drawing, total mass.
         held_out: flights that are predicted and not fitted.
         curve: find a thrust curve in place of the start's times a factor.
         drag_height: the rotors' hub drag acts at a height of its own.
-        full_voltage: V, at which the start's thrust holds; 0 leaves the battery's voltage out.
-        sections: (begin, end), s, of each flight that count; by default all in which the vehicle flies.
-        known: numbers that are not searched, by name; ``mass`` is that of the whole vehicle, kg.
+        full_voltage: V, at which the start's thrust holds; 0 leaves the battery's
+            voltage out.
+        sections: (begin, end), s, of each flight that count; by default all in which
+            the vehicle flies.
+        known: numbers that are not searched, by name; ``mass`` is that of the whole
+            vehicle, kg.
         gravity: m/s^2.
         despite_faults: warn of faults for which a flight is refused.
         progress: called with one line a step of the search.
 
     Returns:
-        Numbers with 95 % intervals or the reason why the flights do not show them, the vehicle, and the predictions.
+        Numbers with 95 % intervals or the reason why the flights do not show them, the
+        vehicle, and the predictions.
 
     Raises:
-        ValueError: one line: a fault of a flight, one that does not fit the vehicle, or SciPy is missing.
+        ValueError: one line: a fault of a flight, one that does not fit the vehicle, or
+            SciPy is missing.
     """
     start, given = known_of_search(start, known or {}, "known.")
     return identify_aligned(
@@ -94,37 +105,64 @@ def identify_aligned(
     held_out: Sequence[FlightData],
     progress: Callable[[str], None] | None,
 ) -> Identified:
-    """Identify a vehicle from flights whose clocks agree; the arguments are those of :func:`identify_flights`.
+    """Identify a vehicle from flights whose clocks agree; the arguments are those of
+    :func:`identify_flights`.
 
-    The start has the total mass that a scale tells. ``report`` is called with the faults of the flights, then with
-    those of the numbers that hardly any vehicle has; an error that it raises ends all.
+    The start has the total mass that a scale tells. ``report`` is called with the
+    faults of the flights, then with those of the numbers that hardly any vehicle has;
+    an error that it raises ends all.
     """
     tell = progress or (lambda words: None)
     tell("look for faults")
-    parts = [each.section(*part) for each in flights for part in options.sections] or flights
-    report([fault for each in (*parts, *held_out) for fault in find_faults(each, start)])
+    parts = [
+        each.section(*part) for each in flights for part in options.sections
+    ] or flights
+    report(
+        [fault for each in (*parts, *held_out) for fault in find_faults(each, start)]
+    )
     identified = identify_by_windows(flights, start, options, progress)
-    report([_without_part(each) for each, counts in zip(flights, identified.counted, strict=False) if not counts])
+    report(
+        [
+            _without_part(each)
+            for each, counts in zip(flights, identified.counted, strict=False)
+            if not counts
+        ]
+    )
     report(doubtful_numbers(identified, start, flights[0].file, flights))
     if not held_out:
         return identified
     if identified.sampled:
-        flights, held_out = ([as_samples(each) for each in every] for every in (flights, held_out))
+        flights, held_out = (
+            [as_samples(each) for each in every] for every in (flights, held_out)
+        )
     tell("predict the held-out flights")
-    return replace(identified, held_out=predict_held_out(identified, start, held_out, options, seen=flights))
+    return replace(
+        identified,
+        held_out=predict_held_out(identified, start, held_out, options, seen=flights),
+    )
 
 
 def _without_part(flight: FlightData) -> LogFault:
     """Warning about a flight of which no part is long enough to be used."""
     finding = f"no part counts: nowhere {WHOLE:g} s in the air without a gap"
     remedy = "leave it out, or fly longer"
-    return LogFault(severity=WARNED, file=flight.file, channel="time", finding=finding, remedy=remedy)
+    return LogFault(
+        severity=WARNED,
+        file=flight.file,
+        channel="time",
+        finding=finding,
+        remedy=remedy,
+    )
 
 
-def known_of_search(start: Vehicle, known: Mapping[str, float], prefix: str) -> tuple[Vehicle, dict[str, float]]:
-    """Start vehicle of a known total mass, and the other known parameters in the form that the search uses.
+def known_of_search(
+    start: Vehicle, known: Mapping[str, float], prefix: str
+) -> tuple[Vehicle, dict[str, float]]:
+    """Start vehicle of a known total mass, and the other known parameters in the form
+    that the search uses.
 
-    The three moments of inertia of the base become the second moments of mass that are searched.
+    The three moments of inertia of the base become the second moments of mass that are
+    searched.
 
     Args:
         start: vehicle.
@@ -142,26 +180,46 @@ def known_of_search(start: Vehicle, known: Mapping[str, float], prefix: str) -> 
         return start, given
     for name in MOMENTS:
         if name not in given:
-            raise ValueError(f"{prefix}{name}: is missing: {', '.join(MOMENTS)} must be given together")
-    moments = [number(given.pop(name), f"{prefix}{name}", low=0.0, strict=True) for name in MOMENTS]
-    for name, axis, moment, second in zip(MOMENTS, "xyz", moments, second_moments_of(*moments), strict=True):
+            raise ValueError(
+                f"{prefix}{name}: is missing: {', '.join(MOMENTS)} must be given"
+                " together"
+            )
+    moments = [
+        number(given.pop(name), f"{prefix}{name}", low=0.0, strict=True)
+        for name in MOMENTS
+    ]
+    for name, axis, moment, second in zip(
+        MOMENTS, "xyz", moments, second_moments_of(*moments), strict=True
+    ):
         if second < -FLAT * sum(moments):
             others = sum(moments) - moment
-            raise ValueError(f"{prefix}{name} = {moment:g}: must be below the sum of the other two, {others:g}")
+            raise ValueError(
+                f"{prefix}{name} = {moment:g}: must be below the sum of the other two,"
+                f" {others:g}"
+            )
         given[f"base.second_moment.{axis}"] = max(second, FLAT * sum(moments))
     return start, given
 
 
 def weigh_vehicle(vehicle: Vehicle, mass: float, name: str) -> Vehicle:
-    """Vehicle with another total mass (kg), adjusted at its base; an error of a mass too small begins with ``name``."""
+    """Vehicle with another total mass (kg), adjusted at its base; an error of a mass
+    too small begins with ``name``.
+    """
     carried = float(vehicle.mass) - float(vehicle.base.mass)
     number(mass, name, low=0.0, strict=True)
-    number(mass - carried, f"{name}, less {carried:g} kg of the links", low=0.0, strict=True)
+    number(
+        mass - carried,
+        f"{name}, less {carried:g} kg of the links",
+        low=0.0,
+        strict=True,
+    )
     return replace(vehicle, base=replace(vehicle.base, mass=mass - carried))
 
 
 def _report(faults: Sequence[LogFault], despite_faults: bool) -> None:
-    """Warn of logging faults; raise an error for a fault that makes a flight unusable."""
+    """Warn of logging faults; raise an error for a fault that makes a flight
+    unusable.
+    """
     require_no_refusal(() if despite_faults else faults)
     for fault in faults:
         warnings.warn(fault.words, UserWarning, stacklevel=5)

@@ -1,7 +1,9 @@
-"""Identification of a vehicle from short windows of its flights, by simulating each window.
+"""Identification of a vehicle from short windows of its flights, by simulating each
+window.
 
-A fit to windows gives the information of what was measured. That of an unlogged pose beside it follows from the slopes
-of the flown windows and a usual noise; of joints' efforts that are known, their hat functions are no longer free.
+A fit to windows gives the information of what was measured. That of an unlogged pose
+beside it follows from the slopes of the flown windows and a usual noise; of joints'
+efforts that are known, their hat functions are no longer free.
 """
 
 from __future__ import annotations
@@ -45,34 +47,44 @@ from skyarm.identify.unknowns import (
     without_tilts,
 )
 from skyarm.identify.window_errors import WindowErrors
-from skyarm.identify.window_fit import WindowFit, first_noise, fit_windows, loose_with, reduce, variances_of
+from skyarm.identify.window_fit import (
+    WindowFit,
+    first_noise,
+    fit_windows,
+    loose_with,
+    reduce,
+    variances_of,
+)
 from skyarm.identify.windows import Clocked, ClockedWindows, clock_step, on_clock
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable, positional
 from skyarm.vehicle import Vehicle
 
 FIRST, WHOLE, SLOW = 0.06, 0.25, 1.0
-"""Lengths (s) of the first windows, whose problem is nearly linear, of the last ones, and with commands below 40 Hz."""
+"""Lengths (s) of the first windows, whose problem is nearly linear, of the last ones,
+and with commands below 40 Hz."""
 
 FEW, SOME = 200, 60
-"""Largest number of first windows, and number of full-length windows with which the last search begins."""
+"""Largest number of first windows, and number of full-length windows with which the
+last search begins."""
 
 FEWEST = 4
 """Least number of windows."""
 
 BRIEF, ALIKE = 4, ("joint_efforts", "joint_commands")
-"""Least number of samples of a channel, and quantities that all flights must contain or none."""
+"""Least number of samples of a channel, and quantities that all flights must contain or
+none."""
 
 SAMPLES = 12
 """Least number of gyroscope samples in a window."""
 
 FINEST, UNMOVED = 16, 0.05
-"""Largest number of integration steps per sample, and change of the readings by halving them, as a fraction of the
-noise."""
+"""Largest number of integration steps per sample, and change of the readings by halving
+them, as a fraction of the noise."""
 
 EARLIEST, EARLY = -0.75, -0.15
-"""Range of the delay of held commands, in their periods, that shows them to be samples: half a period and less, by
-their dead time."""
+"""Range of the delay of held commands, in their periods, that shows them to be samples:
+half a period and less, by their dead time."""
 
 TURNING, LATE = 0.05, 0.005
 """Prior standard deviations of a gyroscope's bias (rad/s) and of a pose's delay (s)."""
@@ -80,13 +92,16 @@ TURNING, LATE = 0.05, 0.005
 
 @immutable(eq=False)
 class SearchOptions:
-    """Options of an identification: parts of the flights to use, and parameters to search.
+    """Options of an identification: parts of the flights to use, and parameters to
+    search.
 
     Attributes:
         curve: find a thrust curve of its own in place of the start's times a factor.
         drag_height: the rotors' hub drag acts at a height of its own.
-        full_voltage: V, at which the start's thrust holds; 0 leaves the battery's voltage out.
-        sections: (begin, end), s, of each flight that count; by default all in which the vehicle flies.
+        full_voltage: V, at which the start's thrust holds; 0 leaves the battery's
+            voltage out.
+        sections: (begin, end), s, of each flight that count; by default all in which
+            the vehicle flies.
         known: numbers that are not searched, by name.
         gravity: m/s^2.
     """
@@ -107,10 +122,14 @@ class WindowSearch:
     """Search for the vehicle parameters that windows of flights may identify.
 
     Attributes:
-        flights: on one clock, with different names. start: vehicle before, with a servo on each servo joint.
-        unknowns: unknowns to search. every: unknowns with the known ones. known: other numbers by name.
-        driven: whether the effort of each joint is logged. servoed: whether a position servo moves it.
-        slow: whether commands were logged below 40 Hz. sample: s, between readings of the gyroscope.
+        flights: on one clock, with different names. start: vehicle before, with a servo
+            on each servo joint.
+        unknowns: unknowns to search. every: unknowns with the known ones. known: other
+            numbers by name.
+        driven: whether the effort of each joint is logged. servoed: whether a position
+            servo moves it.
+        slow: whether commands were logged below 40 Hz. sample: s, between readings of
+            the gyroscope.
         gravity: m/s^2.
     """
 
@@ -127,7 +146,9 @@ class WindowSearch:
 
     @property
     def begin(self) -> Array:
-        """Start values (P,) of the searched parameters; logarithms for positive ones."""
+        """Start values (P,) of the searched parameters; logarithms for positive
+        ones.
+        """
         return np.array([each.begin for each in self.unknowns])
 
     @property
@@ -140,13 +161,21 @@ class WindowSearch:
         """Length (s) of the full-length windows of the final fit."""
         return SLOW if self.slow else max(WHOLE, SAMPLES * self.sample)
 
-    def errors(self, seconds: float, most: int = 0, before: WindowErrors | None = None, finer: int = 1) -> WindowErrors:
-        """Residuals of flight windows of a given length (s), thinned evenly if there are more than a given number.
+    def errors(
+        self,
+        seconds: float,
+        most: int = 0,
+        before: WindowErrors | None = None,
+        finer: int = 1,
+    ) -> WindowErrors:
+        """Residuals of flight windows of a given length (s), thinned evenly if there
+        are more than a given number.
 
         Args:
             seconds: length of a window, s.
             most: windows; 0 for all.
-            before: errors of other windows, whose plant in machine code serves these too.
+            before: errors of other windows, whose plant in machine code serves these
+                too.
             finer: least number of integration steps within a step of a new plant.
 
         Raises:
@@ -156,8 +185,8 @@ class WindowSearch:
         if windows.count < FEWEST:
             names = ", ".join(each.name for each in self.flights)
             raise ValueError(
-                f"{names}: {windows.count} of the {FEWEST} parts of {seconds:.3g} s that are needed lie in the air "
-                "without a gap: fly longer"
+                f"{names}: {windows.count} of the {FEWEST} parts of {seconds:.3g} s"
+                " that are needed lie in the air without a gap: fly longer"
             )
         if before is not None:
             return before.over(windows)
@@ -169,16 +198,25 @@ class WindowSearch:
         return scale_of(fit, self.unknowns, reported_of(self.every), self.known)
 
     def hidden_lags(self) -> set[str]:
-        """Names of the actuator lags that commands logged below 40 Hz cannot identify."""
+        """Names of the actuator lags that commands logged below 40 Hz cannot
+        identify.
+        """
         return set(LAGS) if self.slow else set()
 
 
-def search_of(flights: Sequence[FlightData], start: Vehicle, options: SearchOptions = USUAL) -> WindowSearch:
-    """Set up the parameter search for flights; the arguments are those of :func:`identify_by_windows`."""
+def search_of(
+    flights: Sequence[FlightData], start: Vehicle, options: SearchOptions = USUAL
+) -> WindowSearch:
+    """Set up the parameter search for flights; the arguments are those of
+    :func:`identify_by_windows`.
+    """
     flights, start = distinct_flights(flights), without_tilts(start)
     step = clock_step(flights, start)
     full, sections = options.full_voltage, options.sections
-    clocked = [on_clock(each, start, step, full_voltage=full, sections=sections) for each in flights]
+    clocked = [
+        on_clock(each, start, step, full_voltage=full, sections=sections)
+        for each in flights
+    ]
     driven, servoed = moved_joints(flights, start)
     start = with_servos(start, servoed)
     every = unknowns_of(
@@ -192,7 +230,8 @@ def search_of(flights: Sequence[FlightData], start: Vehicle, options: SearchOpti
         others=[each.name for each in flights[1:]],
     )
     if not any(name in each for each in flights for name in ("position", "velocity")):
-        # the drag of rotors shows in forces; that of the body, by the square of the speed, would be that of any speed
+        # the drag of rotors shows in forces; that of the body, by the square of the
+        # speed, would be that of any speed
         every = [each for each in every if not each.name.startswith("drag.area.")]
     every += unknowns_of_sensors(flights)
     given = options.known
@@ -200,24 +239,43 @@ def search_of(flights: Sequence[FlightData], start: Vehicle, options: SearchOpti
     unknowns = [each for each in every if each.name not in given]
     slow = any(sampling_period(commanded_speeds(each, start)) for each in flights)
     sample = max(1.0 / each["gyro"].rate for each in flights)
-    return WindowSearch(clocked, start, unknowns, every, given, driven, servoed, slow, sample, options.gravity)
+    return WindowSearch(
+        clocked,
+        start,
+        unknowns,
+        every,
+        given,
+        driven,
+        servoed,
+        slow,
+        sample,
+        options.gravity,
+    )
 
 
-def first_fits(search: WindowSearch, progress: Callable[[str], None] | None = None) -> tuple[WindowErrors, WindowFit]:
-    """Fit parameters to some full-length windows, after a nearly linear fit to shorter windows.
+def first_fits(
+    search: WindowSearch, progress: Callable[[str], None] | None = None
+) -> tuple[WindowErrors, WindowFit]:
+    """Fit parameters to some full-length windows, after a nearly linear fit to shorter
+    windows.
 
-    Dry friction that bends within small rates needs integration steps that only the fit can tell: they are halved until
-    that hardly moves what is flown.
+    Dry friction that bends within small rates needs integration steps that only the fit
+    can tell: they are halved until that hardly moves what is flown.
     """
     short = search.errors(search.first, FEW)
     near = fit_windows(short, search.begin, lasting=search.slow, progress=progress)
     some = search.errors(search.whole, SOME, short)
     fit_again = partial(fit_windows, lasting=search.slow, progress=progress)
     fit = fit_again(some, near.values, noise=near.noise, spread=near.spread)
-    while any(each.name.endswith(".coulomb") for each in search.unknowns) and some.replay.substeps < FINEST:
+    while (
+        any(each.name.endswith(".coulomb") for each in search.unknowns)
+        and some.replay.substeps < FINEST
+    ):
         finer = search.errors(search.whole, SOME, finer=2 * some.replay.substeps)
         finer.samples, finer.taken = some.samples, some.taken
-        moved = (finer.errors_at(fit.values, fit.states)[0] - fit.errors) / fit.noise[some.windows.owners]
+        moved = (finer.errors_at(fit.values, fit.states)[0] - fit.errors) / fit.noise[
+            some.windows.owners
+        ]
         if np.sqrt(np.mean(moved**2, axis=(0, 1))).max() < UNMOVED:
             break
         some = finer
@@ -234,35 +292,72 @@ def identify_by_windows(
     """Identify the parameters of a vehicle from flights whose clocks agree.
 
     Args:
-        flights: flights with gyro, accelerometer and rotor commands; of an arm, positions of the joints.
+        flights: flights with gyro, accelerometer and rotor commands; of an arm,
+            positions of the joints.
         start: vehicle with what is known before.
         options: options of the search.
         progress: called with one line a turn of the search.
 
     Raises:
-        ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
+        ValueError: one line: flights that do not fit the vehicle, or nothing to
+            identify, or SciPy is missing.
     """
     search = search_of(flights, start, options)
     some, near = first_fits(search, progress)
     if act_early(search, near, flights):
         sampled = [as_samples(each) for each in flights]
-        return replace(identify_by_windows(sampled, start, options, progress), sampled=True)
+        return replace(
+            identify_by_windows(sampled, start, options, progress), sampled=True
+        )
     errors = search.errors(search.whole, before=some)
-    fit = fit_windows(errors, near.values, noise=near.noise, spread=near.spread, lasting=search.slow, progress=progress)
-    start, unknowns, windows = with_servos(start, search.servoed), search.unknowns, errors.windows
+    fit = fit_windows(
+        errors,
+        near.values,
+        noise=near.noise,
+        spread=near.spread,
+        lasting=search.slow,
+        progress=progress,
+    )
+    start, unknowns, windows = (
+        with_servos(start, search.servoed),
+        search.unknowns,
+        errors.windows,
+    )
     scale, unseen = search.scale(fit), search.hidden_lags()
-    free, correlation = identified_numbers(fit, scale, search.sample, [each.name for each in search.flights])
-    numbers = [bound_number(each, of.least) for each, of in zip(free, scale.reported, strict=True)]
-    # what commands below 40 Hz cannot show goes back to the start; the dead time then stands for all that is late
-    numbers = [replace(each, reason=NOT_SHOWN) if each.name in unseen else each for each in numbers]
-    excluded = [a.is_known and not b.is_known for a, b in zip(free, numbers, strict=True)]
-    shares = np.array([0.0 if out else each.data_share for out, each in zip(excluded, numbers, strict=True)])
+    free, correlation = identified_numbers(
+        fit, scale, search.sample, [each.name for each in search.flights]
+    )
+    numbers = [
+        bound_number(each, of.least)
+        for each, of in zip(free, scale.reported, strict=True)
+    ]
+    # what commands below 40 Hz cannot show goes back to the start; the dead time then
+    # stands for all that is late
+    numbers = [
+        replace(each, reason=NOT_SHOWN) if each.name in unseen else each
+        for each in numbers
+    ]
+    excluded = [
+        a.is_known and not b.is_known for a, b in zip(free, numbers, strict=True)
+    ]
+    shares = np.array(
+        [
+            0.0 if out else each.data_share
+            for out, each in zip(excluded, numbers, strict=True)
+        ]
+    )
     shares[[each.name in unseen - {"delay"} for each in numbers]] = -math.inf
-    # of a number of the vehicle and one around it that look alike, it is the vehicle that stays as it was
+    # of a number of the vehicle and one around it that look alike, it is the vehicle
+    # that stays as it was
     inside = {each.name for each in unknowns if each.in_vehicle}
     of_vehicle = [any(part in inside for part in each.parts) for each in scale.reported]
-    groups = [[i for i, each in enumerate(of_vehicle) if each is first] for first in (True, False)]
-    conditioned = condition_on_start(fit.values, fit.curvature, scale.rows, scale.off, scale.before, shares, groups)
+    groups = [
+        [i for i, each in enumerate(of_vehicle) if each is first]
+        for first in (True, False)
+    ]
+    conditioned = condition_on_start(
+        fit.values, fit.curvature, scale.rows, scale.off, scale.before, shares, groups
+    )
     numbers = [*with_reasons(numbers, conditioned.beside)]
     plain = at_starts(
         errors.numbers(conditioned.values),
@@ -285,67 +380,111 @@ def identify_by_windows(
         searched=plain,
         period=search.sample,
         absent={
-            channel: dict(zip([each.name for each in scale.reported], ratios.tolist(), strict=True))
-            for channel, ratios in (costs_of_absent(errors, fit, scale.rows) if fit.settled else {}).items()
+            channel: dict(
+                zip(
+                    [each.name for each in scale.reported], ratios.tolist(), strict=True
+                )
+            )
+            for channel, ratios in (
+                costs_of_absent(errors, fit, scale.rows) if fit.settled else {}
+            ).items()
         },
-        counted=tuple(bool((windows.owners == i).any()) for i in range(len(search.flights))),
+        counted=tuple(
+            bool((windows.owners == i).any()) for i in range(len(search.flights))
+        ),
     )
 
 
-def act_early(search: WindowSearch, fit: WindowFit, flights: Sequence[FlightData]) -> bool:
-    """True if held commands would act before they come, by half their period: they are samples of a faster loop's."""
+def act_early(
+    search: WindowSearch, fit: WindowFit, flights: Sequence[FlightData]
+) -> bool:
+    """True if held commands would act before they come, by half their period: they are
+    samples of a faster loop's.
+    """
     names = [each.name for each in search.unknowns]
     if "delay" not in names or search.slow or any(map(are_samples, flights)):
         return False
-    period = max(1.0 / command_samples(commanded_speeds(each, search.start)).rate for each in flights)
+    period = max(
+        1.0 / command_samples(commanded_speeds(each, search.start)).rate
+        for each in flights
+    )
     return EARLIEST * period < float(fit.values[names.index("delay")]) < EARLY * period
 
 
 def distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
-    """Recorded flights, renamed apart, less quantities of few samples and positions that lack an attitude.
+    """Recorded flights, renamed apart, less quantities of few samples and positions
+    that lack an attitude.
 
     Raises:
-        ValueError: one line: there is no flight, or one lacks a quantity that decides how another is flown.
+        ValueError: one line: there is no flight, or one lacks a quantity that decides
+            how another is flown.
     """
     if not flights:
         raise ValueError("flights: must be one or more")
     names, distinct = [each.name for each in flights], list[FlightData]()
     for i, flight in enumerate(flights):
-        name = flight.name if names.count(flight.name) == 1 else f"{flight.name} ({i + 1})"
+        name = (
+            flight.name if names.count(flight.name) == 1 else f"{flight.name} ({i + 1})"
+        )
         out = () if "quaternion" in flight else ("position", "velocity")
-        channels = {each: flight[each] for each in flight if each not in out and flight[each].time.size >= BRIEF}
+        channels = {
+            each: flight[each]
+            for each in flight
+            if each not in out and flight[each].time.size >= BRIEF
+        }
         distinct.append(replace(flight, name=name, channels=channels))
     for quantity in ALIKE:
         there = [each.name for each in distinct if quantity in each]
         lacking = [each.name for each in distinct if quantity not in each]
         if there and lacking:
             raise ValueError(
-                f"{lacking[0]}: {quantity}: is not in this flight, and is in {there[0]}: identify them apart"
+                f"{lacking[0]}: {quantity}: is not in this flight, and is in"
+                f" {there[0]}: identify them apart"
             )
     return distinct
 
 
-def moved_joints(flights: Sequence[FlightData], start: Vehicle) -> tuple[list[bool], list[bool]]:
-    """Two flags per joint: its efforts are logged; only the setpoints of its position servo are."""
+def moved_joints(
+    flights: Sequence[FlightData], start: Vehicle
+) -> tuple[list[bool], list[bool]]:
+    """Two flags per joint: its efforts are logged; only the setpoints of its position
+    servo are.
+    """
 
     def logged(quantity: str, joint: int) -> bool:
-        return any(quantity in each and bool(np.any(each[quantity].values[:, joint])) for each in flights)
+        return any(
+            quantity in each and bool(np.any(each[quantity].values[:, joint]))
+            for each in flights
+        )
 
     driven = [logged("joint_efforts", i) for i in range(start.n)]
-    return driven, [not torque and logged("joint_commands", i) for i, torque in enumerate(driven)]
+    return driven, [
+        not torque and logged("joint_commands", i) for i, torque in enumerate(driven)
+    ]
 
 
 def unknowns_of_sensors(flights: Sequence[FlightData]) -> list[Unknown]:
     """Unknowns of the sensors: bias of the gyroscope, and delay of a measured pose."""
     names = [f"gyro_bias.{axis}" for axis in "xyz"]
-    unknowns = [Unknown(name=each, unit="rad/s", start=0.0, spread=TURNING, in_vehicle=False) for each in names]
+    unknowns = [
+        Unknown(name=each, unit="rad/s", start=0.0, spread=TURNING, in_vehicle=False)
+        for each in names
+    ]
     if any("quaternion" in each for each in flights):
-        unknowns.append(Unknown(name="pose_delay", unit="s", start=0.0, spread=LATE, in_vehicle=False))
+        unknowns.append(
+            Unknown(
+                name="pose_delay", unit="s", start=0.0, spread=LATE, in_vehicle=False
+            )
+        )
     return unknowns
 
 
-def explained_shares(errors: WindowErrors, fit: WindowFit) -> tuple[dict[str, float], dict[str, float]]:
-    """Fraction of each sensor axis' variance that the model explains, and standard deviation of its errors."""
+def explained_shares(
+    errors: WindowErrors, fit: WindowFit
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Fraction of each sensor axis' variance that the model explains, and standard
+    deviation of its errors.
+    """
     names, windows = {"gyro": "rate", "accelerometer": "specific_force"}, errors.windows
     white = first_noise(errors)[windows.owners] ** 2
     at = windows.begins + np.arange(windows.length)[:, None]
@@ -358,16 +497,27 @@ def explained_shares(errors: WindowErrors, fit: WindowFit) -> tuple[dict[str, fl
         else:
             continue
         there = fit.counted[:, :, i].astype(float)
-        noise, left = float((there * white[:, i]).sum()), float((there * fit.errors[:, :, i] ** 2).sum())
-        bends = float((_without_lines(errors.samples[sensor].values[at, column], there) ** 2).sum())
+        noise, left = (
+            float((there * white[:, i]).sum()),
+            float((there * fit.errors[:, :, i] ** 2).sum()),
+        )
+        bends = float(
+            (
+                _without_lines(errors.samples[sensor].values[at, column], there) ** 2
+            ).sum()
+        )
         if max(bends, left) > noise:  # else the row does not move
-            explained[name] = 1.0 - max(left - noise, 0.0) / max(bends - noise, left - noise)
+            explained[name] = 1.0 - max(left - noise, 0.0) / max(
+                bends - noise, left - noise
+            )
         deviation[name] = math.sqrt(left / max(there.sum(), 1.0))
     return explained, deviation
 
 
 def _without_lines(rows: Array, there: Array) -> Array:
-    """Subtract a straight line from the samples (steps, windows) of each window; 0 where the mask ``there`` is 0."""
+    """Subtract a straight line from the samples (steps, windows) of each window; 0
+    where the mask ``there`` is 0.
+    """
     count = np.maximum(there.sum(axis=0), 1.0)
     time = np.arange(len(rows), dtype=float)[:, None] * there
     time = there * (time - time.sum(axis=0) / count)
@@ -377,14 +527,19 @@ def _without_lines(rows: Array, there: Array) -> Array:
 
 
 NOISE, PERIOD = {"position": 0.001, "quaternion": 0.002}, 0.01
-"""Noise (m, rad) and sampling time (s) assumed for a pose that is not measured: those of motion capture."""
+"""Noise (m, rad) and sampling time (s) assumed for a pose that is not measured: those
+of motion capture."""
 
 KNOWN = 1e-3
-"""Fraction of the prior information that an effort keeps if it is not logged: practically none."""
+"""Fraction of the prior information that an effort keeps if it is not logged:
+practically none."""
 
 
-def costs_of_absent(errors: WindowErrors, fit: WindowFit, rows: Array) -> dict[str, Array]:
-    """Ratios (K,) of confidence intervals without a channel to those with it, by the name of each unlogged channel.
+def costs_of_absent(
+    errors: WindowErrors, fit: WindowFit, rows: Array
+) -> dict[str, Array]:
+    """Ratios (K,) of confidence intervals without a channel to those with it, by the
+    name of each unlogged channel.
 
     Args:
         errors: errors of all windows.
@@ -399,8 +554,14 @@ def costs_of_absent(errors: WindowErrors, fit: WindowFit, rows: Array) -> dict[s
         total = reduce(normal, fit.states.beside, loose, prior).total
         return np.sqrt(variances_of(rows, np.asarray(np.linalg.inv(total))))
 
-    absent = [name for name in NOISE if not any(name in each.channels for each in errors.windows.flights)]
-    if "quaternion" not in absent and any("velocity" in each.channels for each in errors.windows.flights):
+    absent = [
+        name
+        for name in NOISE
+        if not any(name in each.channels for each in errors.windows.flights)
+    ]
+    if "quaternion" not in absent and any(
+        "velocity" in each.channels for each in errors.windows.flights
+    ):
         # a position tells nothing beyond the velocity but where the flight was
         absent = []
     if not absent and not errors.unlogged:
@@ -414,16 +575,27 @@ def costs_of_absent(errors: WindowErrors, fit: WindowFit, rows: Array) -> dict[s
         usual = np.array([[NOISE.get(name, 1.0) for name, _ in more.rows]])
         noise = np.repeat(usual, len(fit.noise), axis=0)
         noise[:, [more.rows.index(row) for row in errors.rows]] = fit.noise
-        costs["pose" if "quaternion" in absent else "position"] = measured / widths(more, noise, loose)
+        costs["pose" if "quaternion" in absent else "position"] = measured / widths(
+            more, noise, loose
+        )
     if errors.unlogged:
         effort_knots = np.array([name == "hats" for name, _ in errors.free])
-        costs["joint_efforts"] = measured / widths(errors, fit.noise, np.where(effort_knots, KNOWN * loose, loose))
+        costs["joint_efforts"] = measured / widths(
+            errors, fit.noise, np.where(effort_knots, KNOWN * loose, loose)
+        )
     return costs
 
 
 def _with_pose(flight: Clocked, absent: list[str]) -> Clocked:
-    """Flight with placeholder samples of unlogged channels, of which only the presence matters."""
+    """Flight with placeholder samples of unlogged channels, of which only the presence
+    matters.
+    """
     time = np.arange(flight.begin, flight.edges[-1], PERIOD)
-    rows = {"position": np.zeros((time.size, 3)), "quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (time.size, 1))}
-    more = {name: Channel(time=time, values=rows[name], source="absent") for name in absent}
+    rows = {
+        "position": np.zeros((time.size, 3)),
+        "quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (time.size, 1)),
+    }
+    more = {
+        name: Channel(time=time, values=rows[name], source="absent") for name in absent
+    }
     return replace(flight, channels={**flight.channels, **more})

@@ -1,8 +1,10 @@
-"""Information of a measured flight: how accurately an identification could find each parameter of a vehicle.
+"""Information of a measured flight: how accurately an identification could find each
+parameter of a vehicle.
 
-Some of its windows are fitted. Their information, times the number of all windows over theirs, gives with what is known
-before the interval that the whole search would give (Fisher information; Ljung, System Identification, 1999, 13.3). A
-number whose interval a flight hardly narrows is not excited.
+Some of its windows are fitted. Their information, times the number of all windows over
+theirs, gives with what is known before the interval that the whole search would give
+(Fisher information; Ljung, System Identification, 1999, 13.3). A number whose interval
+a flight hardly narrows is not excited.
 """
 
 from __future__ import annotations
@@ -47,7 +49,9 @@ class ExpectedNumber:
 
     @property
     def is_excited(self) -> bool:
-        """True if the flight gives at least half of the information about the parameter."""
+        """True if the flight gives at least half of the information about the
+        parameter.
+        """
         return self.data_share >= SHOWN
 
     @property
@@ -60,17 +64,26 @@ class ExpectedNumber:
         """Text: excited with the expected accuracy, or not excited in this flight."""
         if not self.is_excited:
             return NOT_EXCITED
-        width = f"{100.0 * self.relative:.2g} %" if self.relative else f"{self.half_width:.2g} {self.unit}".rstrip()
+        width = (
+            f"{100.0 * self.relative:.2g} %"
+            if self.relative
+            else f"{self.half_width:.2g} {self.unit}".rstrip()
+        )
         return f"excited (± {width})"
 
 
-def expected_numbers(flights: Sequence[FlightData], start: Vehicle) -> tuple[ExpectedNumber, ...]:
-    """Accuracy that flights allow for each parameter of a vehicle, by the Fisher information of some windows.
+def expected_numbers(
+    flights: Sequence[FlightData], start: Vehicle
+) -> tuple[ExpectedNumber, ...]:
+    """Accuracy that flights allow for each parameter of a vehicle, by the Fisher
+    information of some windows.
 
-    It takes about a third of the time of :func:`skyarm.identify.identify_windows.identify_by_windows`.
+    It takes about a third of the time of
+    :func:`skyarm.identify.identify_windows.identify_by_windows`.
 
     Raises:
-        ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
+        ValueError: one line: flights that do not fit the vehicle, or nothing to
+            identify, or SciPy is missing.
     """
     search = search_of(flights, start)
     some, near = first_fits(search)
@@ -78,7 +91,9 @@ def expected_numbers(flights: Sequence[FlightData], start: Vehicle) -> tuple[Exp
     fit = near.of_more(whole.count / some.windows.count)
     logarithmic = {each.name for each in search.unknowns if each.positive}
     scale = search.scale(fit)
-    positive = {each.name for each in scale.reported if logarithmic.intersection(each.parts)}
+    positive = {
+        each.name for each in scale.reported if logarithmic.intersection(each.parts)
+    }
     numbers, unseen = [], search.hidden_lags()
     for each in identified_numbers(fit, scale, search.sample)[0]:
         share = 0.5 * math.log(each.high / each.low) if each.name in positive else 0.0
@@ -87,7 +102,9 @@ def expected_numbers(flights: Sequence[FlightData], start: Vehicle) -> tuple[Exp
                 name=each.name,
                 unit=each.unit,
                 start=each.start,
-                half_width=share * each.start if share else 0.5 * (each.high - each.low),
+                half_width=(
+                    share * each.start if share else 0.5 * (each.high - each.low)
+                ),
                 relative=share,
                 data_share=0.0 if each.name in unseen else each.data_share,
             )

@@ -1,4 +1,6 @@
-"""Report of the delays and lags of one flight log: the nominal model that they refer to, table and notes."""
+"""Report of the delays and lags of one flight log: the nominal model that they refer
+to, table and notes.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,11 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 HEADS = ("", "delay and lag", "delay", "up", "down", "over model", "explained")
 
 
-def nominal_model(log: Log, vehicle: str | None, gravity: float | None) -> tuple[Vehicle, float]:
-    """Vehicle and gravity (m/s^2) against which delays and lags of a log are identified.
+def nominal_model(
+    log: Log, vehicle: str | None, gravity: float | None
+) -> tuple[Vehicle, float]:
+    """Vehicle and gravity (m/s^2) against which delays and lags of a log are
+    identified.
 
     Args:
         log: log of one flight.
@@ -35,14 +40,17 @@ def nominal_model(log: Log, vehicle: str | None, gravity: float | None) -> tuple
         return load_vehicle(vehicle), GRAVITY if gravity is None else gravity
     if not log.info.get("scenario_record"):
         raise ValueError(
-            "--vehicle: is missing; the log does not say which vehicle flew (with --lags, for its lags alone)"
+            "--vehicle: is missing; the log does not say which vehicle flew (with"
+            " --lags, for its lags alone)"
         )
     model = log.scenario.agent.model
     return _solid(model.vehicle), float(model.gravity) if gravity is None else gravity
 
 
 def _solid(vehicle: Vehicle) -> Vehicle:
-    """Vehicle prepared for simulation: planar bodies get their largest moment of inertia about every axis."""
+    """Vehicle prepared for simulation: planar bodies get their largest moment of
+    inertia about every axis.
+    """
 
     def whole(body: Body) -> Body:
         if not body.planar:
@@ -55,9 +63,14 @@ def _solid(vehicle: Vehicle) -> Vehicle:
 
 
 def stated_delays(log: Log) -> dict[str, float | None]:
-    """Delays of commands and measurements in the log's scenario, s; None where it states none."""
+    """Delays of commands and measurements in the log's scenario, s; None where it
+    states none.
+    """
     delays = written_at(log.info, "delays") or {}
-    return {name: float(delays[name]) if name in delays else None for name in ("command", "measurement")}
+    return {
+        name: float(delays[name]) if name in delays else None
+        for name in ("command", "measurement")
+    }
 
 
 def every_lag(found: LoopLags) -> list[Lag]:
@@ -70,7 +83,8 @@ PHYSICS_STEP = 0.001
 
 
 def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
-    """TOML tables of the identified delays, rotor time constants and joint drives; empty if none was identified.
+    """TOML tables of the identified delays, rotor time constants and joint drives;
+    empty if none was identified.
 
     Args:
         found: delays and lags in a log.
@@ -83,9 +97,16 @@ def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
         lines += [
             "# scenario: what the plant has, in whole physics steps",
             "[delays]",
-            f"command = {round(rotors.delay.value / PHYSICS_STEP) * PHYSICS_STEP:.3f}  {_from(rotors.delay)}",
+            (
+                "command ="
+                f" {round(rotors.delay.value / PHYSICS_STEP) * PHYSICS_STEP:.3f} "
+                f" {_from(rotors.delay)}"
+            ),
             "",
-            "# what a law may be given, as an option of its law: centroidal, and others",
+            (
+                "# what a law may be given, as an option of its law: centroidal, and"
+                " others"
+            ),
             f"# controller.delay = {periods * found.period:.6g}",
             f"# controller.delay_periods = {periods}",
             "",
@@ -95,8 +116,13 @@ def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
             "",
         ]
     for joint in found.joints:
-        # a lag that its interval does not tell from none is none; where delay and lag are one, it stands for both
-        lagging = joint.up.low > PHYSICS_STEP if joint.apart else joint.together.low > found.period
+        # a lag that its interval does not tell from none is none; where delay and lag
+        # are one, it stands for both
+        lagging = (
+            joint.up.low > PHYSICS_STEP
+            if joint.apart
+            else joint.together.low > found.period
+        )
         if joint.is_known and lagging:
             beside = f"beside a delay of {1e3 * joint.delay.value:.1f} ms"
             lines += [
@@ -112,8 +138,11 @@ def _from(time: Estimated) -> str:
     return f"# {1e3 * time.low:.2f} to {1e3 * time.high:.2f} ms"
 
 
-def lag_lines(title: str, found: LoopLags, stated: Mapping[str, float | None]) -> list[str]:
-    """Lines of the report of delays and lags, ms, with 95 % confidence intervals; the first is the title.
+def lag_lines(
+    title: str, found: LoopLags, stated: Mapping[str, float | None]
+) -> list[str]:
+    """Lines of the report of delays and lags, ms, with 95 % confidence intervals; the
+    first is the title.
 
     Args:
         title: names of log and vehicle.
@@ -127,7 +156,9 @@ def lag_lines(title: str, found: LoopLags, stated: Mapping[str, float | None]) -
 def _row(lag: Lag) -> Row:
     if not lag.is_known:
         return (lag.name, "not known", "", "", "", "", f"{lag.explained:.0%}")
-    factors = " ".join(f"{each:.2f}" for each in dict.fromkeys(lag.factor) if not math.isnan(each))
+    factors = " ".join(
+        f"{each:.2f}" for each in dict.fromkeys(lag.factor) if not math.isnan(each)
+    )
     cells = map(_cell, (lag.together, lag.delay, lag.up, lag.down))
     return (lag.name, *cells, factors or "-", f"{lag.explained:.0%}")
 
@@ -139,17 +170,42 @@ def _cell(time: Estimated) -> str:
 
 def _notes(lags: LoopLags, stated: Mapping[str, float | None]) -> list[str]:
     """Notes on how to read the identified delays and lags."""
-    lines = ["ms, with the interval of 95 %; 'delay and lag': both together, as a small swing meets them."]
-    lines += [f"{each.name}: not known: {each.reason}" for each in every_lag(lags) if not each.is_known]
+    lines = [
+        "ms, with the interval of 95 %; 'delay and lag': both together, as a small"
+        " swing meets them."
+    ]
+    lines += [
+        f"{each.name}: not known: {each.reason}"
+        for each in every_lag(lags)
+        if not each.is_known
+    ]
     lines += [f"{name}: not asked: {reason}" for name, reason in lags.left_out.items()]
-    vague = [each.name for each in every_lag(lags) if each.is_known and not each.apart and each.together.low > 0.0]
+    vague = [
+        each.name
+        for each in every_lag(lags)
+        if each.is_known and not each.apart and each.together.low > 0.0
+    ]
     if vague:
         who = ", ".join(vague)
-        lines.append(f"{who}: delay and lag cannot be told apart in this flight; trust what they are together")
+        lines.append(
+            f"{who}: delay and lag cannot be told apart in this flight; trust what they"
+            " are together"
+        )
     if stated["command"] is None:
-        lines.append("The delay runs from a command to the logged rates: if the log holds them as they were received,")
-        lines.append("their age is in it, and what passes through the loop shows the sum of both only.")
+        lines.append(
+            "The delay runs from a command to the logged rates: if the log holds them"
+            " as they were received,"
+        )
+        lines.append(
+            "their age is in it, and what passes through the loop shows the sum of both"
+            " only."
+        )
     else:
-        delays = ", ".join(f"{name} {1e3 * (value or 0.0):g} ms" for name, value in stated.items())
-        lines.append(f"The log holds the true state: delays are of commands alone. The scenario states: {delays}.")
+        delays = ", ".join(
+            f"{name} {1e3 * (value or 0.0):g} ms" for name, value in stated.items()
+        )
+        lines.append(
+            "The log holds the true state: delays are of commands alone. The scenario"
+            f" states: {delays}."
+        )
     return lines

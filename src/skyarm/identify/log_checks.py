@@ -1,4 +1,6 @@
-"""Checks of a measured flight without a model: missing, cut off, frozen or saturated channels, and wrong units."""
+"""Checks of a measured flight without a model: missing, cut off, frozen or saturated
+channels, and wrong units.
+"""
 
 from __future__ import annotations
 
@@ -59,12 +61,16 @@ Found = tuple[str, str, str, str]
 """Severity, channel, finding, remedy."""
 
 IMU, COMMANDS = ("gyro", "accelerometer"), ("rotor_commands", "rotor_speed_commands")
-"""Channels without which identification is impossible; channels of rotor commands, one of which is needed."""
+"""Channels without which identification is impossible; channels of rotor commands, one
+of which is needed."""
 
 USED = (*IMU, *COMMANDS, "joint_positions")
 """Channels whose damage spoils estimates."""
 
-CUT, UNIT = "cut the flight to a section without it (--begin, --end)", "state its unit in columns.toml"
+CUT, UNIT = (
+    "cut the flight to a section without it (--begin, --end)",
+    "state its unit in columns.toml",
+)
 RANGE = "state low and high in columns.toml"
 
 
@@ -80,7 +86,8 @@ def require_no_refusal(faults: Sequence[LogFault]) -> None:
 
 
 def check_log(flight: FlightData, start: Vehicle) -> list[LogFault]:
-    """Faults of a measured flight that can be detected without a model, each listed once.
+    """Faults of a measured flight that can be detected without a model, each listed
+    once.
 
     Args:
         flight: measured.
@@ -91,23 +98,46 @@ def check_log(flight: FlightData, start: Vehicle) -> list[LogFault]:
 
 def faults_of(file: str, rows: Iterable[Found]) -> list[LogFault]:
     """Convert the faults found in a flight file to records, without duplicates."""
-    return [LogFault(severity=a, file=file, channel=b, finding=c, remedy=d) for a, b, c, d in dict.fromkeys(rows)]
+    return [
+        LogFault(severity=a, file=file, channel=b, finding=c, remedy=d)
+        for a, b, c, d in dict.fromkeys(rows)
+    ]
 
 
 def _faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:
-    """Yield the faults of a measured flight, beginning with those that would hide others."""
+    """Yield the faults of a measured flight, beginning with those that would hide
+    others.
+    """
     empty = [name for name in flight if not flight[name].time.size]
     for name in empty:
-        yield _severity(name), name, "has no sample in this part of the flight", "it is not used"
+        yield (
+            _severity(name),
+            name,
+            "has no sample in this part of the flight",
+            "it is not used",
+        )
     if any(name in USED for name in empty):
         return
-    flight = dataclasses.replace(flight, channels={name: flight[name] for name in flight if name not in empty})
-    aside = [name for name in ("position", "velocity") if name in flight and "quaternion" not in flight]
+    flight = dataclasses.replace(
+        flight, channels={name: flight[name] for name in flight if name not in empty}
+    )
+    aside = [
+        name
+        for name in ("position", "velocity")
+        if name in flight and "quaternion" not in flight
+    ]
     if aside:
-        yield WARNED, aside[0], "no attitude is measured beside it", "it is not used; log the quaternion"
+        yield (
+            WARNED,
+            aside[0],
+            "no attitude is measured beside it",
+            "it is not used; log the quaternion",
+        )
     for check in (_lost_rows, _spikes, _missing, _sizes):
         yield from (faults := list(check(flight, start)))
-        if check is not _lost_rows and any(severity == REFUSED for severity, *_ in faults):
+        if check is not _lost_rows and any(
+            severity == REFUSED for severity, *_ in faults
+        ):
             return
     spans = flying_spans(commanded_speeds(flight, start), start)
     yield from (faults := list(_ground(flight, start, spans)))
@@ -126,8 +156,11 @@ def _severity(name: str) -> str:
     return REFUSED if name in USED else WARNED
 
 
-LOST = re.compile(r"^(?P<channel>\w+): (?P<count>\d+) of (?P<all>\d+) rows (?P<words>.*)$")
-"""Pattern of a reader's note on rows that it left out; the channel ``file`` denotes all channels."""
+LOST = re.compile(
+    r"^(?P<channel>\w+): (?P<count>\d+) of (?P<all>\d+) rows (?P<words>.*)$"
+)
+"""Pattern of a reader's note on rows that it left out; the channel ``file`` denotes all
+channels."""
 
 
 def _lost_rows(flight: FlightData, start: Vehicle) -> Iterator[Found]:
@@ -135,47 +168,86 @@ def _lost_rows(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     for note in flight.notes:
         if lost := LOST.match(note):
             share = int(lost["count"]) / max(1, int(lost["all"]))
-            severity = REFUSED if share > 0.2 and lost["channel"] in (*USED, "file") else WARNED
-            finding = f"{lost['count']} of {lost['all']} rows {lost['words'].rstrip('.')}"
-            yield severity, lost["channel"], finding, "check how the file was written, or cut the flight before it"
+            severity = (
+                REFUSED
+                if share > 0.2 and lost["channel"] in (*USED, "file")
+                else WARNED
+            )
+            finding = (
+                f"{lost['count']} of {lost['all']} rows {lost['words'].rstrip('.')}"
+            )
+            yield (
+                severity,
+                lost["channel"],
+                finding,
+                "check how the file was written, or cut the flight before it",
+            )
 
 
 RANGES = {"gyro": 4000.0 * math.pi / 180.0, "accelerometer": 64.0 * GRAVITY}
 """Channel -> largest range of such a sensor on a vehicle (rad/s, m/s^2)."""
 
 RARE = 0.01
-"""Largest fraction of samples beyond the range that counts as spikes; more suggest another unit."""
+"""Largest fraction of samples beyond the range that counts as spikes; more suggest
+another unit."""
 
 
 def _spikes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     """Yield sensors with a few samples beyond the range of any such sensor."""
     for name, most in RANGES.items():
-        beyond = (np.abs(flight[name].values) > most).any(axis=1) if name in flight else np.zeros(0, dtype=bool)
+        beyond = (
+            (np.abs(flight[name].values) > most).any(axis=1)
+            if name in flight
+            else np.zeros(0, dtype=bool)
+        )
         if beyond.any() and beyond.mean() < RARE:
             at = float(flight[name].time[beyond][0])
-            finding = f"{int(beyond.sum())} of {beyond.size} samples are beyond {most:.3g}, the first at {at:.4g} s"
+            finding = (
+                f"{int(beyond.sum())} of {beyond.size} samples are beyond {most:.3g},"
+                f" the first at {at:.4g} s"
+            )
             yield REFUSED, name, finding, "take them out of the file"
 
 
 def _missing(flight: FlightData, start: Vehicle) -> Iterator[Found]:
-    """Yield the channels that are missing, or whose number of columns does not match the vehicle."""
+    """Yield the channels that are missing, or whose number of columns does not match
+    the vehicle.
+    """
     commands = [name for name in COMMANDS[::-1] if name in flight][:1]
     required = dict.fromkeys(IMU, ("is", "log it, or map its columns"))
     if flight.facts.get("vehicle") == SIMULATED:
-        imu = 'name an inertial unit in the scenario ([sensors] imu = { kind = "imu" }) and fly it again'
+        imu = (
+            'name an inertial unit in the scenario ([sensors] imu = { kind = "imu" })'
+            " and fly it again"
+        )
         required = dict.fromkeys(IMU, ("is", imu))
-    measured = "the measured rotor_speeds as rotor_speed_commands" if "rotor_speeds" in flight else "their columns"
-    required |= {} if commands else {COMMANDS[0]: ("are", f"log them, or map {measured}")}
-    required |= {"joint_positions": ("are", "log them: they move its mass")} if start.n else {}
+    measured = (
+        "the measured rotor_speeds as rotor_speed_commands"
+        if "rotor_speeds" in flight
+        else "their columns"
+    )
+    required |= (
+        {} if commands else {COMMANDS[0]: ("are", f"log them, or map {measured}")}
+    )
+    required |= (
+        {"joint_positions": ("are", "log them: they move its mass")} if start.n else {}
+    )
     for name, (verb, remedy) in required.items():
         if name not in flight:
             yield REFUSED, name, f"{verb} not in this flight", remedy
     of_joints = ("joint_positions", "joint_commands", "joint_efforts", "joint_rates")
-    every = dict.fromkeys(commands, (len(start.rotors), "rotors")) | dict.fromkeys(of_joints, (start.n, "joints"))
+    every = dict.fromkeys(commands, (len(start.rotors), "rotors")) | dict.fromkeys(
+        of_joints, (start.n, "joints")
+    )
     for name, (count, parts) in every.items():
         columns = flight[name].values.shape[1] if name in flight else count
         if columns != count:
-            yield REFUSED, name, f"{columns} {parts}, vehicle '{start.name}' has {count}", "take the vehicle that flew"
+            yield (
+                REFUSED,
+                name,
+                f"{columns} {parts}, vehicle '{start.name}' has {count}",
+                "take the vehicle that flew",
+            )
 
 
 UNITS: Mapping[str, tuple[float, float, Mapping[str, float]]] = {
@@ -191,17 +263,26 @@ UNITS: Mapping[str, tuple[float, float, Mapping[str, float]]] = {
     "rotor_commands": (
         0.0,
         1.05,
-        {"percent": 1e2, "a byte": 255.0, "a pulse width from 1000 to 2000 us": 2e3, "a word of 16 bit": 65535.0},
+        {
+            "percent": 1e2,
+            "a byte": 255.0,
+            "a pulse width from 1000 to 2000 us": 2e3,
+            "a word of 16 bit": 65535.0,
+        },
     ),
 }
-"""Channel -> plausible range of its median size in SI units, and other units with their size in SI."""
+"""Channel -> plausible range of its median size in SI units, and other units with their
+size in SI."""
 
 LEAST_SHARE = 0.15
-"""Least share of the full signal in flight, by which units of rotor commands are told apart."""
+"""Least share of the full signal in flight, by which units of rotor commands are told
+apart."""
 
 
 def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
-    """Yield the channels of implausible magnitude: another unit, missing gravity, or damage."""
+    """Yield the channels of implausible magnitude: another unit, missing gravity, or
+    damage.
+    """
     turns = [joint.turns for joint in start.joints]
     for name, (low, high, units) in UNITS.items():
         if name not in flight or (name == "rotor_commands" and COMMANDS[1] in flight):
@@ -210,83 +291,163 @@ def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
         if "joint" in name:
             size = float(np.quantile(values[:, turns], 0.95)) if any(turns) else 0.0
         else:
-            size = float(np.median(lengths(values) if name in ("accelerometer", "velocity") else values))
+            size = float(
+                np.median(
+                    lengths(values) if name in ("accelerometer", "velocity") else values
+                )
+            )
         if low <= size <= high:
             continue
         least = LEAST_SHARE if name == COMMANDS[0] else low
-        fitting = [unit for unit, factor in units.items() if least * factor <= size <= high * factor]
+        fitting = [
+            unit
+            for unit, factor in units.items()
+            if least * factor <= size <= high * factor
+        ]
         looks = f"it looks like {' or '.join(fitting)}" if fitting else "no unit fits"
-        if name == "accelerometer" and np.linalg.norm(flight[name].values.mean(axis=0)) < STEADY * size:
+        if (
+            name == "accelerometer"
+            and np.linalg.norm(flight[name].values.mean(axis=0)) < STEADY * size
+        ):
             looks = "it looks as if gravity were taken off"
-        finding = f"is {size:.4g} on the median, and flights have {low:.3g} to {high:.4g}: {looks}"
+        finding = (
+            f"is {size:.4g} on the median, and flights have {low:.3g} to {high:.4g}:"
+            f" {looks}"
+        )
         yield REFUSED, name, finding, RANGE if name == COMMANDS[0] else UNIT
     yield from _damaged_shares(flight)
     if not RATES[0] <= (rate := flight["gyro"].rate) <= RATES[1]:
         unit = ": times look like ms" if rate < RATES[0] else ""
-        yield REFUSED, "time", f"has {rate:.3g} samples of the gyro in a second{unit}", UNIT
+        yield (
+            REFUSED,
+            "time",
+            f"has {rate:.3g} samples of the gyro in a second{unit}",
+            UNIT,
+        )
 
 
 RATES, STEADY = (10.0, 2e4), 0.7
-"""Plausible rates (Hz) of gyroscopes in logs; least mean of the accelerometer over its size, which is gravity."""
+"""Plausible rates (Hz) of gyroscopes in logs; least mean of the accelerometer over its
+size, which is gravity."""
 
 
 def _damaged_shares(flight: FlightData) -> Iterator[Found]:
-    """Yield a fault for rotor commands outside 0 to 1, the valid range of shares of the full signal."""
+    """Yield a fault for rotor commands outside 0 to 1, the valid range of shares of the
+    full signal.
+    """
     if COMMANDS[0] not in flight or COMMANDS[1] in flight:
         return
     share = flight[COMMANDS[0]].values
     outside = float(((share < -0.05) | (share > 1.05)).any(axis=1).mean())
     if outside and np.median(share) <= 1.05:
-        span = f"{100.0 * outside:.2g} % of the rows are outside 0 to 1, from {share.min():.4g} to {share.max():.4g}"
-        yield REFUSED if outside > RARE else WARNED, COMMANDS[0], f"{span}: they are damaged", CUT
+        span = (
+            f"{100.0 * outside:.2g} % of the rows are outside 0 to 1, from"
+            f" {share.min():.4g} to {share.max():.4g}"
+        )
+        yield (
+            REFUSED if outside > RARE else WARNED,
+            COMMANDS[0],
+            f"{span}: they are damaged",
+            CUT,
+        )
 
 
 WEIGHTS = (0.4, 2.5)
 """Range of mean thrust over weight that a wrong thrust curve explains."""
 
 MOVING, RESTING, SHORTEST_FLIGHT = 0.05, 0.02, 1.0
-"""Standard deviation of the gyroscope (rad/s) and of the position (m) above which the vehicle flies; least time (s)
-in the air."""
+"""Standard deviation of the gyroscope (rad/s) and of the position (m) above which the
+vehicle flies; least time (s) in the air."""
 
 CLIMBED = 0.5
-"""Height (m) over which a vehicle that flew moves, and the estimate of one on the ground hardly drifts."""
+"""Height (m) over which a vehicle that flew moves, and the estimate of one on the
+ground hardly drifts."""
 
-SPEED_UNITS = {"rpm": 30.0 / np.pi, "Hz": 0.5 / np.pi, "rad/s of a motor behind a gear, or of poles": 7.0}
+SPEED_UNITS = {
+    "rpm": 30.0 / np.pi,
+    "Hz": 0.5 / np.pi,
+    "rad/s of a motor behind a gear, or of poles": 7.0,
+}
 
 
-def _ground(flight: FlightData, start: Vehicle, spans: Sequence[tuple[float, float]]) -> Iterator[Found]:
-    """Yield a fault if a flight never took off, was too short, or its commanded thrust does not match the weight."""
-    name, weight = (COMMANDS[1] if COMMANDS[1] in flight else COMMANDS[0]), GRAVITY * float(start.mass)
+def _ground(
+    flight: FlightData, start: Vehicle, spans: Sequence[tuple[float, float]]
+) -> Iterator[Found]:
+    """Yield a fault if a flight never took off, was too short, or its commanded thrust
+    does not match the weight.
+    """
+    name, weight = (
+        (COMMANDS[1] if COMMANDS[1] in flight else COMMANDS[0]),
+        GRAVITY * float(start.mass),
+    )
     speeds, gyro = commanded_speeds(flight, start), flight["gyro"]
-    rows = np.concatenate([speeds.section(*each).values for each in spans]) if spans else speeds.values
+    rows = (
+        np.concatenate([speeds.section(*each).values for each in spans])
+        if spans
+        else speeds.values
+    )
     rows = rows[np.median(np.abs(rows), axis=1) > 0.0]
     share = float(np.median(lift(start, rows))) / weight if len(rows) else 0.0
     size = max(2, round(0.5 * gyro.rate))
-    pieces = [gyro.values[i : i + size].std(axis=0).max() for i in range(0, max(1, gyro.time.size - size), size)]
+    pieces = [
+        gyro.values[i : i + size].std(axis=0).max()
+        for i in range(0, max(1, gyro.time.size - size), size)
+    ]
     rests = float(np.median(pieces)) < MOVING
-    still = "position" in flight and float(np.ptp(flight["position"].values, axis=0).max()) < RESTING
-    climbed = "position" in flight and float(np.ptp(flight["position"].values[:, 2])) > CLIMBED
+    still = (
+        "position" in flight
+        and float(np.ptp(flight["position"].values, axis=0).max()) < RESTING
+    )
+    climbed = (
+        "position" in flight
+        and float(np.ptp(flight["position"].values[:, 2])) > CLIMBED
+    )
     airborne = sum(b - a for a, b in spans)
-    brief = REFUSED, "flight", f"{airborne:.2g} s in the air: too short, or cut off", "take a flight of 10 s or more"
+    brief = (
+        REFUSED,
+        "flight",
+        f"{airborne:.2g} s in the air: too short, or cut off",
+        "take a flight of 10 s or more",
+    )
     if flight.duration < SHORTEST_FLIGHT:
         yield brief
     elif (not spans and not climbed and (rests or share < 1e-3)) or (rests and still):
-        yield REFUSED, name, f"lift {share:.2g} of the weight: the flight never took off", "take a log of a flight"
+        yield (
+            REFUSED,
+            name,
+            f"lift {share:.2g} of the weight: the flight never took off",
+            "take a log of a flight",
+        )
     elif not WEIGHTS[0] < share < WEIGHTS[1] or (share < AIRBORNE and not spans):
-        finding = f"lift {share:.3g} times the weight of '{start.name}' ({float(start.mass):.3g} kg) in the air"
-        looks = [unit for unit, scale in SPEED_UNITS.items() if 0.6 < share / scale**2 < 1.6]
-        finding += f": they look like {' or '.join(looks)}" if looks and name == COMMANDS[1] else ""
-        yield REFUSED, name, finding, "check mass, thrust curve and units of the commands"
+        finding = (
+            f"lift {share:.3g} times the weight of '{start.name}'"
+            f" ({float(start.mass):.3g} kg) in the air"
+        )
+        looks = [
+            unit for unit, scale in SPEED_UNITS.items() if 0.6 < share / scale**2 < 1.6
+        ]
+        finding += (
+            f": they look like {' or '.join(looks)}"
+            if looks and name == COMMANDS[1]
+            else ""
+        )
+        yield (
+            REFUSED,
+            name,
+            finding,
+            "check mass, thrust curve and units of the commands",
+        )
     elif airborne < SHORTEST_FLIGHT:
         yield brief
 
 
 SENSOR_GAP, HELD_GAP, FEWEST_SAMPLES = 0.1, 0.5, 20
-"""Shortest reported gap (s) of a sensor and of a held command; number of samples from which a channel's rate is
-known."""
+"""Shortest reported gap (s) of a sensor and of a held command; number of samples from
+which a channel's rate is known."""
 
 DROPPED, EARLY = 0.03, 1.0
-"""Least reported fraction of missing samples; time (s) by which a needed channel may end before the flight."""
+"""Least reported fraction of missing samples; time (s) by which a needed channel may
+end before the flight."""
 
 
 def channel_gaps(name: str, channel: Channel) -> list[tuple[float, float]]:
@@ -294,8 +455,13 @@ def channel_gaps(name: str, channel: Channel) -> list[tuple[float, float]]:
     if channel.time.size < FEWEST_SAMPLES:
         return []
     steps, is_held = np.diff(channel.time), QUANTITIES[name].held
-    most = max(HELD_GAP if is_held else SENSOR_GAP, (20.0 if is_held else 5.0) * float(np.median(steps)))
-    return [(float(channel.time[i]), float(steps[i])) for i in np.flatnonzero(steps > most)]
+    most = max(
+        HELD_GAP if is_held else SENSOR_GAP,
+        (20.0 if is_held else 5.0) * float(np.median(steps)),
+    )
+    return [
+        (float(channel.time[i]), float(steps[i])) for i in np.flatnonzero(steps > most)
+    ]
 
 
 def _gaps(flight: FlightData, inside: FlightData) -> Iterator[Found]:
@@ -304,61 +470,107 @@ def _gaps(flight: FlightData, inside: FlightData) -> Iterator[Found]:
     every = [name for name in gaps if name in (*IMU, *COMMANDS)]
 
     def all_begin(when: float, names: Sequence[str]) -> bool:
-        return all(any(abs(when - other) < SENSOR_GAP for other, _ in gaps[name]) for name in names)
+        return all(
+            any(abs(when - other) < SENSOR_GAP for other, _ in gaps[name])
+            for name in names
+        )
 
-    for when, long in [each for each in gaps.get("gyro", []) if all_begin(each[0], every)][:3]:
+    for when, long in [
+        each for each in gaps.get("gyro", []) if all_begin(each[0], every)
+    ][:3]:
         finding = f"jumps by {long:.3g} s at {when:.4g} s in all channels"
-        yield WARNED, "time", finding, "the stretches before and after it are taken apart"
+        yield (
+            WARNED,
+            "time",
+            finding,
+            "the stretches before and after it are taken apart",
+        )
     for name, rows in gaps.items():
         steps = np.diff(inside[name].time)
         if not QUANTITIES[name].held and steps.size >= FEWEST_SAMPLES:
             usual = float(np.median(steps))
-            lost = float(np.maximum(np.round(steps[steps < SENSOR_GAP] / usual) - 1.0, 0.0).sum())
+            lost = float(
+                np.maximum(np.round(steps[steps < SENSOR_GAP] / usual) - 1.0, 0.0).sum()
+            )
             if (share := lost / (steps.size + lost)) > DROPPED:
-                finding = f"{100.0 * share:.2g} % of the samples are missing, at {1.0 / usual:.4g} Hz"
+                finding = (
+                    f"{100.0 * share:.2g} % of the samples are missing, at"
+                    f" {1.0 / usual:.4g} Hz"
+                )
                 yield WARNED, name, finding, "log fewer channels, or at a lower rate"
         if alone := [each for each in rows if not all_begin(each[0], every)]:
             when, long = max(alone, key=lambda each: each[1])
             count = f"{len(alone)} gaps, the longest" if len(alone) > 1 else "a gap"
-            severity = REFUSED if name in USED and name != "gyro" and long > HELD_GAP else WARNED
-            yield severity, name, f"{count} of {long:.3g} s at {when:.4g} s: samples are missing", CUT
+            severity = (
+                REFUSED
+                if name in USED and name != "gyro" and long > HELD_GAP
+                else WARNED
+            )
+            yield (
+                severity,
+                name,
+                f"{count} of {long:.3g} s at {when:.4g} s: samples are missing",
+                CUT,
+            )
     for name in every:
         rest = flight.end - float(flight[name].time[-1])
         if rest > max(EARLY, 0.05 * flight.duration):
-            yield WARNED, name, f"ends {rest:.3g} s before the flight: it is cut off", "the rest is not used"
+            yield (
+                WARNED,
+                name,
+                f"ends {rest:.3g} s before the flight: it is cut off",
+                "the rest is not used",
+            )
 
 
 FROZEN, ALONE, STUCK, BUSY = 0.3, 0.6, 1.0, 0.5
-"""Reported runs (s) of equal rows in the air of a sensor, of one axis, and of a command; fraction of the command's
-rows that change otherwise."""
+"""Reported runs (s) of equal rows in the air of a sensor, of one axis, and of a
+command; fraction of the command's rows that change otherwise."""
 
 JUMP = 3.0
-"""Largest change of a joint that comes to rest or begins to move, in steps of its encoder."""
+"""Largest change of a joint that comes to rest or begins to move, in steps of its
+encoder."""
 
 REPEATED, SPARSE = 0.3, 0.7
-"""Least fraction of repeated rows that is reported; largest ratio of sampling to logging rate that counts as
-resampled."""
+"""Least fraction of repeated rows that is reported; largest ratio of sampling to
+logging rate that counts as resampled."""
 
 AT_LIMIT = 5
-"""Least number of samples at the same extreme value of a saturated axis, in runs of three or more."""
+"""Least number of samples at the same extreme value of a saturated axis, in runs of
+three or more."""
 
 MANY = 100
 """Least number of rows of a sensor that is checked."""
 
-NEVER_STILL = (*IMU, "quaternion", "position", "velocity", "rotor_speeds", "joint_positions")
+NEVER_STILL = (
+    *IMU,
+    "quaternion",
+    "position",
+    "velocity",
+    "rotor_speeds",
+    "joint_positions",
+)
 """Channels whose noise or motion prevents long runs of equal rows."""
 
 
 def _within(channel: Channel, spans: Sequence[tuple[float, float]]) -> Mask:
-    """Mask (N - 1,) of a channel's sample intervals that end within given time spans (s)."""
+    """Mask (N - 1,) of a channel's sample intervals that end within given time spans
+    (s).
+    """
     time = channel.time[1:]
-    return np.asarray(np.any([(time > begin) & (time <= end) for begin, end in spans], axis=0))
+    return np.asarray(
+        np.any([(time > begin) & (time <= end) for begin, end in spans], axis=0)
+    )
 
 
 def _still(name: str, channel: Channel, aloft: Mask) -> Iterator[Found]:
-    """Yield a fault if a channel freezes in flight, holds repeated or interpolated samples, or saturates."""
+    """Yield a fault if a channel freezes in flight, holds repeated or interpolated
+    samples, or saturates.
+    """
     command = name in (*COMMANDS, "joint_efforts")
-    if not (command or name in NEVER_STILL) or channel.time.size < (FEWEST_SAMPLES if command else MANY):
+    if not (command or name in NEVER_STILL) or channel.time.size < (
+        FEWEST_SAMPLES if command else MANY
+    ):
         return
     same = (channel.values[1:] == channel.values[:-1]) & aloft[:, None]
     whole = same.all(axis=1)
@@ -367,41 +579,84 @@ def _still(name: str, channel: Channel, aloft: Mask) -> Iterator[Found]:
     share = float(whole.sum()) / max(1, int(aloft.sum()))
     severity = _severity(name)
     runs = [("", whole, STUCK if command else FROZEN)]
-    runs += [(f"axis {axis} ", column, ALONE) for axis, column in zip("xyz", same.T, strict=False) if name in IMU]
+    runs += [
+        (f"axis {axis} ", column, ALONE)
+        for axis, column in zip("xyz", same.T, strict=False)
+        if name in IMU
+    ]
     for axis, rows, most in runs:
         long, when = _longest_run(rows, channel.time)
         if long > most and not (command and share > BUSY):
-            yield REFUSED if command else severity, name, f"{axis}is frozen for {long:.3g} s at {when:.4g} s", CUT
+            yield (
+                REFUSED if command else severity,
+                name,
+                f"{axis}is frozen for {long:.3g} s at {when:.4g} s",
+                CUT,
+            )
             return
     if name not in (*IMU, "joint_positions"):
         return
     sampled = command_samples(channel).rate
     if share > REPEATED:
-        finding = f"{100.0 * share:.2g} % of the rows repeat the one before, so that its rate is "
-        finding += f"{channel.rate * (1.0 - share):.3g} Hz rather than {channel.rate:.3g} Hz"
+        finding = (
+            f"{100.0 * share:.2g} % of the rows repeat the one before, so that its"
+            " rate is "
+        )
+        finding += (
+            f"{channel.rate * (1.0 - share):.3g} Hz rather than {channel.rate:.3g} Hz"
+        )
         yield WARNED, name, finding, "remove repeated rows"
     elif 0.0 < sampled < SPARSE * channel.rate:
-        finding = f"is on straight lines between samples of {sampled:.3g} Hz, rather than of {channel.rate:.3g} Hz"
+        finding = (
+            f"is on straight lines between samples of {sampled:.3g} Hz, rather than of"
+            f" {channel.rate:.3g} Hz"
+        )
         yield WARNED, name, finding, "log it as it was sampled, without interpolation"
-    for axis, column in zip("xyz", channel.values[1:][~whole].T, strict=False) if name in IMU else ():
+    for axis, column in (
+        zip("xyz", channel.values[1:][~whole].T, strict=False) if name in IMU else ()
+    ):
         for limit in (column.max(), column.min()):
             at = (column == limit).astype(int)
             triples = np.convolve(at, np.ones(3, dtype=int), "valid") == 3
-            if at.sum() >= AT_LIMIT and triples.sum() >= 2 and abs(limit - np.median(column)) > np.std(column):
-                finding = f"axis {axis} is saturated at {limit:.4g} in {int(at.sum())} samples"
-                yield WARNED, name, finding, "cut the flight to gentler sections, or widen the sensor's range"
+            if (
+                at.sum() >= AT_LIMIT
+                and triples.sum() >= 2
+                and abs(limit - np.median(column)) > np.std(column)
+            ):
+                finding = (
+                    f"axis {axis} is saturated at {limit:.4g} in {int(at.sum())}"
+                    " samples"
+                )
+                yield (
+                    WARNED,
+                    name,
+                    finding,
+                    "cut the flight to gentler sections, or widen the sensor's range",
+                )
 
 
 def _rests(channel: Channel, whole: Mask) -> Mask:
-    """Mask (N - 1,) of repeated rows before and after which no joint jumps: of joints at rest on coarse encoders."""
-    step, at_rest = np.abs(np.diff(channel.values, axis=0)), np.zeros(whole.size, dtype=bool)
+    """Mask (N - 1,) of repeated rows before and after which no joint jumps: of joints
+    at rest on coarse encoders.
+    """
+    step, at_rest = (
+        np.abs(np.diff(channel.values, axis=0)),
+        np.zeros(whole.size, dtype=bool),
+    )
     least = np.min(step, axis=0, initial=np.inf, where=step > 0.0)
     for begin, end in runs_of(whole):
-        at_rest[begin:end] = np.all(step[[max(begin - 1, 0), min(end, whole.size - 1)]] <= JUMP * least)
+        at_rest[begin:end] = np.all(
+            step[[max(begin - 1, 0), min(end, whole.size - 1)]] <= JUMP * least
+        )
     return at_rest
 
 
 def _longest_run(rows: Mask, time: Array) -> tuple[float, float]:
-    """Longest time (s) over which a mask (N - 1,) of sample intervals stays true, and its start."""
-    spans = [(float(time[end] - time[begin]), float(time[begin])) for begin, end in runs_of(rows)]
+    """Longest time (s) over which a mask (N - 1,) of sample intervals stays true, and
+    its start.
+    """
+    spans = [
+        (float(time[end] - time[begin]), float(time[begin]))
+        for begin, end in runs_of(rows)
+    ]
     return max(spans, key=lambda each: each[0], default=(0.0, 0.0))

@@ -1,4 +1,6 @@
-"""Rotor commands of measured flights: original samples, commanded speeds, and the time spans in the air."""
+"""Rotor commands of measured flights: original samples, commanded speeds, and the time
+spans in the air.
+"""
 
 from __future__ import annotations
 
@@ -18,29 +20,37 @@ from skyarm.records.arrays import Array, IntArray, float_array
 from skyarm.vehicle import Rotor, Vehicle
 
 SLOWEST = 0.025
-"""Longest interval (s) between rotor commands; pulse widths come at 50 Hz or more, and slower ones are samples of
-faster ones."""
+"""Longest interval (s) between rotor commands; pulse widths come at 50 Hz or more, and
+slower ones are samples of faster ones."""
 
-AUTOPILOTS, SENT, SAMPLES = ("PX4", "ArduPilot", "Betaflight"), "rotor commands", "samples of a faster loop"
-"""Vehicles whose loop is faster than their log; fact of a flight, and its value for such commands."""
+AUTOPILOTS, SENT, SAMPLES = (
+    ("PX4", "ArduPilot", "Betaflight"),
+    "rotor commands",
+    "samples of a faster loop",
+)
+"""Vehicles whose loop is faster than their log; fact of a flight, and its value for
+such commands."""
 
 ROUNDED, NOUGHT = 2.5, 1e-9
-"""Smallest second differences that rounding makes of a straight line; fraction of the largest one that counts as
-zero."""
+"""Smallest second differences that rounding makes of a straight line; fraction of the
+largest one that counts as zero."""
 
 EVEN, REGULAR = 0.1, 0.5
-"""Largest relative deviation of sample intervals from their median, and fraction of intervals that must satisfy it."""
+"""Largest relative deviation of sample intervals from their median, and fraction of
+intervals that must satisfy it."""
 
 FEWEST = 20
 """Least number of consecutive samples; steps of a test are hardly longer."""
 
 AIRBORNE, SETTLING = 0.5, 0.5
-"""Thrust over weight above which a vehicle flies; time (s) over which the thrust is averaged and which is left out
-at both ends."""
+"""Thrust over weight above which a vehicle flies; time (s) over which the thrust is
+averaged and which is left out at both ends."""
 
 
 def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
-    """Commanded rotor speeds (rad/s), from logged speeds or from logged fractions of the full signal."""
+    """Commanded rotor speeds (rad/s), from logged speeds or from logged fractions of
+    the full signal.
+    """
     if "rotor_speed_commands" in flight:
         return flight["rotor_speed_commands"]
     share = flight["rotor_commands"]
@@ -48,19 +58,23 @@ def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
     if len(highest) != share.values.shape[1]:
         return share
     if not np.isfinite(highest).all():
-        raise ValueError("rotors.max_speed = inf: must be finite, the speed of the full signal of rotor_commands")
+        raise ValueError(
+            "rotors.max_speed = inf: must be finite, the speed of the full signal of"
+            " rotor_commands"
+        )
     return Channel(time=share.time, values=share.values * highest, source=share.source)
 
 
 def command_samples(commands: Channel) -> Channel:
-    """Original samples of logged commands, recovered from an upsampled signal (held or linearly interpolated).
+    """Original samples of logged commands, recovered from an upsampled signal (held or
+    linearly interpolated).
 
     Args:
         commands: commands of the rotors.
 
     Returns:
-        Those at even times at which any command changes, or bends, which may lie between two rows; all rows if there
-        are no such times.
+        Those at even times at which any command changes, or bends, which may lie
+        between two rows; all rows if there are no such times.
     """
     time, values = commands.time, commands.values
     steps = np.diff(values, axis=0)
@@ -72,7 +86,10 @@ def command_samples(commands: Channel) -> Channel:
     most = bends.max(axis=0, initial=0.0)
     least = np.where(bends > NOUGHT * most, bends, np.inf).min(axis=0, initial=np.inf)
     straight = np.maximum(ROUNDED * least, NOUGHT * most)
-    sharp = np.append(np.where(bends > straight, bends / np.maximum(most, 1e-300), 0.0).sum(axis=1), 0.0)
+    sharp = np.append(
+        np.where(bends > straight, bends / np.maximum(most, 1e-300), 0.0).sum(axis=1),
+        0.0,
+    )
     first = np.flatnonzero(sharp)
     # a sample between two rows bends the lines at both: it lies where these meet
     first = first[np.diff(first, prepend=-2) > 1]
@@ -80,7 +97,10 @@ def command_samples(commands: Channel) -> Channel:
     if not _is_regular(first + share):
         return commands
     late = share * (time[first + 2] - time[first + 1])
-    met = values[first + 1] + (late / (time[first + 1] - time[first]))[:, None] * steps[first]
+    met = (
+        values[first + 1]
+        + (late / (time[first + 1] - time[first]))[:, None] * steps[first]
+    )
     return replace(
         commands,
         time=np.concatenate([time[:1], time[first + 1] + late, time[-1:]]),
@@ -96,7 +116,9 @@ def _is_regular(places: Array | IntArray) -> bool:
 
 
 def sampling_period(commands: Channel) -> float:
-    """Sampling period (s) of commands logged too rarely for a zero-order hold; 0 if they are logged often enough."""
+    """Sampling period (s) of commands logged too rarely for a zero-order hold; 0 if
+    they are logged often enough.
+    """
     rate = command_samples(commands).rate
     return 1.0 / rate if 0.0 < rate < 1.0 / SLOWEST else 0.0
 
@@ -104,10 +126,13 @@ def sampling_period(commands: Channel) -> float:
 def are_samples(flight: FlightData) -> bool:
     """True if the rotor commands were logged more slowly than the loop that sends them.
 
-    An autopilot's log has every so many of its commands; between two of them it sent others. Held from one to the next
-    they would act half a period late, and the delay come out that much too early.
+    An autopilot's log has every so many of its commands; between two of them it sent
+    others. Held from one to the next they would act half a period late, and the delay
+    come out that much too early.
     """
-    return flight.facts.get("vehicle") in AUTOPILOTS or flight.facts.get(SENT) == SAMPLES
+    return (
+        flight.facts.get("vehicle") in AUTOPILOTS or flight.facts.get(SENT) == SAMPLES
+    )
 
 
 def as_samples(flight: FlightData) -> FlightData:
@@ -116,17 +141,20 @@ def as_samples(flight: FlightData) -> FlightData:
 
 
 def smooth_commands(commands: Channel, time: Array) -> Array:
-    """Commands (N, rotors) at given times (s), on a smooth curve through the samples (cubic spline).
+    """Commands (N, rotors) at given times (s), on a smooth curve through the samples
+    (cubic spline).
 
-    Straight lines would cut off the tops of what a controller commands: of a sine of a fifth of the samples' rate an
-    eighth.
+    Straight lines would cut off the tops of what a controller commands: of a sine of a
+    fifth of the samples' rate an eighth.
 
     Raises:
         ValueError: one line: SciPy is missing.
     """
     try:
         from scipy.interpolate import CubicSpline
-    except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
+    except (
+        ImportError
+    ) as error:  # pragma: no cover  (the library is there when this is tested)
         raise missing_extra("identify") from error
     samples = command_samples(commands)
     usual = 1.0 / samples.rate
@@ -141,39 +169,62 @@ def smooth_commands(commands: Channel, time: Array) -> Array:
 
 
 def period_note(flight: FlightData, start: Vehicle) -> str:
-    """Note that a flight's rotor commands are samples of those that were sent; empty otherwise."""
+    """Note that a flight's rotor commands are samples of those that were sent; empty
+    otherwise.
+    """
     commands = commanded_speeds(flight, start)
     period = sampling_period(commands)
     if not period and are_samples(flight):
         rate = command_samples(commands).rate
-        return f"{flight.name}: rotor commands: a curve through samples of {rate:.4g} Hz, as the loop is faster"
+        return (
+            f"{flight.name}: rotor commands: a curve through samples of {rate:.4g} Hz,"
+            " as the loop is faster"
+        )
     if not period:
         return ""
     return (
-        f"{flight.name}: period = {period:.3g} s, of the rotor commands, between which a smooth curve is taken: "
-        "lags do not show, and what the commands did in between may put numbers beside their intervals"
+        f"{flight.name}: period = {period:.3g} s, of the rotor commands, between which"
+        " a smooth curve is taken: lags do not show, and what the commands did in"
+        " between may put numbers beside their intervals"
     )
 
 
 def lift(vehicle: Vehicle, speeds: Array) -> Array:
-    """Sum of the rotors' thrusts (K,) in N at K sets of speeds (K, rotors) in rad/s, regardless of rotor tilt."""
+    """Sum of the rotors' thrusts (K,) in N at K sets of speeds (K, rotors) in rad/s,
+    regardless of rotor tilt.
+    """
     pairs = zip(vehicle.rotors, speeds.T, strict=True)
-    return np.asarray(sum(float(rotor.thrust_coefficient) * push(rotor, speed) for rotor, speed in pairs))
+    return np.asarray(
+        sum(
+            float(rotor.thrust_coefficient) * push(rotor, speed)
+            for rotor, speed in pairs
+        )
+    )
 
 
 def flying_spans(commands: Channel, start: Vehicle) -> list[tuple[float, float]]:
-    """Spans of time (s) in which the start vehicle's rotors lift a good part of its weight."""
+    """Spans of time (s) in which the start vehicle's rotors lift a good part of its
+    weight.
+    """
     step = 0.02
     time = np.arange(commands.time[0], commands.time[-1], step)
     speeds = commands.values[np.searchsorted(commands.time, time, side="right") - 1]
-    flies = _moving_mean(lift(start, speeds), round(SETTLING / step) | 1) > AIRBORNE * GRAVITY * float(start.mass)
-    spans = [(float(time[a]) + SETTLING, float(time[b - 1]) - SETTLING) for a, b in runs_of(flies)]
+    flies = _moving_mean(
+        lift(start, speeds), round(SETTLING / step) | 1
+    ) > AIRBORNE * GRAVITY * float(start.mass)
+    spans = [
+        (float(time[a]) + SETTLING, float(time[b - 1]) - SETTLING)
+        for a, b in runs_of(flies)
+    ]
     return [(a, b) for a, b in spans if b > a]
 
 
 def time_constants(rotors: Sequence[Rotor]) -> Array:
     """Rotor time constants (rotors, 2) for rising and falling speed, s."""
-    pairs = [[float(each.time_constant_up), float(each.time_constant_down)] for each in rotors]
+    pairs = [
+        [float(each.time_constant_up), float(each.time_constant_down)]
+        for each in rotors
+    ]
     return np.array(pairs).reshape(-1, 2)
 
 

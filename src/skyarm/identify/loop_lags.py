@@ -1,11 +1,12 @@
 """Identification of command delays and of rotor and joint drive lags from a flight log.
 
-They are found with what need not be modelled rightly, thrust, inertia, links and friction, by the fit of a vehicle to
-windows that the engine flies (:mod:`window_fit`).
+They are found with what need not be modelled rightly, thrust, inertia, links and
+friction, by the fit of a vehicle to windows that the engine flies (:mod:`window_fit`).
 
-What is found is the time from a command to the *logged* rates. Where a log holds rates as an on-board computer received
-them, their age is in it: of delays around a loop only the sum is seen by what passes through it. A log of skyarm holds
-the true state, so that its delay is that of the commands alone.
+What is found is the time from a command to the *logged* rates. Where a log holds rates
+as an on-board computer received them, their age is in it: of delays around a loop only
+the sum is seen by what passes through it. A log of skyarm holds the true state, so that
+its delay is that of the commands alone.
 """
 
 from __future__ import annotations
@@ -25,7 +26,13 @@ from skyarm.identify.identified_numbers import LAGS
 from skyarm.identify.identified_parts import vehicle_with
 from skyarm.identify.identify_windows import FIRST, TURNING, WHOLE, explained_shares
 from skyarm.identify.logged_commands import time_constants
-from skyarm.identify.unknowns import USUAL_DELAY, Unknown, servo_of, unknowns_of, without_tilts
+from skyarm.identify.unknowns import (
+    USUAL_DELAY,
+    Unknown,
+    servo_of,
+    unknowns_of,
+    without_tilts,
+)
 from skyarm.identify.window_errors import WindowErrors
 from skyarm.identify.window_fit import BLOCK, WindowFit, fit_windows
 from skyarm.identify.windows import ClockedWindows, clock_step, on_clock
@@ -46,8 +53,14 @@ class Estimated:
 
     @classmethod
     def of(cls, value: float, half: float, *, least: float = 0.0) -> Estimated:
-        """Create an estimate with a symmetric confidence interval, cut at the least possible value."""
-        return cls(value=max(least, value), low=max(least, value - half), high=max(least, value + half))
+        """Create an estimate with a symmetric confidence interval, cut at the least
+        possible value.
+        """
+        return cls(
+            value=max(least, value),
+            low=max(least, value - half),
+            high=max(least, value + half),
+        )
 
 
 @immutable
@@ -55,11 +68,16 @@ class Lag:
     """Identified command delay and time constants of the rotors or of one joint drive.
 
     Attributes:
-        name: "rotors", or the joint's. together: s, dead time and lag, as a small swing meets them.
-        delay: s, dead time. up, down: s, time constants of the first rotor; of a joint drive both are its own.
-        factor: (up, down) ratio to the nominal time constants; NaN without nominal ones.
-        explained: share of the motion, 0 to 1, that the commands explain once noise and slow disturbances are off.
-        reason: why the log does not determine the lag, else empty. apart: whether delay and lag are separable.
+        name: "rotors", or the joint's. together: s, dead time and lag, as a small swing
+            meets them.
+        delay: s, dead time. up, down: s, time constants of the first rotor; of a joint
+            drive both are its own.
+        factor: (up, down) ratio to the nominal time constants; NaN without nominal
+            ones.
+        explained: share of the motion, 0 to 1, that the commands explain once noise and
+            slow disturbances are off.
+        reason: why the log does not determine the lag, else empty. apart: whether delay
+            and lag are separable.
     """
 
     name: str
@@ -99,22 +117,23 @@ LONGEST, SLOWEST = 0.08, 0.5
 """Longest delay and time constant (s) that are considered."""
 
 INSTANT, SHARE = 0.1, 0.01
-"""Fractions of the control period and of the time itself that sampling and model errors leave whatever the noise; no
-half-width of an interval is smaller than both together."""
+"""Fractions of the control period and of the time itself that sampling and model errors
+leave whatever the noise; no half-width of an interval is smaller than both together."""
 
 CLEAR, WIDEST = 0.02, 0.01
-"""Least fraction of the motion that commands must explain, and largest half-width (s) of the interval of delay plus
-lag; otherwise the flight does not determine them."""
+"""Least fraction of the motion that commands must explain, and largest half-width (s)
+of the interval of delay plus lag; otherwise the flight does not determine them."""
 
 APART = 0.004
-"""Half-width (s) of the delay's interval above which delay and lag cannot be separated."""
+"""Half-width (s) of the delay's interval above which delay and lag cannot be
+separated."""
 
 STIRRING = 1e-5
 """Least change of commands per control period, as a fraction of their size."""
 
 SHORTEST, UNEVEN = 1.0, 0.01
-"""Shortest flight (s) that is analysed, and largest deviation of instants from an even clock, as a fraction of a
-period."""
+"""Shortest flight (s) that is analysed, and largest deviation of instants from an even
+clock, as a fraction of a period."""
 
 USUAL = 0.02
 """Assumed time constant (s) of joint drives."""
@@ -129,11 +148,12 @@ ROTORS = "rotors"
 """Name of the rotors' lag."""
 
 MODELLED = ("rotors.thrust_coefficient", "base.second_moment.", "links.", "drives.")
-"""Prefixes of parameters that need not be modelled correctly: response to commands, the arm, its friction and
-servos."""
+"""Prefixes of parameters that need not be modelled correctly: response to commands, the
+arm, its friction and servos."""
 
 FEW, PARTS = 40, 16
-"""Number of windows at the beginning of the search, and least number of a flight at its end."""
+"""Number of windows at the beginning of the search, and least number of a flight at its
+end."""
 
 
 def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
@@ -145,7 +165,8 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
         gravity: m/s^2.
 
     Raises:
-        ValueError: in one line: the log does not fit the vehicle or is too short, or SciPy is missing.
+        ValueError: in one line: the log does not fit the vehicle or is too short, or
+            SciPy is missing.
     """
     period = _control_period(log, vehicle)
     logged = {**STATED, "joint_efforts": "efforts", "joint_commands": "efforts"}
@@ -164,24 +185,46 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
     start = replace(without_tilts(vehicle), drives=tuple(drives.values()))
     names = vehicle.joint_names
     searched = {
-        name: _delay_and_lags(f"drives.{name}.latency", **{f"drives.{name}.time_constant": USUAL})
+        name: _delay_and_lags(
+            f"drives.{name}.latency", **{f"drives.{name}.time_constant": USUAL}
+        )
         for name, efforts in zip(names, log.efforts.T, strict=True)
         if name not in setpoints and _vary(efforts)
     }
     believed = time_constants(vehicle.rotors)[0].tolist()
     if _vary(log.rotor_commands):
-        searched[ROTORS] = _delay_and_lags("delay", **dict(zip(LAGS[1:], believed, strict=True)))
+        searched[ROTORS] = _delay_and_lags(
+            "delay", **dict(zip(LAGS[1:], believed, strict=True))
+        )
     driven = [name not in setpoints for name in names]
     # of a drive with a lag the means over the control periods act
-    given = {f"drives.{name}.hold": 1.0 for name, each in flown.items() if hasattr(each, "time_constant")}
-    given |= {f"drives.{name}.time_constant": USUAL for name in names if name not in searched}
-    fitted = _fit(flight, start, driven, searched, given | {"setpoint_hold": 1.0}, gravity) if searched else None
+    given = {
+        f"drives.{name}.hold": 1.0
+        for name, each in flown.items()
+        if hasattr(each, "time_constant")
+    }
+    given |= {
+        f"drives.{name}.time_constant": USUAL for name in names if name not in searched
+    }
+    fitted = (
+        _fit(flight, start, driven, searched, given | {"setpoint_hold": 1.0}, gravity)
+        if searched
+        else None
+    )
 
     def lag(name: str) -> Lag:
         if fitted is None or name not in searched:
             none = Estimated(value=math.nan, low=math.nan, high=math.nan)
             reason = "the commands hardly change"
-            return Lag(name=name, together=none, delay=none, up=none, down=none, explained=0.0, reason=reason)
+            return Lag(
+                name=name,
+                together=none,
+                delay=none,
+                up=none,
+                down=none,
+                explained=0.0,
+                reason=reason,
+            )
         return _lag(name, searched[name], *fitted, period)
 
     of_rotors = lag(ROTORS)
@@ -203,17 +246,26 @@ def _control_period(log: Log, vehicle: Vehicle) -> float:
     """Control period of a log, s.
 
     Raises:
-        ValueError: in one line: the log does not fit the vehicle, is too short, or its clock is not even.
+        ValueError: in one line: the log does not fit the vehicle, is too short, or its
+            clock is not even.
     """
     rotors, joints = log.rotor_commands.shape[1], log.joints.shape[1]
     if not rotors or rotors != len(vehicle.rotors):
-        raise ValueError(f"rotor_commands: the log has {rotors}, vehicle '{vehicle.name}' {len(vehicle.rotors)} rotors")
+        raise ValueError(
+            f"rotor_commands: the log has {rotors}, vehicle '{vehicle.name}'"
+            f" {len(vehicle.rotors)} rotors"
+        )
     if joints != vehicle.n:
-        raise ValueError(f"joints: the log has {joints}, vehicle '{vehicle.name}' {vehicle.n}")
+        raise ValueError(
+            f"joints: the log has {joints}, vehicle '{vehicle.name}' {vehicle.n}"
+        )
     steps = np.diff(log.time)
     if not len(steps) or log.time[-1] - log.time[0] < SHORTEST * (1.0 - 1e-9):
         span = log.time[-1] - log.time[0] if log.time.size else 0.0
-        raise ValueError(f"time: {span:g} s are too short; at least {SHORTEST:g} s of flight are needed")
+        raise ValueError(
+            f"time: {span:g} s are too short; at least {SHORTEST:g} s of flight are"
+            " needed"
+        )
     period = float(np.median(steps))
     if not period > 0.0 or np.abs(steps - period).max() > UNEVEN * period:
         raise ValueError("time: must be evenly spaced, one row a control period")
@@ -223,13 +275,22 @@ def _control_period(log: Log, vehicle: Vehicle) -> float:
 
 
 def _vary(commands: Array) -> bool:
-    """True if logged commands, a row per control period, vary enough to identify the actuators' lag."""
-    return bool(np.std(np.diff(commands, axis=0)) > STIRRING * np.sqrt(np.mean(commands**2)))
+    """True if logged commands, a row per control period, vary enough to identify the
+    actuators' lag.
+    """
+    return bool(
+        np.std(np.diff(commands, axis=0)) > STIRRING * np.sqrt(np.mean(commands**2))
+    )
 
 
 def _delay_and_lags(delay: str, **lags: float) -> list[Unknown]:
-    """Search variables for a delay and time constants, from their names and usual time constants (s)."""
-    constants = [Unknown(name=name, unit="s", start=tau, spread=SLOW, positive=True) for name, tau in lags.items()]
+    """Search variables for a delay and time constants, from their names and usual time
+    constants (s).
+    """
+    constants = [
+        Unknown(name=name, unit="s", start=tau, spread=SLOW, positive=True)
+        for name, tau in lags.items()
+    ]
     return [Unknown(name=delay, unit="s", start=USUAL_DELAY, spread=LATE), *constants]
 
 
@@ -241,25 +302,56 @@ def _fit(
     given: Mapping[str, float],
     gravity: float,
 ) -> tuple[WindowErrors, WindowFit]:
-    """Fit delays and time constants by group to windows of a flight, together with nuisance parameters."""
-    clocked = on_clock(flight, start, clock_step([flight], start), sections=[(-math.inf, math.inf)], sensors=SENSORS)
-    servoed = [not moved and servo_of(start, i) is not None for i, moved in enumerate(driven)]
-    usual = unknowns_of(start, curve=False, velocity=False, voltage=True, driven=driven, servoed=servoed)
+    """Fit delays and time constants by group to windows of a flight, together with
+    nuisance parameters.
+    """
+    clocked = on_clock(
+        flight,
+        start,
+        clock_step([flight], start),
+        sections=[(-math.inf, math.inf)],
+        sensors=SENSORS,
+    )
+    servoed = [
+        not moved and servo_of(start, i) is not None for i, moved in enumerate(driven)
+    ]
+    usual = unknowns_of(
+        start, curve=False, velocity=False, voltage=True, driven=driven, servoed=servoed
+    )
     unknowns = [each for group in searched.values() for each in group]
     unknowns += [each for each in usual if each.name.startswith(MODELLED)]
-    unknowns += [Unknown(name=f"gyro_bias.{axis}", unit="rad/s", start=0.0, spread=TURNING) for axis in "xyz"]
+    unknowns += [
+        Unknown(name=f"gyro_bias.{axis}", unit="rad/s", start=0.0, spread=TURNING)
+        for axis in "xyz"
+    ]
     errors = WindowErrors(
-        ClockedWindows([clocked], start, FIRST, FEW), start, unknowns, given, driven, servoed, gravity
+        ClockedWindows([clocked], start, FIRST, FEW),
+        start,
+        unknowns,
+        given,
+        driven,
+        servoed,
+        gravity,
     )
     first = fit_windows(errors, np.array([each.begin for each in unknowns]))
     # the speeds of slow rotors follow from more of the past
-    slow, part = vehicle_with(start, errors.numbers(first.values)), min(BLOCK, max(FIRST, flight.duration / PARTS))
+    slow, part = (
+        vehicle_with(start, errors.numbers(first.values)),
+        min(BLOCK, max(FIRST, flight.duration / PARTS)),
+    )
     errors = errors.over(ClockedWindows([clocked], slow, min(WHOLE, part)))
     return errors, fit_windows(errors, first.values, noise=first.noise, block=part)
 
 
-def _lag(name: str, searched: list[Unknown], errors: WindowErrors, fit: WindowFit, period: float) -> Lag:
-    """Identified delay and time constants of an actuator group, with intervals, or a reason if they are not determined.
+def _lag(
+    name: str,
+    searched: list[Unknown],
+    errors: WindowErrors,
+    fit: WindowFit,
+    period: float,
+) -> Lag:
+    """Identified delay and time constants of an actuator group, with intervals, or a
+    reason if they are not determined.
 
     Args:
         name: name of the group.
@@ -280,7 +372,9 @@ def _lag(name: str, searched: list[Unknown], errors: WindowErrors, fit: WindowFi
     numbers = zip((delay + swing, delay, *taus), halves.tolist(), strict=True)
     together, alone, up, *more = (Estimated.of(value, half) for value, half in numbers)
     shares, _ = explained_shares(errors, fit)
-    rates = [f"rate.{axis}" for axis in "xyz"] if name == ROTORS else [f"{name}.position"]
+    rates = (
+        [f"rate.{axis}" for axis in "xyz"] if name == ROTORS else [f"{name}.position"]
+    )
     group_shares = [shares[each] for each in rates if each in shares]
     explained, reason = sum(group_shares) / max(len(group_shares), 1), ""
     if not np.isfinite(halves).all():
@@ -288,9 +382,14 @@ def _lag(name: str, searched: list[Unknown], errors: WindowErrors, fit: WindowFi
     elif delay > LONGEST or max(taus) > SLOWEST:
         reason = "the best of them lies at the end of what is looked for"
     elif explained < CLEAR:
-        reason = f"the commands explain {explained:.1%} of the motion, under {CLEAR:.0%}"
+        reason = (
+            f"the commands explain {explained:.1%} of the motion, under {CLEAR:.0%}"
+        )
     elif halves[0] > WIDEST:
-        reason = f"delay and lag together are known to {1e3 * halves[0]:.0f} ms only, over {1e3 * WIDEST:.0f} ms"
+        reason = (
+            f"delay and lag together are known to {1e3 * halves[0]:.0f} ms only, over"
+            f" {1e3 * WIDEST:.0f} ms"
+        )
     return Lag(
         name=name,
         together=together,

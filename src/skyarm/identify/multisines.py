@@ -1,9 +1,11 @@
-"""Multisine excitation from rest to rest: sines of base, heading and joints under an envelope, as reference signals.
+"""Multisine excitation from rest to rest: sines of base, heading and joints under an
+envelope, as reference signals.
 
-A segment begins and ends at rest in the same place, so that segments follow each other in any order. Its sines have
-random phases (Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2012, 2.5): amplitude, lowest
-and highest frequency and the slope of the spectrum are drawn for each axis, and for each joint the angle about which
-it swings.
+A segment begins and ends at rest in the same place, so that segments follow each other
+in any order. Its sines have random phases (Pintelon and Schoukens, System
+Identification: A Frequency Domain Approach, 2012, 2.5): amplitude, lowest and highest
+frequency and the slope of the spectrum are drawn for each axis, and for each joint the
+angle about which it swings.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ BASE_AXES = 4
 """Number of axes of the base: x, y, z and heading, before the joints."""
 
 SINES = 4
-"""Number of sines of an axis; more raise the crest factor and the size of the file, not the information."""
+"""Number of sines of an axis; more raise the crest factor and the size of the file, not
+the information."""
 
 EASING = 1.5
 """Rise time and fall time (s) of the envelope."""
@@ -40,13 +43,14 @@ STEEPEST = 2.0
 """Largest power of the frequency with which amplitudes fall: equal accelerations."""
 
 HEADING, SWING, MARGIN = 1.2, 1.2, 0.05
-"""Largest swing (rad) of the heading, and of a joint without limits; margin to joint limits as a fraction of the
-range."""
+"""Largest swing (rad) of the heading, and of a joint without limits; margin to joint
+limits as a fraction of the range."""
 
 
 @immutable(eq=False)
 class Segment:
-    """Multisines of all axes (x, y, z, heading, joints) under one envelope from rest to rest.
+    """Multisines of all axes (x, y, z, heading, joints) under one envelope from rest to
+    rest.
 
     Attributes:
         duration: s.
@@ -63,27 +67,62 @@ class Segment:
     offsets: Array
 
     def scale(self, factors: Array) -> Segment:
-        """Multisine segment with amplitudes and offsets of each axis scaled by a factor (axes,)."""
+        """Multisine segment with amplitudes and offsets of each axis scaled by a factor
+        (axes,).
+        """
         amplitudes, offsets = self.amplitudes * factors[:, None], self.offsets * factors
         return replace(self, amplitudes=amplitudes, offsets=offsets)
 
     def table(self, axis: int) -> dict[str, Entry]:
-        """Excitation signal of one axis as a table of a scenario file, in time since the segment's start."""
+        """Excitation signal of one axis as a table of a scenario file, in time since
+        the segment's start.
+        """
         sines: list[Entry] = [
-            {"kind": "sine", "amplitude": round(float(a), 5), "frequency_hz": round(float(f), 4), "phase": float(p)}
-            for a, f, p in zip(self.amplitudes[axis], self.frequencies[axis], self.phases[axis].round(3), strict=True)
+            {
+                "kind": "sine",
+                "amplitude": round(float(a), 5),
+                "frequency_hz": round(float(f), 4),
+                "phase": float(p),
+            }
+            for a, f, p in zip(
+                self.amplitudes[axis],
+                self.frequencies[axis],
+                self.phases[axis].round(3),
+                strict=True,
+            )
         ]
         ramps: list[Entry] = [
-            {"kind": "ramp", "start": start, "duration": EASING, "height": height, "shape": "quintic"}
+            {
+                "kind": "ramp",
+                "start": start,
+                "duration": EASING,
+                "height": height,
+                "shape": "quintic",
+            }
             for start, height in ((0.0, 1.0), (self.duration - EASING, -1.0))
         ]
-        return {"kind": "product", "signal": [round(float(self.offsets[axis]), 5), *sines], "factor": ramps}
+        return {
+            "kind": "product",
+            "signal": [round(float(self.offsets[axis]), 5), *sines],
+            "factor": ramps,
+        }
 
     def motion(self, times: Array) -> Array:
-        """Displacement from rest, velocity and acceleration (3, axes, N) of all axes at times (N,), s."""
-        signals = [signal_from(self.table(axis), "segment") for axis in range(len(self.offsets))]
+        """Displacement from rest, velocity and acceleration (3, axes, N) of all axes at
+        times (N,), s.
+        """
+        signals = [
+            signal_from(self.table(axis), "segment")
+            for axis in range(len(self.offsets))
+        ]
         zero = np.zeros(len(times))
-        return np.stack([[zero + each for each in signal.derivatives(times)[:3]] for signal in signals], axis=1)
+        return np.stack(
+            [
+                [zero + each for each in signal.derivatives(times)[:3]]
+                for signal in signals
+            ],
+            axis=1,
+        )
 
 
 @positional(eq=False)
@@ -110,10 +149,20 @@ def axes_of(vehicle: Vehicle, box: float, height: float) -> Axes:
         height: m, of its centre.
     """
     joints = [_range(joint, vehicle.n) for joint in vehicle.joints]
-    half, rest = 0.5 * box, np.array([0.0, 0.0, height, 0.0, *(each[0] for each in joints)])
-    low = np.array([-half, -half, height - half, -HEADING, *(each[1] for each in joints)])
+    half, rest = (
+        0.5 * box,
+        np.array([0.0, 0.0, height, 0.0, *(each[0] for each in joints)]),
+    )
+    low = np.array(
+        [-half, -half, height - half, -HEADING, *(each[1] for each in joints)]
+    )
     high = np.array([half, half, height + half, HEADING, *(each[2] for each in joints)])
-    return Axes(rest, low, high, np.array([HIGHEST_BASE] * BASE_AXES + [HIGHEST_JOINTS] * vehicle.n))
+    return Axes(
+        rest,
+        low,
+        high,
+        np.array([HIGHEST_BASE] * BASE_AXES + [HIGHEST_JOINTS] * vehicle.n),
+    )
 
 
 def _range(joint: Joint, joints: int) -> tuple[float, float, float]:
@@ -128,7 +177,9 @@ def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segm
     """Draw a random multisine segment that stays within the ranges of all axes."""
     count = len(axes.rest)
     slow, fast = np.log(LOWEST), np.log(axes.fastest)
-    ends = np.sort(slow + (fast - slow)[:, None] * draw.uniform(size=(count, 2)), axis=1)
+    ends = np.sort(
+        slow + (fast - slow)[:, None] * draw.uniform(size=(count, 2)), axis=1
+    )
     share = (np.arange(SINES) + draw.uniform(size=(count, SINES))) / SINES
     frequencies = np.exp(ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * share)
     steepness = STEEPEST * draw.uniform(size=(count, 1))
@@ -148,7 +199,9 @@ def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segm
 
 
 def mutate_segment(segment: Segment, axes: Axes, draw: np.random.Generator) -> Segment:
-    """Mutate a multisine segment: redraw some axes at random, and rescale the others a little."""
+    """Mutate a multisine segment: redraw some axes at random, and rescale the others a
+    little.
+    """
     other = draw_segment(axes, segment.duration, draw)
     anew = draw.uniform(size=len(axes.rest)) < 2.0 / len(axes.rest)
     scaled = segment.scale(draw.uniform(0.85, 1.3, size=len(axes.rest)))
@@ -163,19 +216,29 @@ def mutate_segment(segment: Segment, axes: Axes, draw: np.random.Generator) -> S
 
 
 def within(segment: Segment, axes: Axes, size: Array | None) -> Segment:
-    """Scale a multisine segment to given amplitudes (axes,), if any, and into the ranges of all axes."""
+    """Scale a multisine segment to given amplitudes (axes,), if any, and into the
+    ranges of all axes.
+    """
     times = np.arange(0.0, segment.duration, 0.02)
-    sines = 2.0 * math.pi * segment.frequencies[:, :, None] * times + segment.phases[:, :, None]
+    sines = (
+        2.0 * math.pi * segment.frequencies[:, :, None] * times
+        + segment.phases[:, :, None]
+    )
     waves = segment.amplitudes[:, :, None] * np.sin(sines)
     peak = np.abs(waves.sum(axis=1)).max(axis=1)
-    pulled = np.abs((waves * (2.0 * math.pi * segment.frequencies[:, :, None]) ** 2).sum(axis=1)).max(axis=1)
+    pulled = np.abs(
+        (waves * (2.0 * math.pi * segment.frequencies[:, :, None]) ** 2).sum(axis=1)
+    ).max(axis=1)
     factor = np.ones(len(peak)) if size is None else size / peak
     factor[:3] = np.minimum(factor[:3], STRONGEST / pulled[:3])
-    # another segment's offset may have grown beyond the range; at its end an axis rests, in this and in what follows it
+    # another segment's offset may have grown beyond the range; at its end an axis
+    # rests, in this and in what follows it
     offsets = np.clip(segment.offsets, axes.low - axes.rest, axes.high - axes.rest)
     room = np.minimum(axes.high - axes.rest - offsets, offsets + axes.rest - axes.low)
     factor = np.minimum(factor, np.maximum(room, 0.0) / np.maximum(peak, 1e-300))
-    return replace(segment, amplitudes=segment.amplitudes * factor[:, None], offsets=offsets)
+    return replace(
+        segment, amplitudes=segment.amplitudes * factor[:, None], offsets=offsets
+    )
 
 
 def reference_table(segments: Sequence[Segment], axes: Axes) -> dict[str, Entry]:
@@ -185,9 +248,24 @@ def reference_table(segments: Sequence[Segment], axes: Axes) -> dict[str, Entry]
         pieces: list[Entry] = [round(rest, 5)]
         start = 0.0
         for each in segments:
-            moved: dict[str, Entry] = {"kind": "shifted", "delay": start, "signal": each.table(axis)}
-            pieces.append({"kind": "windowed", "start": start, "stop": start + each.duration, "signal": moved})
+            moved: dict[str, Entry] = {
+                "kind": "shifted",
+                "delay": start,
+                "signal": each.table(axis),
+            }
+            pieces.append(
+                {
+                    "kind": "windowed",
+                    "start": start,
+                    "stop": start + each.duration,
+                    "signal": moved,
+                }
+            )
             start += each.duration
         signals.append(pieces)
     base = dict(zip("xyz", signals[:3], strict=True))
-    return {"yaw": signals[3], "joints": signals[BASE_AXES:], "base": {"kind": "signals", **base}}
+    return {
+        "yaw": signals[3],
+        "joints": signals[BASE_AXES:],
+        "base": {"kind": "signals", **base},
+    }

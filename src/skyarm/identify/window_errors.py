@@ -1,8 +1,10 @@
-"""Residuals of simulated flight windows, measured less simulated, and their normal equations.
+"""Residuals of simulated flight windows, measured less simulated, and their normal
+equations.
 
-Of each window the first state is free, and so are a constant wrench that nothing explains, the integrals of its servos
-and, of a joint whose effort is not logged, hat functions of it. Slopes are differences between lanes: one for every
-number and free number, of every window, all flown side by side.
+Of each window the first state is free, and so are a constant wrench that nothing
+explains, the integrals of its servos and, of a joint whose effort is not logged, hat
+functions of it. Slopes are differences between lanes: one for every number and free
+number, of every window, all flown side by side.
 """
 
 from __future__ import annotations
@@ -25,12 +27,20 @@ from skyarm.records.immutable import positional
 from skyarm.simulate.replay import CommandReplay, Numbers, ReplayedFlights
 from skyarm.vehicle import Vehicle
 
-FREE = {"position": 1e3, "quaternion": 1.0, "velocity": 3.0, "rate": 10.0, "joints": 1.0, "joint_rates": 30.0}
-"""Prior standard deviations of a window's initial state in SI units: practically uninformative."""
+FREE = {
+    "position": 1e3,
+    "quaternion": 1.0,
+    "velocity": 3.0,
+    "rate": 10.0,
+    "joints": 1.0,
+    "joint_rates": 30.0,
+}
+"""Prior standard deviations of a window's initial state in SI units: practically
+uninformative."""
 
 LOOSE, CARRIED = 0.3, 0.25
-"""The same of servos' integrals (rad s), and of unlogged efforts as a fraction of the weight, at the rotors'
-distance for revolute joints."""
+"""The same of servos' integrals (rad s), and of unlogged efforts as a fraction of the
+weight, at the rotors' distance for revolute joints."""
 
 HAT = 0.02
 """Spacing (s) of the hat functions of an unlogged effort."""
@@ -39,19 +49,30 @@ OUTLIER = 3.0
 """Standard deviations above which an error counts linearly (Huber 1964)."""
 
 SMALL = 1e-6
-"""Finite difference for slopes, over the usual size of a parameter. A forward difference leaves apparent information
-on sums of parameters that the data do not contain: at 1e-3 more than the prior."""
+"""Finite difference for slopes, over the usual size of a parameter. A forward
+difference leaves apparent information on sums of parameters that the data do not
+contain: at 1e-3 more than the prior."""
 
 SAME = 0.1
-"""Change of a delay, in steps, below which the samples are not aligned anew; a slope accounts for it."""
+"""Change of a delay, in steps, below which the samples are not aligned anew; a slope
+accounts for it."""
 
 CHUNK = 24
 """Number of steps whose slopes are held in memory at once."""
 
 PUSH, TWIST = 1.0 / 15.0, 1.0 / 40.0
-"""Prior size of the unexplained force and torque, over the weight and the weight times the rotors' distance."""
+"""Prior size of the unexplained force and torque, over the weight and the weight times
+the rotors' distance."""
 
-IN_INPUTS = ("delay", "joint_delay", "drift", "sag", "setpoint_hold", "pose_delay", "accelerometer_delay")
+IN_INPUTS = (
+    "delay",
+    "joint_delay",
+    "drift",
+    "sag",
+    "setpoint_hold",
+    "pose_delay",
+    "accelerometer_delay",
+)
 """Parameters outside the compiled plant: they act in its inputs or on its readings."""
 
 BIAS = {"gyro": "gyro_bias.", "accelerometer": "offset."}
@@ -69,55 +90,80 @@ TRIM = "torque."
 """Prefix of the constant torque; each window has an additional one."""
 
 HEAVY = 1e6
-"""Inertia (kg m^2 or kg) of drives that makes joints immovable, without effect on the base."""
+"""Inertia (kg m^2 or kg) of drives that makes joints immovable, without effect on the
+base."""
 
 READ = {"gyro": "rate", "joint_positions": "joints"}
 """Sensor -> field of a state, where their names differ."""
 
 
 def with_heavy_joints(vehicle: Vehicle) -> Vehicle:
-    """Vehicle whose joints follow given accelerations regardless of loads, by a very large armature inertia."""
-    free = {"armature": HEAVY, "effort_limit": math.inf, "damping": 0, "coulomb": 0, "stop_stiffness": 0}
-    links = [with_changes(each, False, joint=with_changes(each.joint, False, **free)) for each in vehicle.links]
+    """Vehicle whose joints follow given accelerations regardless of loads, by a very
+    large armature inertia.
+    """
+    free = {
+        "armature": HEAVY,
+        "effort_limit": math.inf,
+        "damping": 0,
+        "coulomb": 0,
+        "stop_stiffness": 0,
+    }
+    links = [
+        with_changes(each, False, joint=with_changes(each.joint, False, **free))
+        for each in vehicle.links
+    ]
     return vehicle.with_checked(links=tuple(links), drives=())
 
 
 @positional(eq=False)
 class WindowStates:
-    """Initial state, unexplained wrench and unlogged joint efforts of each of W windows.
+    """Initial state, unexplained wrench and unlogged joint efforts of each of W
+    windows.
 
     Attributes:
-        parts: name -> (W, k), first states and integrals of servos in the order of the free numbers.
-        beside: (W, k) force (N) and torque (N m) that nothing explains, and efforts at the hats: usually 0.
+        parts: name -> (W, k), first states and integrals of servos in the order of the
+            free numbers.
+        beside: (W, k) force (N) and torque (N m) that nothing explains, and efforts at
+            the hats: usually 0.
     """
 
     parts: Mapping[str, Array]
     beside: Array
 
     def moved_by(self, change: Array) -> WindowStates:
-        """Initial states, wrenches and efforts of W windows after a change (W, x) of the x unknowns of each."""
+        """Initial states, wrenches and efforts of W windows after a change (W, x) of
+        the x unknowns of each.
+        """
         parts, first = dict[str, Array](), 0
         for name, rows in self.parts.items():
             size = 3 if name == "quaternion" else rows.shape[1]
             move = change[:, first : first + size]
-            parts[name] = turn_attitudes(rows, move) if name == "quaternion" else rows + move
+            parts[name] = (
+                turn_attitudes(rows, move) if name == "quaternion" else rows + move
+            )
             first += size
         return WindowStates(parts, self.beside + change[:, first:])
 
 
 def turn_attitudes(attitude: Array, turn: Array) -> Array:
-    """Attitudes (..., 4), w x y z, turned by small rotation vectors (..., 3) about base axes."""
+    """Attitudes (..., 4), w x y z, turned by small rotation vectors (..., 3) about base
+    axes.
+    """
     half = np.concatenate([np.ones((*turn.shape[:-1], 1)), 0.5 * turn], axis=-1)
-    rows = Quaternion(*np.moveaxis(attitude, -1, 0)) * Quaternion(*np.moveaxis(half, -1, 0))
+    rows = Quaternion(*np.moveaxis(attitude, -1, 0)) * Quaternion(
+        *np.moveaxis(half, -1, 0)
+    )
     return np.asarray(np.stack(list(rows.normalized()), axis=-1))
 
 
 @positional(eq=False)
 class NormalEquations:
-    """Normal equations of a least-squares fit: x unknowns of each of W windows, and P vehicle parameters.
+    """Normal equations of a least-squares fit: x unknowns of each of W windows, and P
+    vehicle parameters.
 
     Attributes:
-        own: (W, x, x). mixed: (W, x, P). common: (W, P, P). pull, push: (W, x) and (W, P), products with the errors.
+        own: (W, x, x). mixed: (W, x, P). common: (W, P, P). pull, push: (W, x) and (W,
+            P), products with the errors.
         of_rows: (rows, W, x, x) the part of each row in ``own``.
     """
 
@@ -130,29 +176,35 @@ class NormalEquations:
 
 
 Direction = tuple[int, float]
-"""Index of the parameter in which a lane differs from the first, among the free and then the other parameters, and
-the difference."""
+"""Index of the parameter in which a lane differs from the first, among the free and
+then the other parameters, and the difference."""
 
 
 class WindowErrors:
-    """Measured less simulated sensor readings of windows, for given vehicle parameters and initial states.
+    """Measured less simulated sensor readings of windows, for given vehicle parameters
+    and initial states.
 
     Args:
         windows: windows of flights.
         start: vehicle before, with a servo on each servo joint.
         unknowns: P unknowns to search.
         known: numbers by name that are not.
-        driven: whether the effort of each joint is logged. servoed: whether a position servo moves it.
+        driven: whether the effort of each joint is logged. servoed: whether a position
+            servo moves it.
         gravity: m/s^2.
         finer: least number of integration steps within a step.
-        given: (3, steps, n) positions of the joints at the start of each step, rates there, and accelerations in it,
-            where joints move as they are told; of a vehicle of :func:`with_heavy_joints`.
+        given: (3, steps, n) positions of the joints at the start of each step, rates
+            there, and accelerations in it, where joints move as they are told; of a
+            vehicle of :func:`with_heavy_joints`.
 
     Attributes:
-        replay: simulated plant. names: names of the numbers. rows: (sensor, column) of each sensor axis.
+        replay: simulated plant. names: names of the numbers. rows: (sensor, column) of
+            each sensor axis.
         samples: samples of the sensors.
-        taken: s, by which each was thought to be late when these were placed on the clock.
-        free: (name, column) of each free number of a window. loose: their standard deviations before.
+        taken: s, by which each was thought to be late when these were placed on the
+            clock.
+        free: (name, column) of each free number of a window. loose: their standard
+            deviations before.
         wrench: columns of force and torque.
         averaged: (flights,) steps over which the accelerometer's samples are means.
     """
@@ -175,7 +227,9 @@ class WindowErrors:
         self.names = [each.name for each in unknowns]
         self._positive = np.array([each.positive for each in unknowns])
         beside = (*BIAS.values(), TRIM, THRUST)
-        inside = [not name.startswith(beside) and name not in IN_INPUTS for name in self.names]
+        inside = [
+            not name.startswith(beside) and name not in IN_INPUTS for name in self.names
+        ]
         self._inside = np.flatnonzero(inside)
         self.replay = self._make_replay(windows.step, finer)
         self._take_windows(windows)
@@ -184,105 +238,211 @@ class WindowErrors:
         """Set the windows to simulate, with their samples and unknown states."""
         start, driven, servoed = self.start, self.driven, self.servoed
         self.windows = windows
-        self.samples, self.taken, self._placed = self._samples({}), dict[str, float](), 1
-        n, servos = start.n if self.given is None else 0, [servo_of(start, i) for i in range(start.n) if servoed[i]]
-        self.rows = [(name, i) for name in self.samples for i in range(n if name.startswith("joint") else 3)]
-        self._first = {name: i for i, (name, column) in enumerate(self.rows) if not column}
-        self.integrals = [j for j, each in enumerate(servos) if each is not None and float(each.integral) > 0.0]
+        self.samples, self.taken, self._placed = (
+            self._samples({}),
+            dict[str, float](),
+            1,
+        )
+        n, servos = (
+            start.n if self.given is None else 0,
+            [servo_of(start, i) for i in range(start.n) if servoed[i]],
+        )
+        self.rows = [
+            (name, i)
+            for name in self.samples
+            for i in range(n if name.startswith("joint") else 3)
+        ]
+        self._first = {
+            name: i for i, (name, column) in enumerate(self.rows) if not column
+        }
+        self.integrals = [
+            j
+            for j, each in enumerate(servos)
+            if each is not None and float(each.integral) > 0.0
+        ]
         self.unlogged = [i for i in range(n) if not driven[i] and not servoed[i]]
         self.hats = max(2, round(windows.length * windows.step / HAT))
-        sizes = {"position": 3, "quaternion": 3, "velocity": 3, "rate": 3, "joints": n, "joint_rates": n}
-        sizes |= {"integrals": len(self.integrals), "wrench": 6, "hats": self.hats * len(self.unlogged)}
+        sizes = {
+            "position": 3,
+            "quaternion": 3,
+            "velocity": 3,
+            "rate": 3,
+            "joints": n,
+            "joint_rates": n,
+        }
+        sizes |= {
+            "integrals": len(self.integrals),
+            "wrench": 6,
+            "hats": self.hats * len(self.unlogged),
+        }
         self.free = [(name, i) for name, size in sizes.items() for i in range(size)]
         self.loose = np.array([FREE.get(name, LOOSE) for name, _ in self.free])
-        self.wrench = np.array([i for i, (name, _) in enumerate(self.free) if name == "wrench"])
+        self.wrench = np.array(
+            [i for i, (name, _) in enumerate(self.free) if name == "wrench"]
+        )
         felt = [each.channels.get("accelerometer") for each in windows.flights]
-        periods = [0.0 if each is None else 1.0 / (each.rate * windows.step) for each in felt]
+        periods = [
+            0.0 if each is None else 1.0 / (each.rate * windows.step) for each in felt
+        ]
         self.averaged: IntArray = np.array([max(1, round(each)) for each in periods])
         weight = self._gravity * float(start.mass)
-        arm = max(math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors)
+        arm = max(
+            math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors
+        )
         self.push = weight * np.array([PUSH] * 3 + [TWIST * arm] * 3)
-        carried = [CARRIED * weight * (arm if joint.turns else 1.0) for joint in start.joints]
+        carried = [
+            CARRIED * weight * (arm if joint.turns else 1.0) for joint in start.joints
+        ]
         self.loose[[name == "hats" for name, _ in self.free]] = np.repeat(
             [carried[i] for i in self.unlogged], self.hats
         )
 
     def _make_replay(self, step: float, finer: int) -> CommandReplay:
-        """Make the compiled plant whose vehicle follows from the searched parameters."""
+        """Make the compiled plant whose vehicle follows from the searched
+        parameters.
+        """
         start, servoed, gravity = self.start, self.servoed, self._gravity
         inside = {self.names[i]: self.unknowns[i].start for i in self._inside}
-        fixed = {name: value for name, value in self.known.items() if name not in inside}
+        fixed = {
+            name: value for name, value in self.known.items() if name not in inside
+        }
 
         def vehicle_of(given: Numbers) -> Vehicle:
             return vehicle_with(start, {**fixed, **given})
 
         def drives_of(vehicle: Vehicle) -> tuple[Drive, ...]:
             # a servo's setpoints are late before they reach it
-            servos = [servo_of(vehicle, i) if turns else None for i, turns in enumerate(servoed)]
-            drives = (TORQUE_DRIVE if each is None else with_changes(each, False, latency=0.0) for each in servos)
+            servos = [
+                servo_of(vehicle, i) if turns else None
+                for i, turns in enumerate(servoed)
+            ]
+            drives = (
+                TORQUE_DRIVE if each is None else with_changes(each, False, latency=0.0)
+                for each in servos
+            )
             return tuple(drives) if any(servoed) else ()
 
         def felt(given: Numbers, before: State, after: State) -> Sequence[Scalar]:
-            """Mean specific force of a step at the inertial unit, from the change of its velocity."""
-            place = Vec3(*({**fixed, **given}.get(f"place.{axis}", 0.0) for axis in "xyz"))
+            """Mean specific force of a step at the inertial unit, from the change of
+            its velocity.
+            """
+            place = Vec3(
+                *({**fixed, **given}.get(f"place.{axis}", 0.0) for axis in "xyz")
+            )
 
             def velocity(at: State) -> Vec3:
-                return at.velocity + at.quaternion.rotation().apply(at.rate.cross(place))
+                return at.velocity + at.quaternion.rotation().apply(
+                    at.rate.cross(place)
+                )
 
-            middle = Quaternion(*(a + b for a, b in zip(before.quaternion, after.quaternion, strict=True)))
-            gained = (velocity(after) - velocity(before)) * (1.0 / step) + Vec3(0.0, 0.0, gravity)
+            middle = Quaternion(
+                *(
+                    a + b
+                    for a, b in zip(before.quaternion, after.quaternion, strict=True)
+                )
+            )
+            gained = (velocity(after) - velocity(before)) * (1.0 / step) + Vec3(
+                0.0, 0.0, gravity
+            )
             return tuple(middle.normalized().rotation().apply_T(gained))
 
-        return CommandReplay(vehicle_of, inside, step, gravity, drives_of=drives_of, sensed=felt, finer=finer)
+        return CommandReplay(
+            vehicle_of,
+            inside,
+            step,
+            gravity,
+            drives_of=drives_of,
+            sensed=felt,
+            finer=finer,
+        )
 
     def first_states(self) -> WindowStates:
-        """First estimates of the windows' initial states from sensor samples, without unexplained wrenches."""
+        """First estimates of the windows' initial states from sensor samples, without
+        unexplained wrenches.
+        """
         count = self.windows.count
-        parts = self.windows.first_states(self.samples) | {"integrals": np.zeros((count, len(self.integrals)))}
-        return WindowStates(parts, np.zeros((count, 6 + self.hats * len(self.unlogged))))
+        parts = self.windows.first_states(self.samples) | {
+            "integrals": np.zeros((count, len(self.integrals)))
+        }
+        return WindowStates(
+            parts, np.zeros((count, 6 + self.hats * len(self.unlogged)))
+        )
 
     def values(self, searched: Array) -> Array:
-        """Parameters (..., P) in their units from the scale of the search, which is logarithmic for positive ones."""
-        return np.where(self._positive, np.exp(np.where(self._positive, searched, 0.0)), searched)
+        """Parameters (..., P) in their units from the scale of the search, which is
+        logarithmic for positive ones.
+        """
+        return np.where(
+            self._positive, np.exp(np.where(self._positive, searched, 0.0)), searched
+        )
 
     def numbers(self, searched: Array) -> dict[str, float]:
         """Parameter values by name, searched and known ones."""
-        return {**self.known, **dict(zip(self.names, self.values(searched).tolist(), strict=True))}
+        return {
+            **self.known,
+            **dict(zip(self.names, self.values(searched).tolist(), strict=True)),
+        }
 
     def take_samples(self, searched: Array) -> None:
-        """Place the samples of delayed sensors on the clock again, for the estimated delays."""
+        """Place the samples of delayed sensors on the clock again, for the estimated
+        delays.
+        """
         numbers = self.numbers(searched)
-        delays = {name: numbers.get(DELAY[name], 0.0) for name in self.samples if name in DELAY}
+        delays = {
+            name: numbers.get(DELAY[name], 0.0)
+            for name in self.samples
+            if name in DELAY
+        }
         # to and fro over the edge of a step a search would not come to rest
         near = SAME * self._placed * self.windows.step
-        if all(abs(s - self.taken.get(name, math.inf)) < near for name, s in delays.items()):
+        if all(
+            abs(s - self.taken.get(name, math.inf)) < near for name, s in delays.items()
+        ):
             return
         self.taken, self._placed = delays, self._placed + 1
-        # what is flown is the mean of a sample's period, what is read that in its middle
+        # what is flown is the mean of a sample's period, what is read that in its
+        # middle
         late: dict[str, float | Array] = {**delays}
         if "accelerometer" in delays:
-            late["accelerometer"] = np.asarray(delays["accelerometer"] - 0.5 * self.windows.step * self.averaged)
+            late["accelerometer"] = np.asarray(
+                delays["accelerometer"] - 0.5 * self.windows.step * self.averaged
+            )
         self.samples = self._samples(late)
 
     def _samples(self, late: Mapping[str, float | Array]) -> dict[str, SensorSamples]:
         """Samples of the compared sensors on the clock, for given delays (s)."""
         samples = self.windows.samples(late)
         if self.given is not None:
-            samples = {name: rows for name, rows in samples.items() if not name.startswith("joint")}
+            samples = {
+                name: rows
+                for name, rows in samples.items()
+                if not name.startswith("joint")
+            }
         return samples
 
-    def lanes(self, searched: Array, states: WindowStates, directions: Sequence[Direction] = ()) -> WindowLanes:
-        """Start parallel simulations of all windows: at the estimate, and with small changes in given directions."""
+    def lanes(
+        self,
+        searched: Array,
+        states: WindowStates,
+        directions: Sequence[Direction] = (),
+    ) -> WindowLanes:
+        """Start parallel simulations of all windows: at the estimate, and with small
+        changes in given directions.
+        """
         return WindowLanes(self, self.replay, searched, states, directions)
 
     def over(self, windows: ClockedWindows) -> WindowErrors:
-        """Residuals of other windows with the same clock step, on the same compiled plant."""
+        """Residuals of other windows with the same clock step, on the same compiled
+        plant.
+        """
         errors = copy.copy(self)
         errors._take_windows(windows)
         return errors
 
     def errors_at(self, searched: Array, states: WindowStates) -> tuple[Array, Mask]:
-        """Residuals (steps, W, sensor axes) of W windows and their mask, for search variables of parameters (P,)."""
+        """Residuals (steps, W, sensor axes) of W windows and their mask, for search
+        variables of parameters (P,).
+        """
         errors, there = self._nothing()
         # what a search tries may fly to infinity
         with np.errstate(over="ignore", invalid="ignore"):
@@ -291,17 +451,27 @@ class WindowErrors:
         return errors, there
 
     def times(self) -> Array:
-        """Times (steps, W, sensor axes) of the samples after the starts of their windows, s."""
+        """Times (steps, W, sensor axes) of the samples after the starts of their
+        windows, s.
+        """
         steps = np.arange(self.windows.length)[:, None]
         at = self.windows.begins + steps
-        return np.stack([(steps + self.samples[name].share[at]) * self.windows.step for name, _ in self.rows], axis=2)
+        return np.stack(
+            [
+                (steps + self.samples[name].share[at]) * self.windows.step
+                for name, _ in self.rows
+            ],
+            axis=2,
+        )
 
     def shares_left(self, there: Mask, memory: Array) -> Array:
-        """Correlation (steps, W, sensor axes) of each sample's residual with that of the sample before in its window.
+        """Correlation (steps, W, sensor axes) of each sample's residual with that of
+        the sample before in its window.
 
         Args:
             there: (steps, W, sensor axes) which samples count.
-            memory: (flights, sensor axes) s, in which errors fade to 1 / e; 0 of those that are independent.
+            memory: (flights, sensor axes) s, in which errors fade to 1 / e; 0 of those
+                that are independent.
         """
         time, last = self.times(), np.full(there.shape, -np.inf)
         last[1:] = np.maximum.accumulate(np.where(there, time, -np.inf), axis=0)[:-1]
@@ -310,9 +480,11 @@ class WindowErrors:
         return np.where(np.isfinite(last) & there, np.nan_to_num(shares), 0.0)
 
     def innovations(self, found: Array, there: Mask, memory: Array | None) -> Array:
-        """Whitened residuals (steps, W, sensor axes): less the part correlated with the previous (Prais, Winsten 1954).
+        """Whitened residuals (steps, W, sensor axes): less the part correlated with the
+        previous (Prais, Winsten 1954).
 
-        The arguments are those of :meth:`shares_left`; without a memory the errors themselves.
+        The arguments are those of :meth:`shares_left`; without a memory the errors
+        themselves.
         """
         if memory is None:
             return found
@@ -331,19 +503,34 @@ class WindowErrors:
         outlier: float = OUTLIER,
         memory: Array | None = None,
     ) -> tuple[Array, Mask, NormalEquations]:
-        """Residuals (steps, W, sensor axes), mask, and normal equations under sensor noise (flights, sensor axes).
+        """Residuals (steps, W, sensor axes), mask, and normal equations under sensor
+        noise (flights, sensor axes).
 
-        Beyond ``outlier`` standard deviations an error counts by its size only; with a memory (flights, sensor axes),
-        s, so does what it is beyond that which it keeps of the one before.
+        Beyond ``outlier`` standard deviations an error counts by its size only; with a
+        memory (flights, sensor axes), s, so does what it is beyond that which it keeps
+        of the one before.
         """
-        windows, x, size = self.windows, len(self.free), len(self.free) + len(self.names) + 1
+        windows, x, size = (
+            self.windows,
+            len(self.free),
+            len(self.free) + len(self.names) + 1,
+        )
         directions = self._directions()
-        columns, steps = [place for place, _ in directions], np.array([step for _, step in directions])[:, None]
+        columns, steps = (
+            [place for place, _ in directions],
+            np.array([step for _, step in directions])[:, None],
+        )
         (errors, there), count, m = self._nothing(), windows.count, len(self.rows)
         sums, of_rows = np.zeros((count, size - x, size)), np.zeros((m, count, x, x))
-        block, filled, scale = np.zeros((count, CHUNK, m, size)), 0, 1.0 / noise[windows.owners]
+        block, filled, scale = (
+            np.zeros((count, CHUNK, m, size)),
+            0,
+            1.0 / noise[windows.owners],
+        )
         last, before = -1, np.zeros((count, m, size))
-        counts = np.stack([self._counts(name, slice(None)) for name, _ in self.rows], axis=2)
+        counts = np.stack(
+            [self._counts(name, slice(None)) for name, _ in self.rows], axis=2
+        )
         shares = None if memory is None else self.shares_left(counts, memory)
 
         def add() -> None:
@@ -353,7 +540,9 @@ class WindowErrors:
             of_rows[:] += np.matmul(own.transpose(0, 1, 3, 2), own)
             block[:] = 0.0
 
-        for k, name, rows, error, slope, has in self._readings(searched, states, directions):
+        for k, name, rows, error, slope, has in self._readings(
+            searched, states, directions
+        ):
             if k != last:
                 last, filled = k, filled + 1
                 if filled > CHUNK:
@@ -361,7 +550,9 @@ class WindowErrors:
                     filled = 1
             errors[k, :, rows], there[k, :, rows] = error[:, 0].T, has[:, None]
             part = block[:, filled - 1, rows]
-            part[:, :, columns] = np.moveaxis((error[:, 1:] - error[:, :1]) / steps, 2, 0)
+            part[:, :, columns] = np.moveaxis(
+                (error[:, 1:] - error[:, :1]) / steps, 2, 0
+            )
             self._known_slopes(part, name, slope)
             part[:, :, -1] = error[:, 0].T
             if shares is not None:
@@ -369,45 +560,74 @@ class WindowErrors:
                 part[:] = (now - share * before[:, rows]) / np.sqrt(1.0 - share**2)
                 before[has, rows] = now[has]
             size_of = np.abs(part[:, :, -1]) * scale[:, rows]
-            part *= (np.sqrt(np.minimum(1.0, outlier / np.maximum(size_of, 1e-300))) * scale[:, rows] * has[:, None])[
-                :, :, None
-            ]
+            part *= (
+                np.sqrt(np.minimum(1.0, outlier / np.maximum(size_of, 1e-300)))
+                * scale[:, rows]
+                * has[:, None]
+            )[:, :, None]
         add()
         mixed, common, push = np.split(sums[:, :-1], [x, size - 1], axis=2)
         pull = sums[:, -1, :x]
         return (
             errors,
             there,
-            NormalEquations(of_rows.sum(axis=0), mixed.transpose(0, 2, 1), common, pull, push[..., 0], of_rows),
+            NormalEquations(
+                of_rows.sum(axis=0),
+                mixed.transpose(0, 2, 1),
+                common,
+                pull,
+                push[..., 0],
+                of_rows,
+            ),
         )
 
     def _nothing(self) -> tuple[Array, Mask]:
-        """Zero residuals (steps, W, sensor axes) of W windows, and a mask that marks no sample as usable yet."""
+        """Zero residuals (steps, W, sensor axes) of W windows, and a mask that marks no
+        sample as usable yet.
+        """
         shape = self.windows.length, self.windows.count, len(self.rows)
         return np.zeros(shape), np.zeros(shape, dtype=bool)
 
     def _counts(self, name: str, k: int | slice) -> Mask:
-        """Mask (W,) of windows in which a sensor has a usable sample in step k, or (steps, W) for a slice of steps."""
+        """Mask (W,) of windows in which a sensor has a usable sample in step k, or
+        (steps, W) for a slice of steps.
+        """
         steps = np.arange(self.windows.length)[:, None][k]
         samples, at = self.samples[name], self.windows.begins + steps
         there: Mask = samples.there[at]
         # a mean over a sample's period that begins before the window is not flown
         if name == "accelerometer":
-            there = there & (steps + samples.share[at] > self.averaged[self.windows.owners] - 1e-9)
+            there = there & (
+                steps + samples.share[at] > self.averaged[self.windows.owners] - 1e-9
+            )
         return there
 
     def _directions(self) -> list[Direction]:
-        """Unknowns whose derivatives need a simulation, with their finite differences; the others are analytic."""
-        sizes = [SMALL * (self.push[column] if name == "wrench" else 1.0) for name, column in self.free]
-        directions = [(i, size) for i, size in enumerate(sizes) if self.free[i][0] != "position"]
+        """Unknowns whose derivatives need a simulation, with their finite differences;
+        the others are analytic.
+        """
+        sizes = [
+            SMALL * (self.push[column] if name == "wrench" else 1.0)
+            for name, column in self.free
+        ]
+        directions = [
+            (i, size) for i, size in enumerate(sizes) if self.free[i][0] != "position"
+        ]
         without = (*BIAS.values(), TRIM, *DELAY.values())
         for j, each in enumerate(self.unknowns):
             if not each.name.startswith(without):
-                directions.append((len(self.free) + j, SMALL if each.positive else SMALL * each.spread))
+                directions.append(
+                    (
+                        len(self.free) + j,
+                        SMALL if each.positive else SMALL * each.spread,
+                    )
+                )
         return directions
 
     def _known_slopes(self, part: Array, name: str, slope: Array) -> None:
-        """Fill in the analytic derivatives (W, columns, unknowns) of a sensor's residuals."""
+        """Fill in the analytic derivatives (W, columns, unknowns) of a sensor's
+        residuals.
+        """
         x = len(self.free)
         if name == "position":
             part[:, range(3), range(3)] = -1.0
@@ -422,13 +642,17 @@ class WindowErrors:
     def _readings(
         self, searched: Array, states: WindowStates, directions: Sequence[Direction]
     ) -> Iterator[tuple[int, str, slice, Array, Array, Mask]]:
-        """Yield step, sensor, indices of its axes, residuals, rate of change and window mask, for every sensor sampled.
+        """Yield step, sensor, indices of its axes, residuals, rate of change and window
+        mask, for every sensor sampled.
 
         Errors are (columns, 1 + directions, W), slopes (columns, W) per second.
         """
         lanes, step = self.lanes(searched, states, directions), self.windows.step
         numbers = self.numbers(searched)
-        late = {name: numbers.get(DELAY.get(name, ""), 0.0) - self.taken.get(name, 0.0) for name in self.samples}
+        late = {
+            name: numbers.get(DELAY.get(name, ""), 0.0) - self.taken.get(name, 0.0)
+            for name in self.samples
+        }
         before, forces = lanes.read(self.samples), list[Array]()
         averaged = self.averaged[self.windows.owners]
         counts = np.unique(averaged).tolist() or [1]
@@ -440,27 +664,47 @@ class WindowErrors:
             now["accelerometer"] = np.mean(forces[-counts[0] :], axis=0)
             for count in counts[1:]:
                 own = averaged == count
-                now["accelerometer"][..., own] = np.mean([each[..., own] for each in forces[-count:]], axis=0)
+                now["accelerometer"][..., own] = np.mean(
+                    [each[..., own] for each in forces[-count:]], axis=0
+                )
             if not k:
                 before["accelerometer"] = now["accelerometer"]
             for name, samples in self.samples.items():
                 has = self._counts(name, k)
                 if not has.any():
                     continue
-                error, slope = _error(name, before[name], now[name], now["gyro"][:, 0], samples, at, step)
+                error, slope = _error(
+                    name, before[name], now[name], now["gyro"][:, 0], samples, at, step
+                )
                 if name in BIAS:
-                    bias = np.array([numbers.get(f"{BIAS[name]}{axis}", 0.0) for axis in "xyz"])
+                    bias = np.array(
+                        [numbers.get(f"{BIAS[name]}{axis}", 0.0) for axis in "xyz"]
+                    )
                     error = error - bias[:, None, None]
                 first = self._first[name]
-                yield k, name, slice(first, first + len(error)), error + late[name] * slope[:, None], slope, has
+                yield (
+                    k,
+                    name,
+                    slice(first, first + len(error)),
+                    error + late[name] * slope[:, None],
+                    slope,
+                    has,
+                )
             before = now
         lanes.close()
 
 
 def _error(
-    name: str, before: Array, now: Array, rate: Array, samples: SensorSamples, at: IntArray, step: float
+    name: str,
+    before: Array,
+    now: Array,
+    rate: Array,
+    samples: SensorSamples,
+    at: IntArray,
+    step: float,
 ) -> tuple[Array, Array]:
-    """Residuals (columns, simulations, W) of a sensor in a step, and rate of change (columns, W) of its reading.
+    """Residuals (columns, simulations, W) of a sensor in a step, and rate of change
+    (columns, W) of its reading.
 
     Args:
         name: name of the sensor.
@@ -482,7 +726,8 @@ def _error(
 
 
 class WindowLanes:
-    """Parallel simulations of all windows: at the estimate, then with each unknown changed by a small difference.
+    """Parallel simulations of all windows: at the estimate, then with each unknown
+    changed by a small difference.
 
     Args:
         errors: errors of the windows.
@@ -511,12 +756,15 @@ class WindowLanes:
                 candidates[lane, place - changes.shape[1]] += size
         # windows of one direction after the other
         moved = WindowStates(
-            {name: np.tile(rows, (every, 1)) for name, rows in states.parts.items()}, np.tile(states.beside, (every, 1))
+            {name: np.tile(rows, (every, 1)) for name, rows in states.parts.items()},
+            np.tile(states.beside, (every, 1)),
         ).moved_by(np.repeat(changes, count, axis=0))
         self._shape, self._numbers = (-1, every, count), errors.values(candidates)
         self.flights: ReplayedFlights = replay.flights(every * count, cores())
         inside = [errors.names.index(name) for name in replay.names]
-        self.flights.inputs["numbers"][:] = np.repeat(self._numbers[:, inside], count, axis=0).T
+        self.flights.inputs["numbers"][:] = np.repeat(
+            self._numbers[:, inside], count, axis=0
+        ).T
         for name, rows in moved.parts.items():
             if name != "integrals" and rows.size:
                 self.flights.state[name][:] = rows.T
@@ -524,8 +772,12 @@ class WindowLanes:
                 self.flights.memories[[3 * j + 1 for j in errors.integrals]] = rows.T
         trim = np.stack([self._number(f"{TRIM}{axis}") for axis in "xyz"])
         self.flights.inputs["force"][:] = moved.beside[:, :3].T
-        self.flights.inputs["torque"][:] = moved.beside[:, 3:6].T + np.repeat(trim, count, axis=1)
-        self._hats = moved.beside[:, 6:].reshape(every * count, len(errors.unlogged), errors.hats)
+        self.flights.inputs["torque"][:] = moved.beside[:, 3:6].T + np.repeat(
+            trim, count, axis=1
+        )
+        self._hats = moved.beside[:, 6:].reshape(
+            every * count, len(errors.unlogged), errors.hats
+        )
         self._take_commands()
 
     def _number(self, name: str, default: float = 0.0) -> Array:
@@ -535,8 +787,15 @@ class WindowLanes:
         return np.full(len(self._numbers), self._errors.known.get(name, default))
 
     def _take_commands(self) -> None:
-        """Prepare the commands of all candidates, and the states of rotors and servos at the starts of the windows."""
-        windows, errors, start, delays = self._windows, self._errors, self._errors.start, self._number("delay")
+        """Prepare the commands of all candidates, and the states of rotors and servos
+        at the starts of the windows.
+        """
+        windows, errors, start, delays = (
+            self._windows,
+            self._errors,
+            self._errors.start,
+            self._number("delay"),
+        )
         keys, which = _distinct(delays)
         speeds = [windows.commands("speeds", *key) for key in keys]
         self._speeds = _stack_commands(speeds), which
@@ -544,32 +803,52 @@ class WindowLanes:
         indices = np.arange(len(keys), dtype=float)[which]
         # below 0 where it is the start's: rows with NaN would all be distinct
         keys, which = _distinct(indices, *(self._number(way, -1.0) for way in ways))
-        lags = [{way: value for way, value in zip(ways, key[1:], strict=True) if value >= 0.0} for key in keys]
+        lags = [
+            {
+                way: value
+                for way, value in zip(ways, key[1:], strict=True)
+                if value >= 0.0
+            }
+            for key in keys
+        ]
         rotors = [vehicle_with(start, lag).rotors for lag in lags]
         begun = windows.rotor_speeds(rotors, [speeds[int(key[0])] for key in keys])
-        self.flights.state["rotor_speeds"][:] = begun[which].reshape(-1, len(start.rotors)).T
+        self.flights.state["rotor_speeds"][:] = (
+            begun[which].reshape(-1, len(start.rotors)).T
+        )
         shares = [self._number(f"{THRUST}{each.name}", 1.0) for each in windows.flights]
         keys, which = _distinct(self._number("sag"), self._number("drift"), *shares)
         self._thrust = np.stack([windows.thrusts(*key) for key in keys]), which
         self._joints, servos = list[tuple[int, Held, IntArray]](), 0
         for i, joint in enumerate(start.joints):
             late, hold, tau = (
-                self._number(f"drives.{joint.name}.{each}") for each in ("latency", "hold", "time_constant")
+                self._number(f"drives.{joint.name}.{each}")
+                for each in ("latency", "hold", "time_constant")
             )
             if errors.driven[i]:
-                name, (keys, which) = "efforts", _distinct(late + self._number("joint_delay"), hold, tau)
+                name, (keys, which) = (
+                    "efforts",
+                    _distinct(late + self._number("joint_delay"), hold, tau),
+                )
             elif errors.servoed[i]:
-                name, (keys, which) = "setpoints", _distinct(delays + late, self._number("setpoint_hold", 0.5))
+                name, (keys, which) = (
+                    "setpoints",
+                    _distinct(delays + late, self._number("setpoint_hold", 0.5)),
+                )
             else:
                 continue
             commands = _stack_commands([windows.commands(name, *key) for key in keys])
             self._joints.append((i, commands, which))
             if errors.servoed[i]:
-                self.flights.memories[3 * servos] = self._goals(i, commands.after[:, :, i][which])
+                self.flights.memories[3 * servos] = self._goals(
+                    i, commands.after[:, :, i][which]
+                )
                 servos += 1
 
     def _goals(self, joint: int, setpoints: Array) -> Array:
-        """Goals (simulations,) of a joint's servo at the starts of windows, from setpoints (candidates, steps)."""
+        """Goals (simulations,) of a joint's servo at the starts of windows, from
+        setpoints (candidates, steps).
+        """
         windows, servo = self._windows, servo_of(self._errors.start, joint)
         assert servo is not None
         name = f"drives.{self._errors.start.links[joint].joint.name}.speed_limit"
@@ -579,16 +858,26 @@ class WindowLanes:
         goals, goal = np.empty_like(setpoints), setpoints[:, 0]
         for k, setpoint in enumerate(setpoints.T):
             goals[:, k] = goal
-            goal = setpoint if k in windows.firsts else goal + np.clip(setpoint - goal, -most, most)
+            goal = (
+                setpoint
+                if k in windows.firsts
+                else goal + np.clip(setpoint - goal, -most, most)
+            )
         return goals[:, windows.begins].ravel()
 
     def advance(self, k: int) -> None:
-        """Simulate step ``k`` of all windows (short sections of a flight) under their commands at that step."""
+        """Simulate step ``k`` of all windows (short sections of a flight) under their
+        commands at that step.
+        """
         at, inputs = self._windows.before(k), self.flights.inputs
 
         def lanes(table: Array, which: IntArray) -> Array:
-            """Values (columns, simulations) at the present step of each window, of commands (sets, steps, columns)."""
-            return np.moveaxis(table[:, at], -1, 0)[:, which].reshape(table.shape[2], -1)
+            """Values (columns, simulations) at the present step of each window, of
+            commands (sets, steps, columns).
+            """
+            return np.moveaxis(table[:, at], -1, 0)[:, which].reshape(
+                table.shape[2], -1
+            )
 
         commands, which = self._speeds
         inputs["speeds_before"][:], inputs["speeds_after"][:] = (
@@ -608,17 +897,32 @@ class WindowLanes:
         first = next((late for *_, late in joints.values()), None)
         # the plant has one switch for all joints
         if any((late != first).any() for *_, late in joints.values()):
-            joints = {i: in_halves(*rows, self._windows.step) for i, rows in joints.items()}
+            joints = {
+                i: in_halves(*rows, self._windows.step) for i, rows in joints.items()
+            }
         for i, (before, after, late) in joints.items():
-            inputs["setpoints_before"][i], inputs["setpoints_after"][i], inputs["late"][1] = before, after, late
+            (
+                inputs["setpoints_before"][i],
+                inputs["setpoints_after"][i],
+                inputs["late"][1],
+            ) = (before, after, late)
         if self._errors.given is not None:
-            joints, rates, accelerations = np.tile(np.moveaxis(self._errors.given[:, at], -1, 1), self._shape[1])
-            self.flights.state["joints"][:], self.flights.state["joint_rates"][:] = joints, rates
-            inputs["setpoints_before"][:] = inputs["setpoints_after"][:] = HEAVY * accelerations
+            joints, rates, accelerations = np.tile(
+                np.moveaxis(self._errors.given[:, at], -1, 1), self._shape[1]
+            )
+            self.flights.state["joints"][:], self.flights.state["joint_rates"][:] = (
+                joints,
+                rates,
+            )
+            inputs["setpoints_before"][:] = inputs["setpoints_after"][:] = (
+                HEAVY * accelerations
+            )
         if self._errors.unlogged:
             hats = self._errors.hats
             place = (k + 0.5) / self._windows.length * (hats - 1)
-            efforts = self._hats @ np.maximum(0.0, 1.0 - np.abs(np.arange(hats) - place))
+            efforts = self._hats @ np.maximum(
+                0.0, 1.0 - np.abs(np.arange(hats) - place)
+            )
             for i, effort in zip(self._errors.unlogged, efforts.T, strict=True):
                 inputs["setpoints_before"][i] = inputs["setpoints_after"][i] = effort
         self.flights.step()
@@ -626,10 +930,15 @@ class WindowLanes:
     def read(self, sensors: Mapping[str, SensorSamples]) -> dict[str, Array]:
         """Readings (columns, candidates, W) of all sensors but the accelerometer."""
         state, names = self.flights.state, {*sensors, "gyro"} - {"accelerometer"}
-        return {name: state[READ.get(name, name)].reshape(self._shape).copy() for name in names}
+        return {
+            name: state[READ.get(name, name)].reshape(self._shape).copy()
+            for name in names
+        }
 
     def force(self) -> Array:
-        """Mean specific force (3, candidates, W) of the last step at the inertial unit, m/s^2."""
+        """Mean specific force (3, candidates, W) of the last step at the inertial unit,
+        m/s^2.
+        """
         return self.flights.logged.reshape(self._shape).copy()
 
     def close(self) -> None:
@@ -637,8 +946,11 @@ class WindowLanes:
         self.flights.close()
 
 
-def in_halves(before: Array, after: Array, late: Array, step: float) -> tuple[Array, Array, Array]:
-    """Convert commands to a switch at mid-step, with unchanged mean and first moment over the step.
+def in_halves(
+    before: Array, after: Array, late: Array, step: float
+) -> tuple[Array, Array, Array]:
+    """Convert commands to a switch at mid-step, with unchanged mean and first moment
+    over the step.
 
     Args:
         before: until the switch.
@@ -653,11 +965,20 @@ def in_halves(before: Array, after: Array, late: Array, step: float) -> tuple[Ar
 
 
 def _distinct(*columns: Array) -> tuple[list[list[float]], IntArray]:
-    """Distinct parameter sets of the candidates, and the index of each candidate's set."""
+    """Distinct parameter sets of the candidates, and the index of each candidate's
+    set.
+    """
     rows, which = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
     return rows.tolist(), np.asarray(which.ravel(), dtype=np.int64)
 
 
 def _stack_commands(every: Sequence[Held]) -> Held:
-    """Stack several sets of commands, such as those for different delays, along a new first axis."""
-    return Held(*(np.stack([getattr(each, name) for each in every]) for name in ("before", "after", "late")))
+    """Stack several sets of commands, such as those for different delays, along a new
+    first axis.
+    """
+    return Held(
+        *(
+            np.stack([getattr(each, name) for each in every])
+            for name in ("before", "after", "late")
+        )
+    )

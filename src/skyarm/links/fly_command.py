@@ -1,4 +1,6 @@
-"""Command ``skyarm fly``: fly a vehicle through its autopilot, by a law that runs here."""
+"""Command ``skyarm fly``: fly a vehicle through its autopilot, by a law that runs
+here.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,11 @@ from skyarm.cli.output import give, say_cause, tell
 from skyarm.cli.run_command import save_logs
 from skyarm.links.outside.autopilot_link import open_link
 from skyarm.links.outside.joint_links import open_joints
-from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, require_outside
+from skyarm.links.outside.offboard import (
+    OffboardFlight,
+    OffboardSettings,
+    require_outside,
+)
 from skyarm.log.flight_summary import facts, headline, summary
 from skyarm.records.files import require_replaceable, require_writable, taken_back
 from skyarm.scenario.scenario_file import load_scenario
@@ -25,28 +31,45 @@ def fly(
     link: Annotated[
         str,
         typer.Option(
-            metavar="URL", help="the autopilot: mavlink://HOST:PORT waits; mavlink-out://HOST:PORT calls; dds://DOMAIN"
+            metavar="URL",
+            help=(
+                "the autopilot: mavlink://HOST:PORT waits; mavlink-out://HOST:PORT"
+                " calls; dds://DOMAIN"
+            ),
         ),
     ],
     joints: Annotated[
         str | None,
-        typer.Option(metavar="URL", help="joints: udp://HOST:PORT, dynamixel:DEVICE?ids=1,2 or FILE.py:make"),
+        typer.Option(
+            metavar="URL",
+            help="joints: udp://HOST:PORT, dynamixel:DEVICE?ids=1,2 or FILE.py:make",
+        ),
     ] = None,
     laws: Law = None,
     rate_bandwidth: Annotated[
         str | None,
-        typer.Option(metavar="X,Y,Z", help="bandwidth of the rate loop of an autopilot other than PX4, rad/s"),
+        typer.Option(
+            metavar="X,Y,Z",
+            help="bandwidth of the rate loop of an autopilot other than PX4, rad/s",
+        ),
     ] = None,
-    world: Annotated[str, typer.Option(help="here (begin at the vehicle), or local")] = "here",
-    leash: Annotated[float, typer.Option(help="distance from the reference at which the flight ends, m")] = 1.5,
-    patience: Annotated[float, typer.Option(help="longest wait for a vehicle that hovers, s")] = 60.0,
+    world: Annotated[
+        str, typer.Option(help="here (begin at the vehicle), or local")
+    ] = "here",
+    leash: Annotated[
+        float,
+        typer.Option(help="distance from the reference at which the flight ends, m"),
+    ] = 1.5,
+    patience: Annotated[
+        float, typer.Option(help="longest wait for a vehicle that hovers, s")
+    ] = 60.0,
     duration: Duration = None,
     out: Out = "out/fly",
 ) -> None:
     """Fly through an autopilot, by a law that runs here.
 
-    The vehicle must be armed and hover; at the end, and when anything is silent, it is asked to hold its place. Exit
-    code 3 if it ended early.
+    The vehicle must be armed and hover; at the end, and when anything is silent, it is
+    asked to hold its place. Exit code 3 if it ended early.
     """
     require_not_another(scenario, "scenario")
     planned = load_scenario(scenario, controller=one_law(laws), duration=duration)
@@ -55,7 +78,9 @@ def fly(
         raise ValueError(f"--world = {world!r}: must be here or local")
     settings = OffboardSettings(
         rate_bandwidth=None if rate_bandwidth is None else _three(rate_bandwidth),
-        here=world == "here", leash=leash, patience=patience,
+        here=world == "here",
+        leash=leash,
+        patience=patience,
     )
     folder = Path(out)
     files = [folder / f"{planned.name}{suffix}" for suffix in (".npz", ".csv")]
@@ -89,13 +114,23 @@ def fly(
 
 def _times(said: Facts) -> list[str]:
     """Lines of text on computing times, round trips and missed periods."""
-    words = {"computing": "from an estimate's arrival to its set point", "round_trip": "to the autopilot and back"}
+    words = {
+        "computing": "from an estimate's arrival to its set point",
+        "round_trip": "to the autopilot and back",
+    }
     lines = [
-        f"{text}: median {said[name]['p50_ms']:.2f} ms, 99 % {said[name]['p99_ms']:.2f} ms"
+        f"{text}: median {said[name]['p50_ms']:.2f} ms, 99 %"
+        f" {said[name]['p99_ms']:.2f} ms"
         for name, text in words.items()
         if said[name]["count"]
     ]
-    return [*lines, f"{said['periods']} periods, {said['missed']} missed, {said['lost_frames']} frames lost"]
+    return [
+        *lines,
+        (
+            f"{said['periods']} periods, {said['missed']} missed, {said['lost_frames']}"
+            " frames lost"
+        ),
+    ]
 
 
 def _three(text: str) -> tuple[float, float, float]:
@@ -109,5 +144,8 @@ def _three(text: str) -> tuple[float, float, float]:
     except ValueError:
         x = y = z = 0.0
     if not all(0.0 < each < 1e3 for each in (x, y, z)):
-        raise ValueError(f"--rate-bandwidth = {text!r}: must be three numbers of rad/s, above 0: 18,18,6")
+        raise ValueError(
+            f"--rate-bandwidth = {text!r}: must be three numbers of rad/s, above 0:"
+            " 18,18,6"
+        )
     return x, y, z

@@ -1,7 +1,9 @@
-"""Ports to the joints of an arm: joint angles in, setpoints out, over a socket, a servo bus, or the user's own code.
+"""Ports to the joints of an arm: joint angles in, setpoints out, over a socket, a servo
+bus, or the user's own code.
 
-The datagrams between two processes of ours are little endian: ``SKJ1``, a byte of kind, a byte n of joints, two bytes
-of zeros, time (double), then n setpoints for a command, or n positions and n rates for a state.
+The datagrams between two processes of ours are little endian: ``SKJ1``, a byte of kind,
+a byte n of joints, two bytes of zeros, time (double), then n setpoints for a command,
+or n positions and n rates for a state.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ from skyarm.records.units import Unit
 MAGIC = b"SKJ1"
 
 HELLO, COMMAND, STATE, RELEASE = range(4)
-"""Kinds of datagrams: a request for states, setpoints, joint states, and the return of the arm."""
+"""Kinds of datagrams: a request for states, setpoints, joint states, and the return of
+the arm."""
 
 HEADER = struct.Struct("<4sBBHd")
 
@@ -35,7 +38,8 @@ MOST_AGES = 10_000
 """Number of command ages that are stored."""
 
 FRESH = 0.2
-"""Wall-clock time (s) of silence after which the arm's owner takes the joints back from a commander."""
+"""Wall-clock time (s) of silence after which the arm's owner takes the joints back from
+a commander."""
 
 
 class JointPortError(ValueError):
@@ -47,14 +51,21 @@ class JointReading:
     """Joint angles and rates at a time of the arm's own clock."""
 
     time: Annotated[float, Unit("s", "time of the reading, the arm's own clock")]
-    joints: Annotated[tuple[float, ...], Unit("rad or m", "measured joint positions, in the vehicle's order")]
-    joint_rates: Annotated[tuple[float, ...], Unit("rad/s or m/s", "measured joint rates, in the vehicle's order")]
+    joints: Annotated[
+        tuple[float, ...],
+        Unit("rad or m", "measured joint positions, in the vehicle's order"),
+    ]
+    joint_rates: Annotated[
+        tuple[float, ...],
+        Unit("rad/s or m/s", "measured joint rates, in the vehicle's order"),
+    ]
 
 
 class JointLink(ABC):
     """Base class of joint ports: newest reading of the joints, and setpoints for them.
 
-    A link of one's own is a subclass; ``skyarm fly --joints FILE.py:make`` calls ``make(vehicle)`` for it.
+    A link of one's own is a subclass; ``skyarm fly --joints FILE.py:make`` calls
+    ``make(vehicle)`` for it.
 
     Attributes:
         problem: cause for which no readings come; empty where it is not known.
@@ -64,7 +75,9 @@ class JointLink(ABC):
 
     @abstractmethod
     def read(self) -> JointReading | None:
-        """Newest joint reading that arrived since the last call, or None; does not wait."""
+        """Newest joint reading that arrived since the last call, or None; does not
+        wait.
+        """
 
     @abstractmethod
     def send(self, setpoints: Sequence[float], at: float) -> None:
@@ -77,7 +90,9 @@ class JointLink(ABC):
 
     @abstractmethod
     def release(self) -> None:
-        """Return the joints to the arm's own controller, which holds their positions; no setpoints follow."""
+        """Return the joints to the arm's own controller, which holds their positions;
+        no setpoints follow.
+        """
 
     @abstractmethod
     def close(self) -> None:
@@ -85,7 +100,9 @@ class JointLink(ABC):
 
 
 class NoJoints(JointLink):
-    """Connection to joints for a vehicle without joints, which sends and receives nothing."""
+    """Connection to joints for a vehicle without joints, which sends and receives
+    nothing.
+    """
 
     def read(self) -> JointReading:
         """Reading of zero joints, with the present time."""
@@ -102,17 +119,29 @@ class NoJoints(JointLink):
 
 
 def pack(kind: int, count: int, at: float, values: Sequence[float] = ()) -> bytes:
-    """Encode a datagram of the joint port: its kind, number of joints, time (s) and values."""
-    return HEADER.pack(MAGIC, kind, count, 0, at) + struct.pack(f"<{len(values)}d", *values)
+    """Encode a datagram of the joint port: its kind, number of joints, time (s) and
+    values.
+    """
+    return HEADER.pack(MAGIC, kind, count, 0, at) + struct.pack(
+        f"<{len(values)}d", *values
+    )
 
 
 def unpack(data: bytes, count: int) -> tuple[int, float, tuple[float, ...]] | None:
-    """Decode a datagram of the joint port for ``count`` joints: kind, time (s) and values; None for other bytes."""
+    """Decode a datagram of the joint port for ``count`` joints: kind, time (s) and
+    values; None for other bytes.
+    """
     if len(data) < HEADER.size:
         return None
     magic, kind, joints, zeros, at = HEADER.unpack_from(data)
     numbers = {HELLO: 0, COMMAND: count, STATE: 2 * count, RELEASE: 0}.get(kind)
-    if magic != MAGIC or joints != count or zeros or numbers is None or len(data) != HEADER.size + 8 * numbers:
+    if (
+        magic != MAGIC
+        or joints != count
+        or zeros
+        or numbers is None
+        or len(data) != HEADER.size + 8 * numbers
+    ):
         return None
     values = struct.unpack_from(f"<{numbers}d", data, HEADER.size)
     return (kind, at, values) if all(map(math.isfinite, (at, *values))) else None
@@ -122,7 +151,8 @@ class UdpJoints(JointLink):
     """Port to the joints of a simulator or another process, by datagrams.
 
     Args:
-        host, port: address of the arm's owner, such as a simulator's :class:`JointServer`.
+        host, port: address of the arm's owner, such as a simulator's
+            :class:`JointServer`.
         count: joints of the vehicle.
     """
 
@@ -134,11 +164,15 @@ class UdpJoints(JointLink):
             self._socket.connect((host, port))
         except OSError as error:
             self._socket.close()
-            raise JointPortError(f"--joints = {shown(f'udp://{host}:{port}')}: {error.strerror or error}") from None
+            raise JointPortError(
+                f"--joints = {shown(f'udp://{host}:{port}')}: {error.strerror or error}"
+            ) from None
         self._asked = -math.inf
 
     def read(self) -> JointReading | None:
-        """Newest joint reading that arrived since the last call; if there is none, readings are requested."""
+        """Newest joint reading that arrived since the last call; if there is none,
+        readings are requested.
+        """
         newest = None
         for data, _ in drain(self._socket):
             message = unpack(data, self._count)
@@ -170,9 +204,11 @@ class UdpJoints(JointLink):
 
 
 class JointServer:
-    """Server of a joint port: sends joint states to one external commander, and receives its setpoints.
+    """Server of a joint port: sends joint states to one external commander, and
+    receives its setpoints.
 
-    A commander that is silent for ``FRESH`` seconds, or releases the arm, loses the joints; the next one may follow.
+    A commander that is silent for ``FRESH`` seconds, or releases the arm, loses the
+    joints; the next one may follow.
 
     Args:
         port: UDP port to bind; 0 takes a free one.
@@ -192,7 +228,10 @@ class JointServer:
             self._socket.bind((host, port))
         except OSError as error:
             self._socket.close()
-            raise JointPortError(f"UDP port {port} of the joints: must be free: {error.strerror or error}") from None
+            raise JointPortError(
+                f"UDP port {port} of the joints: must be free:"
+                f" {error.strerror or error}"
+            ) from None
 
     @property
     def port(self) -> int:
@@ -201,15 +240,24 @@ class JointServer:
 
     @property
     def facts(self) -> dict[str, Plain]:
-        """Counts of received commands, and ages (s) of the joint states to which the setpoints answer."""
+        """Counts of received commands, and ages (s) of the joint states to which the
+        setpoints answer.
+        """
         ages = sorted(self._ages)
         facts: dict[str, Plain] = {"commands": self._commands, "refused": self._refused}
         if ages:
-            facts |= {"age_p50_s": ages[len(ages) // 2], "age_p99_s": ages[int(0.99 * (len(ages) - 1))]}
+            facts |= {
+                "age_p50_s": ages[len(ages) // 2],
+                "age_p99_s": ages[int(0.99 * (len(ages) - 1))],
+            }
         return facts
 
-    def exchange(self, at: float, joints: Sequence[float], joint_rates: Sequence[float]) -> tuple[float, ...] | None:
-        """Send joint states at a time (s) to the commander; return its setpoints, or None without recent ones."""
+    def exchange(
+        self, at: float, joints: Sequence[float], joint_rates: Sequence[float]
+    ) -> tuple[float, ...] | None:
+        """Send joint states at a time (s) to the commander; return its setpoints, or
+        None without recent ones.
+        """
         with suppress(ConnectionError):
             for data, sender in drain(self._socket):
                 self._take(data, sender, at)
@@ -219,12 +267,17 @@ class JointServer:
             self._partner, self._setpoints = None, None
             return None
         with suppress(OSError):
-            self._socket.sendto(pack(STATE, self._count, at, (*joints, *joint_rates)), self._partner)
+            self._socket.sendto(
+                pack(STATE, self._count, at, (*joints, *joint_rates)), self._partner
+            )
         return self._setpoints
 
     def _take(self, data: bytes, sender: Address | None, now: float) -> None:
         message = unpack(data, self._count)
-        stranger = self._partner not in (None, sender) and time.monotonic() - self._heard <= FRESH
+        stranger = (
+            self._partner not in (None, sender)
+            and time.monotonic() - self._heard <= FRESH
+        )
         if message is None or message[0] == STATE or stranger:
             self._refused += 1
             return

@@ -1,8 +1,11 @@
-"""MAVLink message definitions: number, fields in wire order, and the check byte that follows from both.
+"""MAVLink message definitions: number, fields in wire order, and the check byte that
+follows from both.
 
-Source: the dialects ``common`` and ``ardupilotmega`` of mavlink.io, as facts about the wire. The order on the wire is
-by size of the type, largest first, otherwise as declared; extensions follow behind ``+`` in the order declared. Names,
-units and frames of the fields are those of mavlink.io: body axes forward, right, down; world axes north, east, down.
+Source: the dialects ``common`` and ``ardupilotmega`` of mavlink.io, as facts about the
+wire. The order on the wire is by size of the type, largest first, otherwise as
+declared; extensions follow behind ``+`` in the order declared. Names, units and frames
+of the fields are those of mavlink.io: body axes forward, right, down; world axes north,
+east, down.
 """
 
 from __future__ import annotations
@@ -16,7 +19,8 @@ from skyarm.records.files import shipped_tables
 from skyarm.records.immutable import immutable
 
 FieldValue = int | float | str | bytes | Sequence[int] | Sequence[float]
-"""Value of a field to send: a number, a text for characters, or a sequence of numbers for an array."""
+"""Value of a field to send: a number, a text for characters, or a sequence of numbers
+for an array."""
 
 _TYPES = {
     "u64": ("Q", "uint64_t"),
@@ -30,7 +34,8 @@ _TYPES = {
     "i8": ("b", "int8_t"),
     "text": ("s", "char"),
 }
-"""Type in ``mavlink_messages.toml`` -> letter of ``struct``, and name in the definition."""
+"""Type in ``mavlink_messages.toml`` -> letter of ``struct``, and name in the
+definition."""
 
 _MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 """Every byte with its bits in reverse order."""
@@ -39,7 +44,8 @@ _MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 def checksum(data: bytes) -> int:
     """CRC-16/MCRF4XX checksum, which MAVLink calls X.25: 0x6F91 for ``b"123456789"``.
 
-    The polynomial 0x1021 on reversed bits from 0xFFFF on: the standard library has it on unreversed ones, in C.
+    The polynomial 0x1021 on reversed bits from 0xFFFF on: the standard library has it
+    on unreversed ones, in C.
     """
     crc = binascii.crc_hqx(data.translate(_MIRRORED), 0xFFFF)
     return _MIRRORED[crc & 0xFF] << 8 | _MIRRORED[crc >> 8]
@@ -49,7 +55,9 @@ _STEPS = frozenset(binascii.crc_hqx(bytes([byte]), 0) for byte in range(256))
 
 
 def is_possible_checksum(data: bytes, received: int) -> bool:
-    """True if some CRC_EXTRA byte gives the received checksum, as for 1 of 256 random messages."""
+    """True if some CRC_EXTRA byte gives the received checksum, as for 1 of 256 random
+    messages.
+    """
     crc = binascii.crc_hqx(data.translate(_MIRRORED), 0xFFFF)
     unmirrored = _MIRRORED[received & 0xFF] << 8 | _MIRRORED[received >> 8]
     return unmirrored ^ (crc << 8 & 0xFF00) in _STEPS
@@ -57,7 +65,9 @@ def is_possible_checksum(data: bytes, received: int) -> bool:
 
 @immutable
 class MavlinkField:
-    """Field of a message: name, type, and number of elements (0 for a single number)."""
+    """Field of a message: name, type, and number of elements (0 for a single
+    number).
+    """
 
     name: str
     type: str
@@ -76,7 +86,9 @@ class MavlinkField:
 
     @property
     def default(self) -> FieldValue:
-        """Default value of a MAVLink field: zero, or the protocol version 3 in a heartbeat."""
+        """Default value of a MAVLink field: zero, or the protocol version 3 in a
+        heartbeat.
+        """
         if self.is_text:
             return b""
         if self.count:
@@ -92,22 +104,31 @@ class MavlinkField:
             numbers = "within the range of 32-bit floats"
         else:
             bits = int(self.type[1:])
-            low, high = (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if self.type[0] == "i" else (0, 2**bits - 1)
+            low, high = (
+                (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+                if self.type[0] == "i"
+                else (0, 2**bits - 1)
+            )
             numbers = f"from {low} to {high}"
         kind = "number" if self.type == "f32" else "whole number"
-        return f"{self.count} {kind}s {numbers}" if self.count else f"a {kind} {numbers}"
+        return (
+            f"{self.count} {kind}s {numbers}" if self.count else f"a {kind} {numbers}"
+        )
 
 
 @immutable
 class Definition:
-    """Definition of a MAVLink message, with the precomputed layouts for encoding and decoding."""
+    """Definition of a MAVLink message, with the precomputed layouts for encoding and
+    decoding.
+    """
 
     name: str
     number: int
     fields: tuple[MavlinkField, ...]
     layout: struct.Struct
     check: bytes
-    """One byte, CRC_EXTRA: digest of name and fields without extensions, so that other definitions do not match."""
+    """One byte, CRC_EXTRA: digest of name and fields without extensions, so that other
+    definitions do not match."""
     defaults: Mapping[str, FieldValue]
     arrays: tuple[tuple[int, MavlinkField], ...]
     """Index among the fields, and the field, of every array of numbers, last first."""
@@ -117,13 +138,17 @@ class Definition:
 
 
 def _declared_fields(text: str) -> Iterator[MavlinkField]:
-    """Parse the field list of a message definition: type, names, ``;`` between types, ``+`` before extensions."""
+    """Parse the field list of a message definition: type, names, ``;`` between types,
+    ``+`` before extensions.
+    """
     for part, extension in zip(text.split("+"), (False, True), strict=False):
         for group in part.split(";"):
             kind, *names = group.split()
             for declared in names:
                 name, _, count = declared.rstrip("]").partition("[")
-                yield MavlinkField(name=name, type=kind, count=int(count or 0), extension=extension)
+                yield MavlinkField(
+                    name=name, type=kind, count=int(count or 0), extension=extension
+                )
 
 
 def _definition(name: str, number: int, text: str) -> Definition:
@@ -132,7 +157,9 @@ def _definition(name: str, number: int, text: str) -> Definition:
     base = [field for field in fields if not field.extension]
     digested = f"{name} ".encode()
     for field in base:
-        digested += f"{_TYPES[field.type][1]} {field.name} ".encode() + (bytes([field.count]) if field.count else b"")
+        digested += f"{_TYPES[field.type][1]} {field.name} ".encode() + (
+            bytes([field.count]) if field.count else b""
+        )
     digest = checksum(digested)
     places: list[tuple[str, int | slice]] = []
     start = 0
@@ -147,7 +174,11 @@ def _definition(name: str, number: int, text: str) -> Definition:
         layout=struct.Struct("<" + "".join(field.format for field in fields)),
         check=bytes([(digest & 0xFF) ^ (digest >> 8)]),
         defaults=MappingProxyType({field.name: field.default for field in fields}),
-        arrays=tuple((k, each) for k, each in enumerate(fields) if each.count and not each.is_text)[::-1],
+        arrays=tuple(
+            (k, each)
+            for k, each in enumerate(fields)
+            if each.count and not each.is_text
+        )[::-1],
         texts=tuple((k, each) for k, each in enumerate(fields) if each.is_text),
         places=tuple(places),
     )
@@ -160,5 +191,7 @@ DEFINITIONS: Mapping[str, Definition] = MappingProxyType(
 )
 """Definition of every message that can be sent and received, by name."""
 
-DEFINITIONS_BY_NUMBER: Mapping[int, Definition] = MappingProxyType({each.number: each for each in DEFINITIONS.values()})
+DEFINITIONS_BY_NUMBER: Mapping[int, Definition] = MappingProxyType(
+    {each.number: each for each in DEFINITIONS.values()}
+)
 """Definition of every message by its number in a frame's header."""

@@ -1,7 +1,9 @@
-"""MAVLink conversation with an autopilot: commands and parameters to it; mode, position and texts from it.
+"""MAVLink conversation with an autopilot: commands and parameters to it; mode, position
+and texts from it.
 
-Source: mavlink.io, services "Heartbeat", "Command" and "Parameter"; PX4 v1.17 and ArduCopter 4.7 for the numbers of
-their modes. On the wire axes are north, east, down; here north, west, up.
+Source: mavlink.io, services "Heartbeat", "Command" and "Parameter"; PX4 v1.17 and
+ArduCopter 4.7 for the numbers of their modes. On the wire axes are north, east, down;
+here north, west, up.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ GROUND_STATION, ONBOARD_COMPUTER = 6, 18
 """MAVLink's types of a ground station and of an onboard computer."""
 
 NO_AUTOPILOT, ACTIVE, CRITICAL = 8, 4, 5
-"""Values in a heartbeat: type of a sender that is no autopilot; system status in flight, and in failsafe."""
+"""Values in a heartbeat: type of a sender that is no autopilot; system status in
+flight, and in failsafe."""
 
 ARMED = 128
 """Bit of a heartbeat's mode for an armed vehicle."""
@@ -37,15 +40,20 @@ WHOLE, REAL = 6, 9
 
 @immutable
 class ModeNumbers:
-    """MAVLink mode numbers of an autopilot: the mode for external set points, and the hold mode.
+    """MAVLink mode numbers of an autopilot: the mode for external set points, and the
+    hold mode.
 
     Attributes:
-        title: name of the autopilot. hover: its parameter of the thrust set point in hover.
+        title: name of the autopilot. hover: its parameter of the thrust set point in
+            hover.
         word: its name of the mode for set points from outside.
         outside, hold: parameters 2 and 3 of the mode command.
-        shift: bits by which a heartbeat's mode is moved; what is beyond them by 8 is the second parameter.
-        option: parameter and bit without which the thrust of a set point is a climb rate; None where it is a thrust.
-        bitwise: True where the bits of a whole-numbered parameter stand in place of a float's.
+        shift: bits by which a heartbeat's mode is moved; what is beyond them by 8 is
+            the second parameter.
+        option: parameter and bit without which the thrust of a set point is a climb
+            rate; None where it is a thrust.
+        bitwise: True where the bits of a whole-numbered parameter stand in place of a
+            float's.
         fastest: rate of a message beyond which a request is refused, Hz.
     """
 
@@ -80,14 +88,26 @@ PX4_NUMBER, ARDUPILOT_NUMBER = 12, 3
 
 MODES: Mapping[int, ModeNumbers] = {
     PX4_NUMBER: ModeNumbers(
-        title="PX4", hover="MPC_THR_HOVER", word="offboard", outside=(6, 0), hold=(4, 3), shift=16, bitwise=True
+        title="PX4",
+        hover="MPC_THR_HOVER",
+        word="offboard",
+        outside=(6, 0),
+        hold=(4, 3),
+        shift=16,
+        bitwise=True,
     ),
     ARDUPILOT_NUMBER: ModeNumbers(
-        title="ArduPilot", hover="MOT_THST_HOVER", word="guided", outside=(4, 0), hold=(17, 0),
-        option=("GUID_OPTIONS", 8), fastest=250.0,
+        title="ArduPilot",
+        hover="MOT_THST_HOVER",
+        word="guided",
+        outside=(4, 0),
+        hold=(17, 0),
+        option=("GUID_OPTIONS", 8),
+        fastest=250.0,
     ),
 }
-"""MAVLink's number of an autopilot -> its modes: PX4's offboard and hold, ArduCopter's guided and brake."""
+"""MAVLink's number of an autopilot -> its modes: PX4's offboard and hold, ArduCopter's
+guided and brake."""
 
 
 class MavlinkVehicle:
@@ -139,7 +159,11 @@ class MavlinkVehicle:
         """
         system, component = self._sender
         frame = mavlink.pack(
-            name, sequence=self._sequence, system=system or max(self.system, 1), component=component, **fields
+            name,
+            sequence=self._sequence,
+            system=system or max(self.system, 1),
+            component=component,
+            **fields,
         )
         self._sequence += 1
         self._carry(frame)
@@ -150,11 +174,17 @@ class MavlinkVehicle:
 
     def beat(self) -> None:
         """Send the autopilot a MAVLink heartbeat."""
-        self.tell("HEARTBEAT", type=self._role, autopilot=NO_AUTOPILOT, system_status=ACTIVE)
+        self.tell(
+            "HEARTBEAT", type=self._role, autopilot=NO_AUTOPILOT, system_status=ACTIVE
+        )
 
     def command(self, number: int, *values: float) -> None:
         """Send the autopilot a MAVLink command with its parameters."""
-        self.tell_autopilot("COMMAND_LONG", command=number, **{f"param{i + 1}": float(v) for i, v in enumerate(values)})
+        self.tell_autopilot(
+            "COMMAND_LONG",
+            command=number,
+            **{f"param{i + 1}": float(v) for i, v in enumerate(values)},
+        )
 
     def request_outside(self) -> None:
         """Request the autopilot's mode that takes external set points."""
@@ -172,16 +202,22 @@ class MavlinkVehicle:
             self.command(SET_INTERVAL, DEFINITIONS[name].number, round(1e6 / rate))
 
     def request_parameter(self, name: str) -> None:
-        """Request a parameter; its value appears in ``parameters`` once it has arrived."""
+        """Request a parameter; its value appears in ``parameters`` once it has
+        arrived.
+        """
         self._requested.add(name)
         self.tell_autopilot("PARAM_REQUEST_READ", param_index=-1, param_id=name)
 
     def set_parameter(self, name: str, value: float) -> None:
         """Set a real-valued parameter of the autopilot."""
-        self.tell_autopilot("PARAM_SET", param_id=name, param_value=value, param_type=REAL)
+        self.tell_autopilot(
+            "PARAM_SET", param_id=name, param_value=value, param_type=REAL
+        )
 
     def hear(self, message: mavlink.Message) -> bool:
-        """Store the contents of a message from the autopilot; False for a message of another sender."""
+        """Store the contents of a message from the autopilot; False for a message of
+        another sender.
+        """
         name = message.name
         unknown = name == "HEARTBEAT" and not self.system
         if message.component != 1 or not (unknown or message.system == self.system):
@@ -190,8 +226,15 @@ class MavlinkVehicle:
             modes = self._kinds.get(message["autopilot"])
             if modes is None:
                 return False
-            self.modes, self.system, self.beaten = self.modes or modes, message.system, time.monotonic()
-            self.mode, self.armed = message["custom_mode"], bool(message["base_mode"] & ARMED)
+            self.modes, self.system, self.beaten = (
+                self.modes or modes,
+                message.system,
+                time.monotonic(),
+            )
+            self.mode, self.armed = (
+                message["custom_mode"],
+                bool(message["base_mode"] & ARMED),
+            )
             self.status = message["system_status"]
         elif name == "LOCAL_POSITION_NED":
             x, y, z = to_our_axes(message["x"], message["y"], message["z"])
@@ -200,7 +243,11 @@ class MavlinkVehicle:
             self.said = message["text"]
         elif name == "PARAM_VALUE" and message["param_id"] in self._requested:
             value = float(message["param_value"])
-            if self.modes is not None and self.modes.bitwise and message["param_type"] == WHOLE:
+            if (
+                self.modes is not None
+                and self.modes.bitwise
+                and message["param_type"] == WHOLE
+            ):
                 value = float(*struct.unpack("<i", struct.pack("<f", value)))
             self.parameters[message["param_id"]] = value
         return True

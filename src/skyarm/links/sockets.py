@@ -9,17 +9,19 @@ Address = tuple[str, int]
 
 
 def drain(port: socket.socket, most: int = 256) -> list[tuple[bytes, Address | None]]:
-    """Read waiting data of a socket without blocking: at most ``most`` pieces, each with its sender.
+    """Read waiting data of a socket without blocking: at most ``most`` pieces, each
+    with its sender.
 
-    A sender that is faster than its reader cannot hold the reader up. A stream's pieces have no sender; the last one is
-    empty if the other side has closed the stream.
+    A sender that is faster than its reader cannot hold the reader up. A stream's pieces
+    have no sender; the last one is empty if the other side has closed the stream.
 
     Args:
         port: socket of datagrams or of a stream.
         most: pieces.
 
     Raises:
-        OSError: of the port, but that nothing is there or that nobody listens at the other side of a datagram port.
+        OSError: of the port, but that nothing is there or that nobody listens at the
+            other side of a datagram port.
     """
     pieces: list[tuple[bytes, Address | None]] = []
     port.setblocking(False)

@@ -20,7 +20,15 @@ SCHEMA = 1
 
 WORDS = "must be a log of schema 1"
 
-SCALARS = ("time", "yaw_held", "yaw_reference", "load_mass_found", "push_deviation", "path_time", "phase")
+SCALARS = (
+    "time",
+    "yaw_held",
+    "yaw_reference",
+    "load_mass_found",
+    "push_deviation",
+    "path_time",
+    "phase",
+)
 """Arrays with one number per instant."""
 
 AGENTS = "agents"
@@ -60,7 +68,10 @@ KINDS: Mapping[type, str] = {dict: "table", list: "list", str: "text"}
 def log_info(log: Log) -> Info:
     """Metadata of a log for its file, with the column names of each array."""
     if isinstance(log, TeamLog):
-        return {**log.info, AGENTS: {name: log_info(each) for name, each in log.agents.items()}}
+        return {
+            **log.info,
+            AGENTS: {name: log_info(each) for name, each in log.agents.items()},
+        }
     return {**log.info, LAYOUT: layout(log)}
 
 
@@ -68,8 +79,8 @@ def log_of(content: Mapping[str, AnyArray], info: Plain) -> Log:
     """Make a log from the arrays and metadata of a file, after checks.
 
     Raises:
-        ValueError: one line, without the file's name: arrays are missing or of other shapes, or the description is not
-            one of a flight.
+        ValueError: one line, without the file's name: arrays are missing or of other
+            shapes, or the description is not one of a flight.
     """
     if isinstance(info, dict) and AGENTS in info:
         return _log_of_team(content, info)
@@ -81,25 +92,41 @@ def log_of(content: Mapping[str, AnyArray], info: Plain) -> Log:
     if axes is None or sorted(content) != sorted([*names, *axes]):
         raise ValueError(WORDS)
     count = np.shape(content["time"])
-    joints, rotors = np.shape(content["joints"])[1:], np.shape(content["rotor_speeds"])[1:]
+    joints, rotors = (
+        np.shape(content["joints"])[1:],
+        np.shape(content["rotor_speeds"])[1:],
+    )
     for name in names:
         array, group = np.asarray(content[name]), COLUMNS.get(name, ("", ""))[1]
-        width = {"joints": joints, "rotors": rotors}.get(group, (4,) if name == "quaternion" else (3,))
+        width = {"joints": joints, "rotors": rotors}.get(
+            group, (4,) if name == "quaternion" else (3,)
+        )
         width = () if name in SCALARS else array.shape[1:2] if name in IF_ANY else width
-        if len(count) != 1 or array.shape != (*count, *width) or array.ndim > 2 or array.dtype != np.float64:
+        if (
+            len(count) != 1
+            or array.shape != (*count, *width)
+            or array.ndim > 2
+            or array.dtype != np.float64
+        ):
             raise ValueError(WORDS)
     arrays = dict(content)
     for name, several in axes.items():
         array = np.asarray(content[name])
-        if array.shape != (*count, *([len(several)] if several else [])) or array.dtype != np.float64:
+        if (
+            array.shape != (*count, *([len(several)] if several else []))
+            or array.dtype != np.float64
+        ):
             raise ValueError(WORDS)
         arrays[name] = array
     _require_description(info)
-    return log_of_arrays(arrays, {name: value for name, value in info.items() if name != LAYOUT})
+    return log_of_arrays(
+        arrays, {name: value for name, value in info.items() if name != LAYOUT}
+    )
 
 
 def _log_of_team(content: Mapping[str, AnyArray], info: Info) -> TeamLog:
-    """Make the log of several vehicles from the arrays and metadata of a file, after checks.
+    """Make the log of several vehicles from the arrays and metadata of a file, after
+    checks.
 
     Raises:
         ValueError: as :func:`log_of`.
@@ -110,13 +137,21 @@ def _log_of_team(content: Mapping[str, AnyArray], info: Info) -> TeamLog:
     every = {name: array for name, array in content.items() if WITHIN not in name}
     logs, taken = dict[str, Log](), len(every)
     for name, each in agents.items():
-        own = {key.partition(WITHIN)[2]: array for key, array in content.items() if key.startswith(f"{name}{WITHIN}")}
+        own = {
+            key.partition(WITHIN)[2]: array
+            for key, array in content.items()
+            if key.startswith(f"{name}{WITHIN}")
+        }
         taken += len(own)
         logs[name] = log_of({**own, **every}, each)
-    if taken != len(content) or sorted(every) != sorted(["time", *(f"{COMPONENTS}.{name}" for name in shared)]):
+    if taken != len(content) or sorted(every) != sorted(
+        ["time", *(f"{COMPONENTS}.{name}" for name in shared)]
+    ):
         raise ValueError(WORDS)
     _require_description(info)
-    return TeamLog(logs, {name: value for name, value in info.items() if name != AGENTS})
+    return TeamLog(
+        logs, {name: value for name, value in info.items() if name != AGENTS}
+    )
 
 
 def _is_texts(value: object) -> bool:
@@ -125,12 +160,18 @@ def _is_texts(value: object) -> bool:
 
 
 def _axes(info: Info) -> dict[str, list[str] | None] | None:
-    """Column labels of each logged sensor and estimator array (None for scalars), or None for a damaged file."""
+    """Column labels of each logged sensor and estimator array (None for scalars), or
+    None for a damaged file.
+    """
     try:
         sources = sources_of(info)
     except ValueError:
         return None
-    return {f"{source}.{name}": each.axes for source, of in sources.items() for name, each in of.fields.items()}
+    return {
+        f"{source}.{name}": each.axes
+        for source, of in sources.items()
+        for name, each in of.fields.items()
+    }
 
 
 def _require_description(info: Info) -> None:
@@ -150,10 +191,15 @@ def _require_description(info: Info) -> None:
         rates.number(name, low=0.0, strict=True)
     for name, kind in OTHERS.items():
         if info.get(name) is not None and not isinstance(info[name], kind):
-            raise ValueError(f"info.{name} = {shown(info[name])}: must be a {KINDS[kind]}")
+            raise ValueError(
+                f"info.{name} = {shown(info[name])}: must be a {KINDS[kind]}"
+            )
     for name in OF_TEXTS:
         texts = info.get(name) or []
-        if not all(isinstance(each, str) for each in (texts.values() if isinstance(texts, dict) else texts)):
+        if not all(
+            isinstance(each, str)
+            for each in (texts.values() if isinstance(texts, dict) else texts)
+        ):
             raise ValueError(f"info.{name} = {shown(texts)}: must hold texts only")
     for k, wait in enumerate(info.get("waits") or ()):
         fields = Fields(wait, f"info.waits[{k}]")

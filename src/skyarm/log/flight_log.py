@@ -16,7 +16,12 @@ from skyarm.dynamics.state import State
 from skyarm.log.flown_scenario import Info, flown_scenario
 from skyarm.log.log_columns import columns
 from skyarm.log.log_tables import ArrowTable, DataFrame, log_frame, log_table
-from skyarm.log.periods import ContactPeriod, GraspPeriod, contact_periods, grasp_periods
+from skyarm.log.periods import (
+    ContactPeriod,
+    GraspPeriod,
+    contact_periods,
+    grasp_periods,
+)
 from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, sources_of
 from skyarm.log.stored_arrays import ArraysByName
 from skyarm.records.arrays import Array
@@ -29,7 +34,8 @@ from skyarm.records.registry import find
 from skyarm.records.units import Unit, units
 
 PICTURES = "skyarm.view.figures.flight_plot"
-"""Module that draws a log's pictures, imported by name only when a picture is requested."""
+"""Module that draws a log's pictures, imported by name only when a picture is
+requested."""
 
 SHORTFALL = "skyarm.log.metrics.shortfall"
 """Module of the shortfall, imported likewise."""
@@ -49,42 +55,57 @@ def _if_any() -> Array:
 
 @immutable(slots=False)
 class Log:
-    """Log of a flight at N control instants, as arrays; SI units, radians, world axes by default.
+    """Log of a flight at N control instants, as arrays; SI units, radians, world axes
+    by default.
 
     Attributes:
         time: (N,).
         position, velocity: (N, 3). quaternion: (N, 4) wxyz. rate: (N, 3) body axes.
         joints, joint_rates, efforts: (N, n); efforts are the commanded joint torques.
         rotor_speeds, rotor_commands: (N, rotors).
-        position_held, velocity_held, joints_held, joint_rates_held, yaw_held: the reference as published and held.
+        position_held, velocity_held, joints_held, joint_rates_held, yaw_held: the
+            reference as published and held.
         position_reference, joints_reference, yaw_reference: the continuous reference.
-        tool: (N, 3) the tip. tool_held, tool_reference: where a level base on reference would put it. ``tip``,
-            ``tip_held`` and ``tip_reference`` are the same arrays; files keep the first names.
-        wind_force: (N, 3) of wind and forces on the base, with what the motion of the air changes of the drag of rotors
-            and airframe. air_velocity: (N, 3) at the base origin.
-        lag_found: (N, 2) s, estimated lags of the rotors' and the joints' loops beyond the law's nominal delay
-            (:mod:`skyarm.control.laws.centroidal.lag_estimate`); without columns for a law that estimates none.
-        load_mass_found, load_place_found: (N,) kg, (N, 3) m, of the load that the law learned: mass, and centre in the
-            axes of the tip; empty for a law that learns none.
-        push_found, push_deviation: (N, 3) N, (N,) N, of the force at the tip that the law estimates: world axes, and
-            its standard error along the surface's normal; empty for a law without ``tolerances``.
-        path_time: (N,) the reference's time, s, where it is planned apart from the flight's; ``time - path_time`` is
-            its lag. Empty where it is not; of a task whose phases wait, the reference's own time, which is waited from.
-        phase: (N,) number of the phase that is flown, one more than the last once all are done. Empty where no phase
-            waits.
-        tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
-        measured_position, measured_joints: what the law received, noise and delay of the full state's sensor in it;
-            without columns in a flight on an estimator, which has ``estimate`` in their place.
-        received: arrays of ``readings``, ``estimate`` and components by name, ``readings.imu.rate``,
-            ``estimate.position``, ``components.ARRAY``. Those of components are attributes, too (``log.ARRAY``): each
-            declares its columns, with units and meanings.
-        info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
-            "controller_undefined", "rotor_contact", "body_contact", "clearance", "phase_failed"), cause, end time;
-            ``scenario_record`` is all that was flown as plain data, and ``digest`` its SHA-256: logs of one digest,
-            and of the same versions, are of the same flight (:attr:`scenario` reads it back), but where ``commanded``
-            is true: commands from outside took the law's place, and no log keeps them. ``plugins`` were loaded;
-            ``code`` are the files of user code that flew, by name and SHA-256, which are part of the digest.
-            ``phases`` are the kinds of the phases of a task that waits; ``received`` describes readings and estimate.
+        tool: (N, 3) the tip. tool_held, tool_reference: where a level base on reference
+            would put it. ``tip``, ``tip_held`` and ``tip_reference`` are the same
+            arrays; files keep the first names.
+        wind_force: (N, 3) of wind and forces on the base, with what the motion of the
+            air changes of the drag of rotors and airframe. air_velocity: (N, 3) at the
+            base origin.
+        lag_found: (N, 2) s, estimated lags of the rotors' and the joints' loops beyond
+            the law's nominal delay
+            (:mod:`skyarm.control.laws.centroidal.lag_estimate`); without columns for a
+            law that estimates none.
+        load_mass_found, load_place_found: (N,) kg, (N, 3) m, of the load that the law
+            learned: mass, and centre in the axes of the tip; empty for a law that
+            learns none.
+        push_found, push_deviation: (N, 3) N, (N,) N, of the force at the tip that the
+            law estimates: world axes, and its standard error along the surface's
+            normal; empty for a law without ``tolerances``.
+        path_time: (N,) the reference's time, s, where it is planned apart from the
+            flight's; ``time - path_time`` is its lag. Empty where it is not; of a task
+            whose phases wait, the reference's own time, which is waited from.
+        phase: (N,) number of the phase that is flown, one more than the last once all
+            are done. Empty where no phase waits.
+        tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor
+            tilts.
+        measured_position, measured_joints: what the law received, noise and delay of
+            the full state's sensor in it; without columns in a flight on an estimator,
+            which has ``estimate`` in their place.
+        received: arrays of ``readings``, ``estimate`` and components by name,
+            ``readings.imu.rate``, ``estimate.position``, ``components.ARRAY``. Those of
+            components are attributes, too (``log.ARRAY``): each declares its columns,
+            with units and meanings.
+        info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit",
+            "ground", "controller_undefined", "rotor_contact", "body_contact",
+            "clearance", "phase_failed"), cause, end time; ``scenario_record`` is all
+            that was flown as plain data, and ``digest`` its SHA-256: logs of one
+            digest, and of the same versions, are of the same flight (:attr:`scenario`
+            reads it back), but where ``commanded`` is true: commands from outside took
+            the law's place, and no log keeps them. ``plugins`` were loaded; ``code``
+            are the files of user code that flew, by name and SHA-256, which are part of
+            the digest. ``phases`` are the kinds of the phases of a task that waits;
+            ``received`` describes readings and estimate.
     """
 
     time: Annotated[Array, Unit("s", "time of the control instants")]
@@ -106,32 +127,64 @@ class Log:
     joints_reference: Annotated[Array, Unit("rad or m", CONTINUOUS)]
     yaw_reference: Annotated[Array, Unit("rad", CONTINUOUS)]
     tool: Annotated[Array, Unit("m", "position of the tip, world axes")]
-    tool_held: Annotated[Array, Unit("m", f"tip position if a level base were on the {HELD}, world axes")]
-    tool_reference: Annotated[Array, Unit("m", f"tip position if a level base were on the {CONTINUOUS}, world axes")]
-    wind_force: Annotated[Array, Unit("N", "force of wind and disturbances on the base, world axes")]
-    air_velocity: Annotated[Array, Unit("m/s", "velocity of the air at the base origin, world axes")]
-    measured_position: Annotated[Array, Unit("m", "measured position of the base origin, world axes")] = _if_any()
-    measured_joints: Annotated[Array, Unit("rad or m", "measured joint positions")] = _if_any()
-    lag_found: Annotated[Array, Unit("s", "lag that the law estimates in addition to its nominal delay")] = _if_any()
-    load_mass_found: Annotated[Array, Unit("kg", "mass of the load, estimated by the law")] = _if_any()
-    load_place_found: Annotated[
-        Array, Unit("m", "centre of mass of the load, estimated by the law, axes of the tip")
+    tool_held: Annotated[
+        Array, Unit("m", f"tip position if a level base were on the {HELD}, world axes")
+    ]
+    tool_reference: Annotated[
+        Array,
+        Unit("m", f"tip position if a level base were on the {CONTINUOUS}, world axes"),
+    ]
+    wind_force: Annotated[
+        Array, Unit("N", "force of wind and disturbances on the base, world axes")
+    ]
+    air_velocity: Annotated[
+        Array, Unit("m/s", "velocity of the air at the base origin, world axes")
+    ]
+    measured_position: Annotated[
+        Array, Unit("m", "measured position of the base origin, world axes")
     ] = _if_any()
-    push_found: Annotated[Array, Unit("N", "force at the tip, estimated by the law, world axes")] = _if_any()
-    push_deviation: Annotated[Array, Unit("N", "standard error of the estimated tip force along the normal")] = (
+    measured_joints: Annotated[Array, Unit("rad or m", "measured joint positions")] = (
         _if_any()
     )
-    path_time: Annotated[Array, Unit("s", "path time of the governed reference")] = _if_any()
+    lag_found: Annotated[
+        Array, Unit("s", "lag that the law estimates in addition to its nominal delay")
+    ] = _if_any()
+    load_mass_found: Annotated[
+        Array, Unit("kg", "mass of the load, estimated by the law")
+    ] = _if_any()
+    load_place_found: Annotated[
+        Array,
+        Unit("m", "centre of mass of the load, estimated by the law, axes of the tip"),
+    ] = _if_any()
+    push_found: Annotated[
+        Array, Unit("N", "force at the tip, estimated by the law, world axes")
+    ] = _if_any()
+    push_deviation: Annotated[
+        Array, Unit("N", "standard error of the estimated tip force along the normal")
+    ] = _if_any()
+    path_time: Annotated[Array, Unit("s", "path time of the governed reference")] = (
+        _if_any()
+    )
     phase: Annotated[
-        Array, Unit("", "index of the task's current phase, from 0; one past the last once all are done")
+        Array,
+        Unit(
+            "",
+            "index of the task's current phase, from 0; one past the last once all are"
+            " done",
+        ),
     ] = _if_any()
     tilts: Annotated[Array, units(State)["tilts"]] = _if_any()
-    tilt_commands: Annotated[Array, Unit("rad", "commanded angles of the tilting rotors")] = _if_any()
+    tilt_commands: Annotated[
+        Array, Unit("rad", "commanded angles of the tilting rotors")
+    ] = _if_any()
     received: Mapping[str, Array] = field(default_factory=dict)
     info: Info
 
     def __repr__(self) -> str:
-        said = (f"{name}={self.info.get(name)!r}" for name in ("scenario", "controller", "status", "end_time"))
+        said = (
+            f"{name}={self.info.get(name)!r}"
+            for name in ("scenario", "controller", "status", "end_time")
+        )
         return f"Log({', '.join(said)}, instants={self.time.size})"[:LONGEST]
 
     def __getitem__(self, array: str) -> Array:
@@ -139,12 +192,16 @@ class Log:
         return self.received[array] if array in self.received else getattr(self, array)
 
     def component(self, name: str) -> Array:
-        """Array logged by a wind, force or contact model of the flight; (N, 0) if the flight has no such array."""
+        """Array logged by a wind, force or contact model of the flight; (N, 0) if the
+        flight has no such array.
+        """
         array = self.received.get(f"{COMPONENTS}.{name}")
         return np.zeros((self.time.size, 0)) if array is None else array
 
     def __getattr__(self, name: str) -> Array:
-        """Arrays logged by wind, force and contact models as attributes, such as ``log.contact_force``."""
+        """Arrays logged by wind, force and contact models as attributes, such as
+        ``log.contact_force``.
+        """
         stored: Mapping[str, Array] = self.__dict__.get("_stored", {})
         received: Mapping[str, Array] = self.__dict__.get("received", {})
         if name in stored:
@@ -152,7 +209,10 @@ class Log:
         if name in IF_ANY:
             return np.zeros((0, 0))
         if f"{COMPONENTS}.{name}" not in received:
-            raise AttributeError(f"log.{name}: must be an array of a log, or of a component of this flight")
+            raise AttributeError(
+                f"log.{name}: must be an array of a log, or of a component of this"
+                " flight"
+            )
         return received[f"{COMPONENTS}.{name}"]
 
     @property
@@ -163,7 +223,9 @@ class Log:
 
     @property
     def readings(self) -> dict[str, dict[str, Array]]:
-        """Sensor readings by sensor and field, (N,) or (N, k): the latest one received at each instant."""
+        """Sensor readings by sensor and field, (N,) or (N, k): the latest one received
+        at each instant.
+        """
         sensors: dict[str, dict[str, Array]] = {}
         for name, array in self.received.items():
             source, _, last = name.rpartition(".")
@@ -175,7 +237,11 @@ class Log:
     def estimate(self) -> dict[str, Array]:
         """Estimator output by field, (N,) or (N, k), as the control law received it."""
         names = (name.rpartition(".") for name in self.received)
-        return {last: self.received[f"{ESTIMATE}.{last}"] for source, _, last in names if source == ESTIMATE}
+        return {
+            last: self.received[f"{ESTIMATE}.{last}"]
+            for source, _, last in names
+            if source == ESTIMATE
+        }
 
     @property
     def phase_ends(self) -> tuple[tuple[str, float | None], ...]:
@@ -188,7 +254,9 @@ class Log:
 
     @property
     def contact_periods(self) -> tuple[ContactPeriod, ...]:
-        """Contact periods, each from a touch to the loss of contact, ordered by start."""
+        """Contact periods, each from a touch to the loss of contact, ordered by
+        start.
+        """
         return contact_periods(self)
 
     @property
@@ -203,7 +271,9 @@ class Log:
 
     @property
     def tip_held(self) -> Array:
-        """Position reference (m) of the tip, (N, 3), held constant between the reference's sampling instants."""
+        """Position reference (m) of the tip, (N, 3), held constant between the
+        reference's sampling instants.
+        """
         return self.tool_held
 
     @property
@@ -213,7 +283,9 @@ class Log:
 
     @property
     def shortfall(self) -> Any:
-        """Actuators at their limits and references that the flight did not reach; ``lines`` are sentences on both."""
+        """Actuators at their limits and references that the flight did not reach;
+        ``lines`` are sentences on both.
+        """
         return import_module(SHORTFALL).shortfall(self)
 
     @property
@@ -226,16 +298,18 @@ class Log:
         """Scenario of the flight, restored from the log.
 
         Raises:
-            ValueError: one line: a log of a version that did not keep it, plugins that are not loaded, or a damaged
-                log.
+            ValueError: one line: a log of a version that did not keep it, plugins that
+                are not loaded, or a damaged log.
         """
         return self.scenario_with({})
 
     def scenario_with(self, replaced: Mapping[str, object]) -> Any:
-        """Scenario of the flight with some entries of its file replaced, by key such as ``plant.kind``.
+        """Scenario of the flight with some entries of its file replaced, by key such as
+        ``plant.kind``.
 
         Raises:
-            ValueError: as :attr:`scenario`, a path that is no word, or a value that it cannot have.
+            ValueError: as :attr:`scenario`, a path that is no word, or a value that it
+                cannot have.
         """
         return flown_scenario(self.info, replaced)
 
@@ -256,12 +330,18 @@ class Log:
         return import_module(PICTURES).plot(self, file, **options)
 
     def arrays(self) -> Mapping[str, Array]:
-        """All arrays of the log by name; those in a file are read when they are accessed."""
+        """All arrays of the log by name; those in a file are read when they are
+        accessed.
+        """
         stored: Mapping[str, Array] | None = self.__dict__.get("_stored")
         if stored is not None:
             return stored
         absent = [name for name in IF_ANY if not getattr(self, name).size]
-        own = {name: array for name, array in parts(self).items() if name not in ("info", "received", *absent)}
+        own = {
+            name: array
+            for name, array in parts(self).items()
+            if name not in ("info", "received", *absent)
+        }
         return own | dict(self.received)
 
     def save_npz(self, path: PathLike) -> Path:
@@ -271,31 +351,50 @@ class Log:
 
     def _rows(self, chosen: slice) -> Log:
         arrays = self.arrays()
-        read = arrays.read if isinstance(arrays, ArraysByName) else lambda name, rows: arrays[name][rows]
+        read = (
+            arrays.read
+            if isinstance(arrays, ArraysByName)
+            else lambda name, rows: arrays[name][rows]
+        )
         return log_of_arrays({name: read(name, chosen) for name in arrays}, self.info)
 
     @property
     def units(self) -> Mapping[str, Unit]:
-        """Unit, frame and meaning of every array and of every column of a wind, force or contact model, by name."""
+        """Unit, frame and meaning of every array and of every column of a wind, force
+        or contact model, by name.
+        """
         arrays, of_parts = self.arrays(), f"{COMPONENTS}."
         declared = {
-            each.name: Unit(each.unit, each.meaning) for each in columns(self) if each.array.startswith(of_parts)
+            each.name: Unit(each.unit, each.meaning)
+            for each in columns(self)
+            if each.array.startswith(of_parts)
         }
         for source, of in sources_of(self.info).items():
             for name, each in of.fields.items():
-                unit = Unit(" or ".join(dict.fromkeys(each.units or [each.unit])), each.meaning)
+                unit = Unit(
+                    " or ".join(dict.fromkeys(each.units or [each.unit])), each.meaning
+                )
                 # arrays of components are attributes of the log, too
                 array = f"{source}.{name}"
-                declared |= {key: unit for key in (array, array.removeprefix(of_parts)) if array in arrays}
-        return declared | {name: unit for name, unit in units(Log).items() if name in arrays}
+                declared |= {
+                    key: unit
+                    for key in (array, array.removeprefix(of_parts))
+                    if array in arrays
+                }
+        return declared | {
+            name: unit for name, unit in units(Log).items() if name in arrays
+        }
 
     def save_csv(self, path: PathLike) -> Path:
-        """Write a CSV file: a column for each number, such as ``velocity_x [m/s]``, a row per control instant."""
+        """Write a CSV file: a column for each number, such as ``velocity_x [m/s]``, a
+        row per control instant.
+        """
         written: Path = find(FORMATS, "csv").write(self, path)
         return written
 
     def to_pandas(self) -> DataFrame:
-        """Return a pandas DataFrame: the columns of the CSV file over ``time``, units in ``attrs["units"]``.
+        """Return a pandas DataFrame: the columns of the CSV file over ``time``, units
+        in ``attrs["units"]``.
 
         Raises:
             ValueError: pandas is missing; one line that says how to install it.
@@ -303,7 +402,8 @@ class Log:
         return log_frame(self)
 
     def to_arrow(self) -> ArrowTable:
-        """Return a pyarrow Table: the columns of the CSV file, ``unit`` and ``meaning`` in each field's metadata.
+        """Return a pyarrow Table: the columns of the CSV file, ``unit`` and ``meaning``
+        in each field's metadata.
 
         Raises:
             ValueError: pyarrow is missing; one line that says how to install it.
@@ -325,8 +425,13 @@ class Log:
         return log
 
 
-IF_ANY = tuple(each.name for each in fields(Log) if each.default_factory is not MISSING and each.name != "received")
-"""Arrays that not every flight has; without values they are left out of files and have no columns."""
+IF_ANY = tuple(
+    each.name
+    for each in fields(Log)
+    if each.default_factory is not MISSING and each.name != "received"
+)
+"""Arrays that not every flight has; without values they are left out of files and have
+no columns."""
 
 
 def rows_of(log: Log, chosen: slice) -> Log:
@@ -345,7 +450,13 @@ def log_of_arrays(arrays: Mapping[str, Array], info: Info) -> Log:
         own = {name: array for name, array in arrays.items() if name not in others}
         return Log(**own, received={name: arrays[name] for name in others}, info=info)
     log = object.__new__(Log)
-    named = [name for name in units(Log) if name in arrays and (name not in IF_ANY or arrays[name].size)]
-    stored, received = (ArraysByName(names, arrays.read) for names in ([*named, *others], others))
+    named = [
+        name
+        for name in units(Log)
+        if name in arrays and (name not in IF_ANY or arrays[name].size)
+    ]
+    stored, received = (
+        ArraysByName(names, arrays.read) for names in ([*named, *others], others)
+    )
     log.__dict__.update(received=received, info=info, _stored=stored)
     return log

@@ -1,4 +1,6 @@
-"""Summary of a flight (status, errors, thrust, contacts, events) as plain data and as lines of text."""
+"""Summary of a flight (status, errors, thrust, contacts, events) as plain data and as
+lines of text.
+"""
 
 from __future__ import annotations
 
@@ -37,23 +39,55 @@ COMMANDS = ("rotor_jitter", "rotor_saturation")
 """Metrics of the rotor commands over the window of the errors."""
 
 WORLD = ("contacts", "mechanisms", "grasps")
-"""Facts of the world, which the logs of all vehicles have: a summary of several vehicles says them once."""
+"""Facts of the world, which the logs of all vehicles have: a summary of several
+vehicles says them once."""
 
 MOST_NAMED = 3
 """Number of parameters changed in flight that are named."""
 
 
 def facts(log: Log) -> Facts:
-    """Summary of a flight as plain data: status, errors, thrust, contacts, grasps and phases; of each vehicle."""
+    """Summary of a flight as plain data: status, errors, thrust, contacts, grasps and
+    phases; of each vehicle.
+    """
     info = log.info
     if len(log.agents) > 1:
-        common = ("scenario", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
-        forces = {name: _grasp_force(log, i) for i, name in enumerate(component_labels(log, "grasp_force"))}
+        common = (
+            "scenario",
+            "plant",
+            "integrator",
+            "seed",
+            "duration",
+            "end_time",
+            "status",
+            "cause",
+        )
+        forces = {
+            name: _grasp_force(log, i)
+            for i, name in enumerate(component_labels(log, "grasp_force"))
+        }
         own = {name: facts(each) for name, each in log.agents.items()}
-        shared = {name: info[name] for name in common} | {"cause": info["cause"] or None, "agents": own}
+        shared = {name: info[name] for name in common} | {
+            "cause": info["cause"] or None,
+            "agents": own,
+        }
         carried = _finite(score(log, [*TEAMS])) if "team_pull" in log.common else {}
-        return shared | {name: each for name, each in (("grasp_forces", forces), ("carried", carried)) if each}
-    named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
+        return shared | {
+            name: each
+            for name, each in (("grasp_forces", forces), ("carried", carried))
+            if each
+        }
+    named = (
+        "scenario",
+        "controller",
+        "plant",
+        "integrator",
+        "seed",
+        "duration",
+        "end_time",
+        "status",
+        "cause",
+    )
     values = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
     values["cause"] = values["cause"] or None
     if "autopilot" in info:
@@ -64,23 +98,42 @@ def facts(log: Log) -> Facts:
     inside = steady.of(log)
 
     def summary(error: Array) -> dict[str, float | None]:
-        mean, most = (float(error[inside].mean()), float(error[inside].max())) if inside.any() else (None, None)
+        mean, most = (
+            (float(error[inside].mean()), float(error[inside].max()))
+            if inside.any()
+            else (None, None)
+        )
         return {"mean": mean, "max": most, "max_whole_flight": float(error.max())}
 
     errors = {what: summary(error) for what, error in error_norms(log).items()}
-    values |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
-    values |= _finite(score(log, COMMANDS)) | {"peak_thrust": _peak_thrust(log)} | asdict(log.shortfall)
+    values |= {
+        "steady_window_s": [steady.start, steady.stop],
+        "errors_continuous": errors,
+    }
+    values |= (
+        _finite(score(log, COMMANDS))
+        | {"peak_thrust": _peak_thrust(log)}
+        | asdict(log.shortfall)
+    )
     # a law before or behind a change may estimate none
     found = log.lag_found
     if found.size and (known := np.flatnonzero(np.isfinite(found).all(axis=1))).size:
         values["lag_found_s"] = found[known[-1]]
-    values |= {name: rows for name, rows in (("contacts", _contacts(log)), ("mechanisms", _mechanisms(log))) if rows}
+    values |= {
+        name: rows
+        for name, rows in (
+            ("contacts", _contacts(log)),
+            ("mechanisms", _mechanisms(log)),
+        )
+        if rows
+    }
     if log.component("gripper_taken").size:
         values["grasps"] = [asdict(each) for each in log.grasp_periods]
     if log.phase.size:
         late = timed_out(log)
         values["phase_ends"] = [
-            {"phase": name, "end": end, "timeout": number in late} for number, (name, end) in enumerate(log.phase_ends)
+            {"phase": name, "end": end, "timeout": number in late}
+            for number, (name, end) in enumerate(log.phase_ends)
         ]
     elif log.path_time.size:
         distances = {
@@ -89,19 +142,27 @@ def facts(log: Log) -> Facts:
         }
         if not np.array_equal(log.tool, log.position):
             distances["tip_to_path"] = path_distance(log.tool, log.tool_reference)
-        values["governor"] = {what: summary(distance) for what, distance in distances.items()}
+        values["governor"] = {
+            what: summary(distance) for what, distance in distances.items()
+        }
     return values
 
 
 def _finite(scores: Mapping[str, float]) -> dict[str, float | None]:
     """Metrics by name, None for NaN."""
-    return {name: value if math.isfinite(value) else None for name, value in scores.items()}
+    return {
+        name: value if math.isfinite(value) else None for name, value in scores.items()
+    }
 
 
 def _grasp_force(log: Log, index: int) -> dict[str, float]:
     """Mean and largest force (N) in a grasp, and the last one."""
     force = log.component("grasp_force")[:, index]
-    return {"mean": float(force.mean()), "max": float(force.max()), "last": float(force[-1])}
+    return {
+        "mean": float(force.mean()),
+        "max": float(force.max()),
+        "last": float(force[-1]),
+    }
 
 
 def _took_off(values: Facts) -> bool:
@@ -110,29 +171,47 @@ def _took_off(values: Facts) -> bool:
 
 
 def error_norms(log: Log) -> dict[str, Array]:
-    """Norms (N,) of the errors in position, joints and tip against the continuous reference, by name."""
+    """Norms (N,) of the errors in position, joints and tip against the continuous
+    reference, by name.
+    """
     arrays = {"position": "position"}
     if log.joints.shape[1]:
         arrays["joints"] = "joints"
     if not np.array_equal(log.tool, log.position):
         arrays["tip"] = "tool"
-    return {what: lengths(log[name] - log[f"{name}_reference"]) for what, name in arrays.items()}
+    return {
+        what: lengths(log[name] - log[f"{name}_reference"])
+        for what, name in arrays.items()
+    }
 
 
 def _peak_thrust(log: Log) -> float | None:
-    """Highest ratio of a rotor's thrust to its maximum; None if no rotor has a limit."""
+    """Highest ratio of a rotor's thrust to its maximum; None if no rotor has a
+    limit.
+    """
     rotors = getattr(restored_at(log.info, "plant.vehicle"), "rotors", ())
     pairs = zip(rotors, np.abs(log.rotor_speeds).max(axis=0), strict=False)
-    return max((float(push(r, w) / push(r, r.max_speed)) for r, w in pairs if np.isfinite(r.max_speed)), default=None)
+    return max(
+        (
+            float(push(r, w) / push(r, r.max_speed))
+            for r, w in pairs
+            if np.isfinite(r.max_speed)
+        ),
+        default=None,
+    )
 
 
 def _has_battery(log: Log) -> bool:
-    """True if the logged vehicle has a battery, whose voltage then limits the rotors."""
+    """True if the logged vehicle has a battery, whose voltage then limits the
+    rotors.
+    """
     return getattr(restored_at(log.info, "plant.vehicle"), "battery", None) is not None
 
 
 def _contacts(log: Log) -> list[Facts]:
-    """List contacts by surface and contact point: first touch (s), losses of contact, largest force (N)."""
+    """List contacts by surface and contact point: first touch (s), losses of contact,
+    largest force (N).
+    """
     pairs: dict[tuple[str, str], list[ContactPeriod]] = {}
     for period in log.contact_periods:
         pairs.setdefault((period.surface, period.point), []).append(period)
@@ -149,34 +228,65 @@ def _contacts(log: Log) -> list[Facts]:
 
 
 def _mechanisms(log: Log) -> list[Facts]:
-    """List the coordinate of each mechanism, such as a door: first, farthest and last value."""
-    rows = [each for each in columns(log) if each.array == f"{COMPONENTS}.mechanism_position"]
+    """List the coordinate of each mechanism, such as a door: first, farthest and last
+    value.
+    """
+    rows = [
+        each
+        for each in columns(log)
+        if each.array == f"{COMPONENTS}.mechanism_position"
+    ]
     moved = []
-    for name, column in zip(component_labels(log, "mechanism_position"), rows, strict=True):
+    for name, column in zip(
+        component_labels(log, "mechanism_position"), rows, strict=True
+    ):
         place = column.of(log)
         furthest = place[np.abs(place - place[0]).argmax()]
-        moved.append({"name": name, "first": place[0], "furthest": furthest, "last": place[-1], "unit": column.unit})
+        moved.append(
+            {
+                "name": name,
+                "first": place[0],
+                "furthest": furthest,
+                "last": place[-1],
+                "unit": column.unit,
+            }
+        )
     return moved
 
 
 def summary(log: Log, values: Facts) -> list[Line]:
-    """Text of a flight's summary: status, table of tracking errors, thrust and events; of several vehicles of each."""
+    """Text of a flight's summary: status, table of tracking errors, thrust and events;
+    of several vehicles of each.
+    """
     if len(log.agents) > 1:
         first, *others = values["agents"].values()
         shared = {
-            key: first[key] for key in WORLD if key in first and all(each.get(key) == first[key] for each in others)
+            key: first[key]
+            for key in WORLD
+            if key in first and all(each.get(key) == first[key] for each in others)
         }
         lines: list[Line] = [heading(headline(log, values)), *sentences(shared)]
         for name, own in log.agents.items():
-            rest = {key: value for key, value in values["agents"][name].items() if key not in shared}
+            rest = {
+                key: value
+                for key, value in values["agents"][name].items()
+                if key not in shared
+            }
             lines += [heading(name), *summary(own, rest)[1:]]
         rows = [
             (name, *(shown_number(each, 4) for each in force.values()))
             for name, force in values.get("grasp_forces", {}).items()
         ]
-        lines += [table_of(("force in a grasp, N", "mean", "max", "at the end"), rows)] if rows else []
+        lines += (
+            [table_of(("force in a grasp, N", "mean", "max", "at the end"), rows)]
+            if rows
+            else []
+        )
         rows = [
-            (", ".join(filter(None, metric_words(name))), "-" if value is None else shown_number(value, 4))
+            (
+                ", ".join(filter(None, metric_words(name))),
+                "-" if value is None else shown_number(value, 4),
+            )
             for name, value in values.get("carried", {}).items()
         ]
         return [*lines, table_of(("carried body", "value"), rows)] if rows else lines
@@ -188,11 +298,22 @@ def summary(log: Log, values: Facts) -> list[Line]:
     start, stop = values["steady_window_s"]
     errors = values["errors_continuous"] | values.get("governor", {})
     rows = [
-        (LABELS[what], *("-" if value is None else shown_number(value, 4) for value in errors[what].values()))
+        (
+            LABELS[what],
+            *(
+                "-" if value is None else shown_number(value, 4)
+                for value in errors[what].values()
+            ),
+        )
         for what in LABELS
         if what in errors
     ]
-    lines.append(table_of((f"error, {start:.4g} to {stop:.4g} s", "mean", "max", "max, whole flight"), rows))
+    lines.append(
+        table_of(
+            (f"error, {start:.4g} to {stop:.4g} s", "mean", "max", "max, whole flight"),
+            rows,
+        )
+    )
     jitter, limited = (values[name] for name in COMMANDS)
     if jitter is not None:
         words = (
@@ -200,21 +321,29 @@ def summary(log: Log, values: Facts) -> list[Line]:
             if limited is None or _has_battery(log)
             else f", a rotor at its limit in {100.0 * limited:.3g} % of the periods"
         )
-        lines.append(f"rotor commands then: jitter {shown_number(jitter, 4)} rad/s a period{words}")
+        lines.append(
+            f"rotor commands then: jitter {shown_number(jitter, 4)} rad/s a"
+            f" period{words}"
+        )
     if values["peak_thrust"] is not None:
         # rest is no cut command, and still the least speed of most rotors
         cut = values["saturation"] or _has_battery(log) or not log.rotor_commands.all()
         lines.append(
-            f"peak thrust: {values['peak_thrust']:.0%} of a rotor's highest{'' if cut else '; no command at a limit'}"
+            f"peak thrust: {values['peak_thrust']:.0%} of a rotor's"
+            f" highest{'' if cut else '; no command at a limit'}"
         )
     return [*lines, *log.shortfall.lines, *sentences(values)]
 
 
 def headline(log: Log, values: Facts) -> str:
-    """First line of a flight's summary: scenario, status, duration and cause of the end."""
+    """First line of a flight's summary: scenario, status, duration and cause of the
+    end.
+    """
     end, duration = (f"{values[name]:g} s" for name in ("end_time", "duration"))
     if len(log.agents) > 1 or _took_off(values):
-        title = f"{values['scenario']}: {log.status}, {end}" + (f" of {duration}" if end != duration else "")
+        title = f"{values['scenario']}: {log.status}, {end}" + (
+            f" of {duration}" if end != duration else ""
+        )
     else:
         title = f"{values['scenario']}: {log.status}, no take-off in {end}"
     return title + (f": {values['cause']}" if values["cause"] else "")
@@ -225,31 +354,61 @@ LEAST_LAG = 0.05
 
 
 def sentences(values: Facts) -> list[str]:
-    """List sentences on estimated lags, contacts, mechanisms, grasps and phases of a flight."""
+    """List sentences on estimated lags, contacts, mechanisms, grasps and phases of a
+    flight.
+    """
     lines = []
     if "autopilot" in values:
         said = values["autopilot"]
-        counts = f"; {said['answered']} of {said['steps']} messages answered" if "answered" in said else ""
-        lines.append(f"autopilot {said['name']}: hovered {said['prepared_s']:.3g} s after power-on{counts}")
+        counts = (
+            f"; {said['answered']} of {said['steps']} messages answered"
+            if "answered" in said
+            else ""
+        )
+        lines.append(
+            f"autopilot {said['name']}: hovered {said['prepared_s']:.3g} s after"
+            f" power-on{counts}"
+        )
     if "lag_found_s" in values:
         rotors, joints = 1e3 * values["lag_found_s"]
-        found = [f"{what} {lag:.1f} ms" for what, lag in (("rotors", rotors), ("joints", joints)) if lag >= LEAST_LAG]
-        lines += [f"lag found at the end, beyond the law's nominal: {', '.join(found)}"] if found else []
+        found = [
+            f"{what} {lag:.1f} ms"
+            for what, lag in (("rotors", rotors), ("joints", joints))
+            if lag >= LEAST_LAG
+        ]
+        lines += (
+            [f"lag found at the end, beyond the law's nominal: {', '.join(found)}"]
+            if found
+            else []
+        )
     for each in values.get("contacts", ()):
-        touch = f"{each['surface']} touched {each['point']} at {each['first_touch']:g} s"
+        touch = (
+            f"{each['surface']} touched {each['point']} at {each['first_touch']:g} s"
+        )
         times = "once" if each["losses"] == 1 else f"{each['losses']} times"
         lines.append(f"{touch}: lost {times}, largest force {each['peak']:.3g} N")
     for each in values.get("mechanisms", ()):
-        first, furthest, last = (shown_number(each[name]) for name in ("first", "furthest", "last"))
+        first, furthest, last = (
+            shown_number(each[name]) for name in ("first", "furthest", "last")
+        )
         lines.append(
-            f"{each['name']} moved from {first} to {furthest} {each['unit']}, at the end {last} {each['unit']}"
+            f"{each['name']} moved from {first} to {furthest} {each['unit']}, at the"
+            f" end {last} {each['unit']}"
         )
     for each in values.get("grasps", ()):
-        ended = f"{'gave way' if each['gave_way'] else 'let go'} at {each['end']:g} s" if each["end"] else ""
-        grasp = f"{each['gripper']} took {each['held']} at {each['start']:g} s: {ended or 'holds it to the end'}"
+        ended = (
+            f"{'gave way' if each['gave_way'] else 'let go'} at {each['end']:g} s"
+            if each["end"]
+            else ""
+        )
+        grasp = (
+            f"{each['gripper']} took {each['held']} at {each['start']:g} s:"
+            f" {ended or 'holds it to the end'}"
+        )
         lines.append(f"{grasp}, largest force {each['peak']:.3g} N")
     ends = [
-        f"{each['phase']} {'-' if each['end'] is None else '{:g} s'.format(each['end'])}"
+        f"{each['phase']}"
+        f" {'-' if each['end'] is None else '{:g} s'.format(each['end'])}"
         + (" (timeout)" if each["timeout"] else "")
         for each in values.get("phase_ends", ())
     ]
@@ -258,7 +417,9 @@ def sentences(values: Facts) -> list[str]:
 
 
 def _flight_words(log: Log) -> str:
-    """Line with law, vehicle, plant, integrator, seed, scheduled changes and plugins of a flight."""
+    """Line with law, vehicle, plant, integrator, seed, scheduled changes and plugins of
+    a flight.
+    """
     info = log.info
     plant = f"{info['plant_vehicle']}, plant {info['plant']} ({info['integrator']})"
     line = f"law {info['controller']} on {plant}, seed {info['seed']}"
@@ -266,6 +427,8 @@ def _flight_words(log: Log) -> str:
     paths = dict.fromkeys(str(each["path"]) for each in changes if "path" in each)
     if changes:
         named = f" (of {', '.join(paths)})" if 0 < len(paths) <= MOST_NAMED else ""
-        line += f", {len(changes)} change{'s' if len(changes) > 1 else ''} in flight{named}"
+        line += (
+            f", {len(changes)} change{'s' if len(changes) > 1 else ''} in flight{named}"
+        )
     plugins = info.get("plugins") or {}
     return line + (f", plugins {', '.join(sorted(plugins))}" if plugins else "")

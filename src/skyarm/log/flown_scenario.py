@@ -22,11 +22,14 @@ SCENARIO = "skyarm.scenario.scenario_record:Scenario"
 """Class of the record stored in a log as ``scenario_record``."""
 
 Info = dict[str, Any]
-"""Description of a flight as stored in its log's file, plain data from outside; readers check what they use."""
+"""Description of a flight as stored in its log's file, plain data from outside; readers
+check what they use."""
 
 
 def written_scenario(info: Info) -> Info:
-    """Scenario of a log as plain data, of one vehicle with that one as ``agent``; empty if the log stores none."""
+    """Scenario of a log as plain data, of one vehicle with that one as ``agent``; empty
+    if the log stores none.
+    """
     record = info.get("scenario_record")
     if not isinstance(record, dict):
         return {}
@@ -36,7 +39,9 @@ def written_scenario(info: Info) -> Info:
 
 
 def written_at(info: Info, path: str) -> Any:
-    """Plain data at a path of a log's scenario, such as plant.vehicle, by the keys of its file; None if missing."""
+    """Plain data at a path of a log's scenario, such as plant.vehicle, by the keys of
+    its file; None if missing.
+    """
     head, tail = path.split("."), list[str]()
     while head and ".".join(head) not in _places():
         tail = [head.pop(), *tail]
@@ -48,13 +53,17 @@ def written_at(info: Info, path: str) -> Any:
 
 @cache
 def _places() -> dict[str, Place]:
-    """Keys of a scenario file, each with the path of its field in the scenario record."""
+    """Keys of a scenario file, each with the path of its field in the scenario
+    record.
+    """
     kind: type = code_of(SCENARIO, {})
     return {slot.table: slot.record for slot in reversed(slots(kind))}
 
 
 def restored_at(info: Info, path: str) -> Any:
-    """Part of a log's scenario as dataclasses, by its path such as plant.vehicle; None if it cannot be restored."""
+    """Part of a log's scenario as dataclasses, by its path such as plant.vehicle; None
+    if it cannot be restored.
+    """
     return restore_written(info, written_at(info, path))
 
 
@@ -68,57 +77,93 @@ def restore_written(info: Info, written: Plain) -> Any:
 
 @lru_cache(maxsize=16)
 def _restore_text(text: str) -> Any:
-    """Restore a dataclass from JSON text of its plain data and of the plugins of then; most are read repeatedly."""
+    """Restore a dataclass from JSON text of its plain data and of the plugins of then;
+    most are read repeatedly.
+    """
     return restore(*json.loads(text))
 
 
 def warn_of_commands(info: Info) -> None:
-    """Warn that the flight of a log that is flown again had commands from outside in place of its law's."""
+    """Warn that the flight of a log that is flown again had commands from outside in
+    place of its law's.
+    """
     if info.get("commanded"):
-        words = "was flown by commands from outside, which no log keeps; its law flies in their place"
+        words = (
+            "was flown by commands from outside, which no log keeps; its law flies in"
+            " their place"
+        )
         warnings.warn(f"the log of {shown(info.get('scenario'))} {words}", stacklevel=3)
 
 
 def flown_scenario(info: Info, replaced: Mapping[str, object]) -> Any:
-    """Restore a log's scenario from its metadata, with some entries of the scenario file replaced by path."""
-    written, plugins, code = (info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
+    """Restore a log's scenario from its metadata, with some entries of the scenario
+    file replaced by path.
+    """
+    written, plugins, code = (
+        info.get(name) or {} for name in ("scenario_record", "plugins", "code")
+    )
     of = (info.get("versions") or {}).get("skyarm", "unknown")
-    if not isinstance(written, dict) or written.get("type") != SCENARIO or not {"agent", "agents"} & {*written}:
-        raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
+    if (
+        not isinstance(written, dict)
+        or written.get("type") != SCENARIO
+        or not {"agent", "agents"} & {*written}
+    ):
+        raise ValueError(
+            "scenario_record: must hold the scenario as this version writes it; skyarm"
+            f" {of} wrote it"
+        )
     if not _matches_digest(info, written, code):
-        raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")
+        raise ValueError(
+            "scenario_record: must be of the log's digest; it was changed after skyarm"
+            f" {of} wrote it"
+        )
     with _convert_errors(plugins):
         own = {**code, **plugins}  # of a user's part: it may change between two calls
-        scenario = restore(written, own) if own else _restore_text(json.dumps((written, own)))
+        scenario = (
+            restore(written, own) if own else _restore_text(json.dumps((written, own)))
+        )
     now = own_files(scenario)
     for name in sorted(code):
         if now.get(name, code[name]) != code[name]:
-            raise ValueError(f"code {name!r} = {shown(now[name])}: must be {shown(code[name])} as it was flown")
+            raise ValueError(
+                f"code {name!r} = {shown(now[name])}: must be {shown(code[name])} as it"
+                " was flown"
+            )
     kind: type = type(scenario)
     fields = {slot.path: slot.field for slot in slots(kind)}
     for path in replaced:
         if path not in fields:
             raise ValueError(f"path = {shown(path)}: {must_be_one_of(fields, path)}")
-    return replace_at(scenario, {fields[path]: value for path, value in replaced.items()}) if replaced else scenario
+    return (
+        replace_at(scenario, {fields[path]: value for path, value in replaced.items()})
+        if replaced
+        else scenario
+    )
 
 
 def _matches_digest(info: Info, written: Info, code: Info) -> bool:
     """True if a log's digest matches its scenario and files of user code."""
     try:
-        return isinstance(code, dict) and log_digest(written, code) == info.get("digest")
+        return isinstance(code, dict) and log_digest(written, code) == info.get(
+            "digest"
+        )
     except RecursionError:  # lists in lists, without end
         return False
 
 
 @contextmanager
 def _convert_errors(plugins: Mapping[str, str]) -> Iterator[None]:
-    """Context manager that converts errors in restoring a scenario to a one-line message that names the log's field."""
+    """Context manager that converts errors in restoring a scenario to a one-line
+    message that names the log's field.
+    """
     try:
         yield
     except RegistryError as error:
         raise ValueError(f"scenario_record: {error}") from None
     except (KeyError, TypeError, AttributeError, OverflowError) as error:
-        raise ValueError(f"scenario_record: must be a record that was written ({error})") from None
+        raise ValueError(
+            f"scenario_record: must be a record that was written ({error})"
+        ) from None
     except ValueError as error:
         absent = [name for name in plugins if name not in identities()]
         needs = f"; it was flown with the plugins {', '.join(absent)}" if absent else ""

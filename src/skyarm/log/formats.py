@@ -18,7 +18,14 @@ import orjson
 from skyarm.log.contents import log_info, log_of
 from skyarm.log.flight_log import PIECE, Log, rows_of
 from skyarm.log.log_columns import columns
-from skyarm.records.files import PathLike, must_be_one_of, require_file, shown, taken_back, unreadable
+from skyarm.records.files import (
+    PathLike,
+    must_be_one_of,
+    require_file,
+    shown,
+    taken_back,
+    unreadable,
+)
 from skyarm.records.files.own_inputs import stamp_of
 from skyarm.records.files.unpacked import TooLargeError, npz_arrays
 from skyarm.records.files.user_code import require_result
@@ -42,7 +49,9 @@ class LogFormat:
 
 
 def _ros_files() -> ModuleType:
-    """Import the module of MCAP files at its first use; an earlier import would be circular."""
+    """Import the module of MCAP files at its first use; an earlier import would be
+    circular.
+    """
     return import_module("skyarm.log.ros.files")
 
 
@@ -62,7 +71,8 @@ def npz_content(log: Log) -> bytes:
 
 def write_npz_into(stream: IO[bytes], log: Log) -> None:
     """Write the content of a log's npz file into a stream, an array at a time."""
-    # as np.savez_compressed, in half its time: of noise and flight a higher level makes files one percent smaller
+    # as np.savez_compressed, in half its time: of noise and flight a higher level makes
+    # files one percent smaller
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         info = np.array(json.dumps(log_info(log)))
         for name in (*log.arrays(), "info"):
@@ -92,7 +102,8 @@ def log_from_npz(file: bytes, name: str) -> Log:
     except TooLargeError as error:
         raise ValueError(f"{name}: {error}") from None
     except Exception:
-        # archive, header, numbers and JSON have readers of their own, each with its own errors
+        # archive, header, numbers and JSON have readers of their own, each with its own
+        # errors
         raise ValueError(f"{name}: must be a log that save_npz wrote") from None
     try:
         return log_of(content, info)
@@ -101,10 +112,16 @@ def log_from_npz(file: bytes, name: str) -> Log:
 
 
 def write_csv(log: Log, path: PathLike) -> Path:
-    """Write a log as CSV: a column for each number, in the shortest text that is read back exactly."""
+    """Write a log as CSV: a column for each number, in the shortest text that is read
+    back exactly.
+    """
     every = columns(log)
-    heads = ",".join(f"{each.name} [{each.unit}]" if each.unit else each.name for each in every)
-    finite = all(np.isfinite(log[name]).all() for name in {each.array for each in every})
+    heads = ",".join(
+        f"{each.name} [{each.unit}]" if each.unit else each.name for each in every
+    )
+    finite = all(
+        np.isfinite(log[name]).all() for name in {each.array for each in every}
+    )
     with writing_atomically(path) as stream:
         stream.write(f"{heads}\n".encode())
         for begin in range(0, log.time.size, PIECE):
@@ -112,43 +129,66 @@ def write_csv(log: Log, path: PathLike) -> Path:
             table = np.column_stack([each.of(piece) for each in every])
             if finite:
                 # a tenth of the time of repr, which was a fifth of a first command
-                rows = orjson.dumps(table, option=orjson.OPT_SERIALIZE_NUMPY)[2:-2].replace(b"],[", b"\n")
+                rows = orjson.dumps(table, option=orjson.OPT_SERIALIZE_NUMPY)[
+                    2:-2
+                ].replace(b"],[", b"\n")
             else:  # JSON has neither infinity nor "not a number"
-                rows = "\n".join(",".join(map(repr, row)) for row in table.tolist()).encode()
+                rows = "\n".join(
+                    ",".join(map(repr, row)) for row in table.tolist()
+                ).encode()
             stream.write(rows + b"\n")
     return Path(path)
 
 
 NPZ = LogFormat(write_npz, read_npz)
 CSV = LogFormat(write_csv)
-MCAP = LogFormat(lambda log, path: _ros_files().write_mcap(log, path), lambda path: _ros_files().read_mcap(path))
+MCAP = LogFormat(
+    lambda log, path: _ros_files().write_mcap(log, path),
+    lambda path: _ros_files().read_mcap(path),
+)
 
 
 def require_format(path: PathLike, field: str = "log") -> LogFormat:
     """Return the file format of a log by its suffix, or raise an error.
 
     Raises:
-        RegistryError: no such format; names ``field``, the path and the formats there are.
+        RegistryError: no such format; names ``field``, the path and the formats there
+            are.
     """
-    return _format(Path(path).suffix.removeprefix("."), f"{field} = {shown(str(path))}", names("log_format"))
+    return _format(
+        Path(path).suffix.removeprefix("."),
+        f"{field} = {shown(str(path))}",
+        names("log_format"),
+    )
 
 
 def require_readable(path: PathLike, field: str = "log") -> Callable[[Path], Log]:
     """Return the function that reads a log file with a given suffix, or raise an error.
 
     Raises:
-        RegistryError: no such format, or one that keeps too little; names the formats that can be read.
+        RegistryError: no such format, or one that keeps too little; names the formats
+            that can be read.
     """
     suffix, at = Path(path).suffix.removeprefix("."), f"{field} = {shown(str(path))}"
-    readable = [name for name in names("log_format") if _format(name, at, [name]).read is not None]
-    reader = _format(suffix, f"{at}: cannot be read back" if suffix in names("log_format") else at, readable).read
+    readable = [
+        name
+        for name in names("log_format")
+        if _format(name, at, [name]).read is not None
+    ]
+    reader = _format(
+        suffix,
+        f"{at}: cannot be read back" if suffix in names("log_format") else at,
+        readable,
+    ).read
     assert reader is not None
     return reader
 
 
 def _format(suffix: str, at: str, allowed: Sequence[str]) -> LogFormat:
     if suffix not in allowed:
-        raise RegistryError(f"{at}: suffix {shown(suffix)}: {must_be_one_of(allowed, suffix)}")
+        raise RegistryError(
+            f"{at}: suffix {shown(suffix)}: {must_be_one_of(allowed, suffix)}"
+        )
     log_format: LogFormat = find("log_format", suffix)
     refuse_mistake(kind_mistake("log_format", log_format), "log_format", suffix)
     return log_format
@@ -162,14 +202,17 @@ def save_log(log: Log, path: PathLike) -> Path:
         path: path of the file: .npz, .csv, .mcap or a registered suffix.
 
     Raises:
-        RegistryError: no such format. OSError: it cannot be written. ValueError: the format wrote no file.
+        RegistryError: no such format. OSError: it cannot be written. ValueError: the
+            format wrote no file.
     """
     write, file = require_format(path).write, Path(path)
     before = stamp_of(file)
     with taken_back(file):
         written = write(log, file)
     named = Path(str(written or file)) if stamp_of(file) == before else file
-    require_result(write, written, os.path.lexists(named), "the path of the written file")
+    require_result(
+        write, written, os.path.lexists(named), "the path of the written file"
+    )
     return named
 
 
@@ -182,7 +225,9 @@ def as_log(given: Log | PathLike) -> Log:
     if isinstance(given, Log):
         return given
     if not isinstance(given, (str, os.PathLike)):
-        raise ValueError(f"log = {shown(given)}: must be a Log or the path of one's file")
+        raise ValueError(
+            f"log = {shown(given)}: must be a Log or the path of one's file"
+        )
     require_file(given, f"log = {shown(os.fspath(given))}")
     return load_log(given)
 

@@ -1,8 +1,9 @@
 """Names and units of the columns of a log, the same in CSV and MCAP files.
 
-``position_x``, ``quaternion_w``, ``joint_shoulder``, ``joint_rate_shoulder``, ``rotor_speed_front``: the array's name
-in the singular, then the axis, or the joint's or rotor's own name. Names are lower case letters, digits and single
-underscores, as ROS 2 asks of the fields of a message.
+``position_x``, ``quaternion_w``, ``joint_shoulder``, ``joint_rate_shoulder``,
+``rotor_speed_front``: the array's name in the singular, then the axis, or the joint's
+or rotor's own name. Names are lower case letters, digits and single underscores, as ROS
+2 asks of the fields of a message.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "tool_held": ("tip_held", ""),
     "tool_reference": ("tip_reference", ""),
 }
-"""Array -> prefix of its columns, and the :class:`Names` of their suffixes; all others end in axes or nothing."""
+"""Array -> prefix of its columns, and the :class:`Names` of their suffixes; all others
+end in axes or nothing."""
 
 KINDS_OF_NAMES = {"joints": "joint", "rotors": "rotor", "tilting": "rotor"}
 """Kind of user-chosen names -> word that a column does not repeat."""
@@ -53,7 +55,9 @@ AXES = {1: ("",), 3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 
 
 class Arrays(Protocol):
-    """Interface of objects that return a log's arrays by name, such as a log or some of its instants."""
+    """Interface of objects that return a log's arrays by name, such as a log or some of
+    its instants.
+    """
 
     def __getitem__(self, array: str) -> Array: ...
 
@@ -67,7 +71,9 @@ class FlightArrays(Arrays, Protocol):
 
     @property
     def path_time(self) -> Array:
-        """Times (s) of the reference at a log's instants, (N,); empty if they equal those of the flight."""
+        """Times (s) of the reference at a log's instants, (N,); empty if they equal
+        those of the flight.
+        """
 
     @property
     def info(self) -> Info:
@@ -81,7 +87,9 @@ class FlightArrays(Arrays, Protocol):
         """All arrays of a log by name."""
 
     def component(self, name: str) -> Array:
-        """Array logged by a wind, force or contact model; (N, 0) if the flight has no such array."""
+        """Array logged by a wind, force or contact model; (N, 0) if the flight has no
+        such array.
+        """
 
 
 @positional
@@ -89,8 +97,10 @@ class LogColumn:
     """Column of a log: one number over time, with name, unit and meaning.
 
     Attributes:
-        name: name of the column. unit: SI; empty for pure numbers. meaning: in words, with axes.
-        array: name of the log's array. index: place in its rows; None for an array without any.
+        name: name of the column. unit: SI; empty for pure numbers. meaning: in words,
+            with axes.
+        array: name of the log's array. index: place in its rows; None for an array
+            without any.
     """
 
     name: str
@@ -100,17 +110,20 @@ class LogColumn:
     index: int | None
 
     def of(self, log: Arrays) -> Array:
-        """Values (N,) of the column in a given log, or in an object with some of its instants."""
+        """Values (N,) of the column in a given log, or in an object with some of its
+        instants.
+        """
         array = log[self.array]
         return array if self.index is None else array[:, self.index]
 
 
 @positional
 class Names:
-    """Names of a logged vehicle's joints and rotors, and the units of the joint commands.
+    """Names of a logged vehicle's joints and rotors, and the units of the joint
+    commands.
 
-    ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque, None for the others; ``tilting``
-    are the rotors that tilt.
+    ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque,
+    None for the others; ``tilting`` are the rotors that tilt.
     """
 
     joints: tuple[str, ...]
@@ -122,17 +135,31 @@ class Names:
 
 
 def names_of(log: FlightArrays) -> Names:
-    """Names of joints and rotors from a log; index numbers if the log does not name them."""
+    """Names of joints and rotors from a log; index numbers if the log does not name
+    them.
+    """
     joints, rotors = log["joints"].shape[1], log["rotor_speeds"].shape[1]
     driven = [link.joint for link in _records(log.info, Link, "links")]
     turning, takes = _records(log.info, Rotor, "rotors"), setpoints_of(log.info)
     if len(driven) != joints or len(turning) != rotors:
-        return Names(tuple(map(str, range(joints))), ("",) * joints, tuple(map(str, range(rotors))), (None,) * joints)
+        return Names(
+            tuple(map(str, range(joints))),
+            ("",) * joints,
+            tuple(map(str, range(rotors))),
+            (None,) * joints,
+        )
     return Names(
         tuple(each.name for each in driven),
         tuple(each.kind for each in driven),
         tuple(each.name for each in turning),
-        tuple(unit_of_kind(Unit(takes[each.name]), each.kind) if each.name in takes else None for each in driven),
+        tuple(
+            (
+                unit_of_kind(Unit(takes[each.name]), each.kind)
+                if each.name in takes
+                else None
+            )
+            for each in driven
+        ),
         tuple(each.name for each in turning if each.tilt is not None),
     )
 
@@ -140,42 +167,70 @@ def names_of(log: FlightArrays) -> Names:
 def _records(info: Info, kind: type[Part], part: str) -> list[Part]:
     """Links or rotors of the logged vehicle as records; empty for a damaged file."""
     records = restored_at(info, f"plant.vehicle.{part}")
-    return [each for each in records if isinstance(each, kind)] if isinstance(records, tuple) else []
+    return (
+        [each for each in records if isinstance(each, kind)]
+        if isinstance(records, tuple)
+        else []
+    )
 
 
 def columns(log: FlightArrays) -> tuple[LogColumn, ...]:
-    """List the columns of a log, in the order of its arrays; of several vehicles each with the vehicle's name."""
+    """List the columns of a log, in the order of its arrays; of several vehicles each
+    with the vehicle's name.
+    """
     if len(log.agents) > 1:
         return _columns_of_team(log)
     names, listed = names_of(log), list[LogColumn]()
     for array, unit in units(type(log)).items():
         width = log[array].shape[1:]
         kinds = names.kinds if COLUMNS.get(array, ("", ""))[1] == "joints" else ()
-        for index, name in enumerate(_endings(array, width[0] if width else None, names)):
+        for index, name in enumerate(
+            _endings(array, width[0] if width else None, names)
+        ):
             setpoint = names.setpoints[index] if array == "efforts" else None
-            own = unit_of_kind(unit, kinds[index] if index < len(kinds) else "") if setpoint is None else setpoint
-            listed.append(LogColumn(name, own, unit.meaning, array, index if width else None))
+            own = (
+                unit_of_kind(unit, kinds[index] if index < len(kinds) else "")
+                if setpoint is None
+                else setpoint
+            )
+            listed.append(
+                LogColumn(name, own, unit.meaning, array, index if width else None)
+            )
     listed += _sensor_columns(log, names)
     unique = distinct([each.name for each in listed])
-    return tuple(replace(each, name=name) for name, each in zip(unique, listed, strict=True))
+    return tuple(
+        replace(each, name=name) for name, each in zip(unique, listed, strict=True)
+    )
 
 
 def _columns_of_team(log: FlightArrays) -> tuple[LogColumn, ...]:
-    """List the columns of a log of several vehicles: those of each, then those of what all share."""
+    """List the columns of a log of several vehicles: those of each, then those of what
+    all share.
+    """
     arrays, listed, shared = log.arrays(), list[LogColumn](), dict[str, LogColumn]()
     for name, own in log.agents.items():
         for each in columns(own):
             if f"{name}/{each.array}" in arrays:
-                listed.append(replace(each, name=f"{word(name)}_{each.name}", array=f"{name}/{each.array}"))
+                listed.append(
+                    replace(
+                        each,
+                        name=f"{word(name)}_{each.name}",
+                        array=f"{name}/{each.array}",
+                    )
+                )
             elif each.array in arrays:
                 shared[each.name] = each
     every = [shared.pop("time"), *listed, *shared.values()]
     unique = distinct([each.name for each in every])
-    return tuple(replace(each, name=name) for name, each in zip(unique, every, strict=True))
+    return tuple(
+        replace(each, name=name) for name, each in zip(unique, every, strict=True)
+    )
 
 
 def _sensor_columns(log: FlightArrays, names: Names) -> Iterator[LogColumn]:
-    """Yield the columns of sensor readings, estimate and environment models of a log."""
+    """Yield the columns of sensor readings, estimate and environment models of a
+    log.
+    """
     arrays = log.arrays()
     for source, described in sources_of(log.info).items():
         begin = "" if source == COMPONENTS else f"{word(source.rpartition('.')[2])}_"
@@ -184,14 +239,26 @@ def _sensor_columns(log: FlightArrays, names: Names) -> Iterator[LogColumn]:
             if array not in arrays:
                 continue
             if each.axes is None:
-                yield LogColumn(f"{begin}{word(name)}", each.unit, each.meaning, array, None)
+                yield LogColumn(
+                    f"{begin}{word(name)}", each.unit, each.meaning, array, None
+                )
                 continue
-            named = group in KINDS_OF_NAMES and len(getattr(names, group)) == len(each.axes)
+            named = group in KINDS_OF_NAMES and len(getattr(names, group)) == len(
+                each.axes
+            )
             endings = _endings(name, len(each.axes), names) if named else []
             for index, axis in enumerate(each.axes):
-                ending = endings[index] if named else f"{word(name)}_{word(axis) if axis else index}"
+                ending = (
+                    endings[index]
+                    if named
+                    else f"{word(name)}_{word(axis) if axis else index}"
+                )
                 kind = names.kinds[index] if named and group == "joints" else ""
-                unit = each.units[index] if each.units else unit_of_kind(Unit(each.unit), kind)
+                unit = (
+                    each.units[index]
+                    if each.units
+                    else unit_of_kind(Unit(each.unit), kind)
+                )
                 yield LogColumn(f"{begin}{ending}", unit, each.meaning, array, index)
 
 
@@ -206,7 +273,9 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
         return [f"{begin}_{i}" for i in range(width)]
     begins = [begin] * len(parts)
     if array == "efforts":
-        begins = [begin if setpoint is None else SETPOINT for setpoint in names.setpoints]
+        begins = [
+            begin if setpoint is None else SETPOINT for setpoint in names.setpoints
+        ]
     kind = KINDS_OF_NAMES.get(group)
     labels = [word(each, kind) if kind else each for each in parts]
     return [
@@ -217,13 +286,17 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
 
 
 def word(name: str, kind: str = "") -> str:
-    """Convert a joint's or rotor's name for a column name: ``Wrist-Roll`` becomes wrist_roll."""
+    """Convert a joint's or rotor's name for a column name: ``Wrist-Roll`` becomes
+    wrist_roll.
+    """
     text = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
     return text.removeprefix(kind).strip("_") or text or "unnamed"
 
 
 def unit_of_kind(unit: Unit, kind: str) -> str:
-    """Choose from a pair of units such as ``rad or m``: the first if a joint is revolute, the second if prismatic."""
+    """Choose from a pair of units such as ``rad or m``: the first if a joint is
+    revolute, the second if prismatic.
+    """
     options = unit.unit.split(" or ")
     return options[kind == "prismatic"] if kind and len(options) == 2 else unit.unit
 
@@ -236,7 +309,9 @@ def component_labels(log: FlightArrays, array: str) -> list[str]:
 
 
 def layout(log: FlightArrays) -> dict[str, dict[str, list[str]]]:
-    """Names and units of each array's columns as plain data, for files that store arrays."""
+    """Names and units of each array's columns as plain data, for files that store
+    arrays.
+    """
     arrays: dict[str, dict[str, list[str]]] = {}
     for each in columns(log):
         entry = arrays.setdefault(each.array, {"columns": [], "units": []})
@@ -252,8 +327,8 @@ def setpoints_of(info: Info) -> dict[str, str]:
         info: description of a log, which keeps the scenario that was flown.
 
     Returns:
-        units as ``rad or m``, of a revolute and of a prismatic joint; empty where a user's drive states none,
-        or its plugin is not loaded.
+        units as ``rad or m``, of a revolute and of a prismatic joint; empty where a
+        user's drive states none, or its plugin is not loaded.
     """
     units_of_joints = {}
     for joint, drive in drives_of(info).items():
@@ -264,7 +339,8 @@ def setpoints_of(info: Info) -> dict[str, str]:
 
 
 def drives_of(info: Info) -> dict[str, Any]:
-    """Drive of each joint that has one, by joint name; None for a drive whose plugin is not loaded.
+    """Drive of each joint that has one, by joint name; None for a drive whose plugin is
+    not loaded.
 
     Args:
         info: description of a log, which keeps the scenario that was flown.
@@ -272,9 +348,20 @@ def drives_of(info: Info) -> dict[str, Any]:
     carried = _rows(written_at(info, "plant.vehicle.drives"))
     # the scenario's own drive of a joint wins over the vehicle's
     given = {each.get("name"): each.get("drive") for each in carried}
-    given |= {each.get("joint"): each.get("drive") for each in _rows(written_at(info, "plant.drives"))}
-    return {joint: restore_written(info, drive) for joint, drive in given.items() if isinstance(joint, str)}
+    given |= {
+        each.get("joint"): each.get("drive")
+        for each in _rows(written_at(info, "plant.drives"))
+    }
+    return {
+        joint: restore_written(info, drive)
+        for joint, drive in given.items()
+        if isinstance(joint, str)
+    }
 
 
 def _rows(data: Plain) -> list[dict[str, Plain]]:
-    return [each for each in data if isinstance(each, dict)] if isinstance(data, list) else []
+    return (
+        [each for each in data if isinstance(each, dict)]
+        if isinstance(data, list)
+        else []
+    )

@@ -1,4 +1,6 @@
-"""Comparison of two logs: first differing instant and quantity, size and growth of the differences."""
+"""Comparison of two logs: first differing instant and quantity, size and growth of the
+differences.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +17,12 @@ from skyarm.records.text_tables import aligned_lines
 
 @immutable
 class Difference:
-    """Differences of two logs in one column: first different time and values, and largest difference.
+    """Differences of two logs in one column: first different time and values, and
+    largest difference.
 
     Attributes:
-        name, unit: name and unit of the column. time: first instant at which they differ, s.
+        name, unit: name and unit of the column. time: first instant at which they
+            differ, s.
         first, second: numbers there.
         largest: size of the largest difference. at: its time, s.
     """
@@ -38,7 +42,8 @@ class LogDifferences:
 
     Attributes:
         instants: number of common instants, and number of each log's.
-        columns: differing columns, the earliest first, of one time in the order of the log's columns.
+        columns: differing columns, the earliest first, of one time in the order of the
+            log's columns.
         unmatched: columns that only one of them has.
     """
 
@@ -59,20 +64,28 @@ def log_differences(a: Log, b: Log, tolerance: float = 0.0) -> LogDifferences:
     Args:
         a: one log.
         b: the other.
-        tolerance: differences up to this size count as none, in the SI unit of each column. 0 asks for equal numbers;
-            NaN equals NaN, and a zero one of the other sign.
+        tolerance: differences up to this size count as none, in the SI unit of each
+            column. 0 asks for equal numbers; NaN equals NaN, and a zero one of the
+            other sign.
     """
     times, ours, theirs = np.intersect1d(a.time, b.time, return_indices=True)
-    named, others = {each.name: each for each in columns(a)}, {each.name: each for each in columns(b)}
+    named, others = (
+        {each.name: each for each in columns(a)},
+        {each.name: each for each in columns(b)},
+    )
     differing = []
     for name, column in named.items():
         if name in others and name != "time":
             pair = column.of(a)[ours], others[name].of(b)[theirs]
             differing += list(_difference(name, column.unit, times, pair, tolerance))
     differing.sort(key=lambda each: each.time)
-    unmatched = tuple(name for name in {**named, **others} if (name in named) != (name in others))
+    unmatched = tuple(
+        name for name in {**named, **others} if (name in named) != (name in others)
+    )
     return LogDifferences(
-        instants=(len(times), len(a.time), len(b.time)), columns=tuple(differing), unmatched=unmatched
+        instants=(len(times), len(a.time), len(b.time)),
+        columns=tuple(differing),
+        unmatched=unmatched,
     )
 
 
@@ -82,7 +95,11 @@ def _difference(
     first, second = pair
     with np.errstate(invalid="ignore"):
         size = np.abs(first - second)
-        same = (first == second) | (np.isnan(first) & np.isnan(second)) | (size <= tolerance)
+        same = (
+            (first == second)
+            | (np.isnan(first) & np.isnan(second))
+            | (size <= tolerance)
+        )
     apart = np.flatnonzero(~same)
     if not apart.size:
         return
@@ -104,21 +121,31 @@ MOST_COLUMNS = 12
 """Number of quantities that a terminal shows; ``--json`` has all."""
 
 
-def difference_lines(differences: LogDifferences, labels: tuple[str, str], tolerance: float) -> list[str]:
-    """Text of the first difference between two logs, and of the largest difference in each quantity."""
+def difference_lines(
+    differences: LogDifferences, labels: tuple[str, str], tolerance: float
+) -> list[str]:
+    """Text of the first difference between two logs, and of the largest difference in
+    each quantity.
+    """
     both, first, second = differences.instants
     within = f" within {tolerance:g}" if tolerance else ""
     lines = []
     if first != second:
-        lines.append(f"control periods: {first} in {labels[0]}, {second} in {labels[1]}, {both} in both")
+        lines.append(
+            f"control periods: {first} in {labels[0]}, {second} in {labels[1]}, {both}"
+            " in both"
+        )
     if differences.unmatched:
         lines.append(f"columns of one log alone: {', '.join(differences.unmatched)}")
     if not differences.columns:
         return [*lines, f"every number is the same{within} in {both} control periods"]
     one, *_ = differences.columns
     numbers = f"{one.first!r} and {one.second!r} {one.unit}".rstrip()
-    lines.append(f"first difference{f' above {tolerance:g}' if tolerance else ''}: at {one.time:g} s, {one.name} = "
-                 f"{numbers}, {abs(one.first - one.second):.3g} apart")
+    lines.append(
+        f"first difference{f' above {tolerance:g}' if tolerance else ''}: at"
+        f" {one.time:g} s, {one.name} = {numbers}, {abs(one.first - one.second):.3g}"
+        " apart"
+    )
     rows = [("quantity", "unit", "from, s", "largest", "at, s")]
     rows += [
         (each.name, each.unit, f"{each.time:g}", f"{each.largest:.3g}", f"{each.at:g}")
@@ -129,5 +156,7 @@ def difference_lines(differences: LogDifferences, labels: tuple[str, str], toler
 
 
 def more_lines(count: int, what: str) -> list[str]:
-    """Line of text with the number of differences that are not listed; no line for zero."""
+    """Line of text with the number of differences that are not listed; no line for
+    zero.
+    """
     return [f"and {count} {what} more, which --json lists"] if count > 0 else []

@@ -1,4 +1,6 @@
-"""Log as a table of pandas or of Arrow: the columns of its CSV file, with their units."""
+"""Log as a table of pandas or of Arrow: the columns of its CSV file, with their
+units.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ ArrowTable: TypeAlias = "pyarrow.Table"
 
 
 def log_frame(log: FlightArrays) -> DataFrame:
-    """Return a log as a pandas DataFrame with the index ``time``; ``attrs["units"]`` and ``["meanings"]`` by column.
+    """Return a log as a pandas DataFrame with the index ``time``; ``attrs["units"]``
+    and ``["meanings"]`` by column.
 
     Raises:
         ValueError: pandas is missing; one line that says how to install it.
@@ -25,7 +28,9 @@ def log_frame(log: FlightArrays) -> DataFrame:
     try:
         import pandas as pd
     except ImportError:
-        raise ValueError(f"pandas: is missing; a log as a DataFrame {needs_extra('pandas')}") from None
+        raise ValueError(
+            f"pandas: is missing; a log as a DataFrame {needs_extra('pandas')}"
+        ) from None
     every = columns(log)
     frame = pd.DataFrame({each.name: each.of(log) for each in every}).set_index("time")
     for name in ("unit", "meaning"):
@@ -34,7 +39,8 @@ def log_frame(log: FlightArrays) -> DataFrame:
 
 
 def log_table(log: FlightArrays) -> ArrowTable:
-    """Return a log as a pyarrow Table; the metadata of each field are ``unit`` and ``meaning``.
+    """Return a log as a pyarrow Table; the metadata of each field are ``unit`` and
+    ``meaning``.
 
     Raises:
         ValueError: pyarrow is missing; one line that says how to install it.
@@ -42,11 +48,15 @@ def log_table(log: FlightArrays) -> ArrowTable:
     try:
         import pyarrow as pa
     except ImportError:
-        raise ValueError(f"pyarrow: is missing; a log as a table {needs_extra('sweep')}") from None
+        raise ValueError(
+            f"pyarrow: is missing; a log as a table {needs_extra('sweep')}"
+        ) from None
     every = columns(log)
     arrays = [pa.array(each.of(log)) for each in every]
     fields = [
-        pa.field(each.name, array.type, metadata={"unit": each.unit, "meaning": each.meaning})
+        pa.field(
+            each.name, array.type, metadata={"unit": each.unit, "meaning": each.meaning}
+        )
         for each, array in zip(every, arrays, strict=True)
     ]
     return pa.table(arrays, schema=pa.schema(fields))

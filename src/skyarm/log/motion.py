@@ -1,4 +1,6 @@
-"""Motion of a vehicle over time: poses, joint positions, their predictions, and distances between motions."""
+"""Motion of a vehicle over time: poses, joint positions, their predictions, and
+distances between motions.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ class PoseSeries:
     """Poses of the base and positions of the joints over time.
 
     Attributes:
-        time: (N,) s, not falling; of two rows at one time the later one holds from there on.
+        time: (N,) s, not falling; of two rows at one time the later one holds from
+            there on.
         position: (N, 3) m, world axes. quaternion: (N, 4) w x y z, base to world.
         joints: (N, n) rad or m. Rows of NaN are times without a known pose.
     """
@@ -27,16 +30,26 @@ class PoseSeries:
     joints: Array
 
     def at(self, time: Array) -> PoseSeries:
-        """Interpolate the motion linearly at given times (s); NaN outside its time range."""
-        rows = np.clip(np.searchsorted(self.time, time, "right") - 1, 0, max(len(self.time) - 2, 0))
+        """Interpolate the motion linearly at given times (s); NaN outside its time
+        range.
+        """
+        rows = np.clip(
+            np.searchsorted(self.time, time, "right") - 1, 0, max(len(self.time) - 2, 0)
+        )
         after = np.minimum(rows + 1, len(self.time) - 1)
         step = self.time[after] - self.time[rows]
-        share = np.where(step > 0.0, (time - self.time[rows]) / np.where(step > 0.0, step, 1.0), 1.0)[:, None]
+        share = np.where(
+            step > 0.0, (time - self.time[rows]) / np.where(step > 0.0, step, 1.0), 1.0
+        )[:, None]
         outside = (time < self.time[0]) | (time > self.time[-1])
 
         def interpolate(values: Array) -> Array:
             # the row itself at its own time, whatever follows it
-            mixed = np.where(share > 0.0, values[rows] + share * (values[after] - values[rows]), values[rows])
+            mixed = np.where(
+                share > 0.0,
+                values[rows] + share * (values[after] - values[rows]),
+                values[rows],
+            )
             mixed[outside] = np.nan
             return np.asarray(mixed)
 
@@ -50,7 +63,8 @@ class PoseSeries:
 
 @immutable(eq=False)
 class PredictedMotion:
-    """Motions predicted by a vehicle model and by constant velocity, reset to the measured state at the same instants.
+    """Motions predicted by a vehicle model and by constant velocity, reset to the
+    measured state at the same instants.
 
     Attributes:
         model: of a vehicle's model under the recorded commands.
@@ -65,16 +79,29 @@ class PredictedMotion:
 
 def join_motions(motions: Sequence[PoseSeries]) -> PoseSeries:
     """Join successive motions to one, with unknown poses (NaN) between them."""
-    parts = {name: list[Array]() for name in ("time", "position", "quaternion", "joints")}
+    parts = {
+        name: list[Array]() for name in ("time", "position", "quaternion", "joints")
+    }
     for motion in motions:
         for name, pieces in parts.items():
             values: Array = getattr(motion, name)
-            pieces += [values, values[-1:] if name == "time" else np.full((1, values.shape[1]), np.nan)]
-    return PoseSeries(**{name: np.concatenate(pieces) for name, pieces in parts.items()})
+            pieces += [
+                values,
+                (
+                    values[-1:]
+                    if name == "time"
+                    else np.full((1, values.shape[1]), np.nan)
+                ),
+            ]
+    return PoseSeries(
+        **{name: np.concatenate(pieces) for name, pieces in parts.items()}
+    )
 
 
 def distance_between(one: PoseSeries, other: PoseSeries) -> tuple[Array, Array]:
-    """Distance (m) and rotation angle (rad) between the bases of two motions, (K,) each, at the same times."""
+    """Distance (m) and rotation angle (rad) between the bases of two motions, (K,)
+    each, at the same times.
+    """
     apart = lengths(one.position - other.position)
     same = np.abs((one.quaternion * other.quaternion).sum(axis=1))
     return apart, 2.0 * np.arccos(np.minimum(same, 1.0))

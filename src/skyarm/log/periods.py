@@ -15,11 +15,13 @@ SAME = 1e-6
 
 @immutable
 class ContactPeriod:
-    """Period from a touch to the loss of contact: surface, contact point, times and forces.
+    """Period from a touch to the loss of contact: surface, contact point, times and
+    forces.
 
     Attributes:
         surface, point: names of the pair.
-        start: s, the first instant with a force. end: s, the first one without; None where the log ends before.
+        start: s, the first instant with a force. end: s, the first one without; None
+            where the log ends before.
         peak: N, largest normal force. mean: N.
     """
 
@@ -37,7 +39,8 @@ class GraspPeriod:
 
     Attributes:
         gripper, held: names of the gripper and of its load.
-        start: s, the first instant. end: s, the first one after it; None where the log ends before.
+        start: s, the first instant. end: s, the first one after it; None where the log
+            ends before.
         gave_way: whether it ended because the load was more than the gripper holds.
         peak: N, largest force of the grasp.
     """
@@ -53,17 +56,30 @@ class GraspPeriod:
 def contact_periods(log: FlightArrays) -> tuple[ContactPeriod, ...]:
     """List all periods of contact in a log, ordered by start."""
     touches: list[ContactPeriod] = []
-    for (surface, point), force in zip(contact_pairs(log), log.component("contact_force").T, strict=False):
+    for (surface, point), force in zip(
+        contact_pairs(log), log.component("contact_force").T, strict=False
+    ):
         for begin, end in runs_of(force > 0.0):
             inside = force[begin:end]
             peak, mean = float(inside.max()), float(inside.mean())
             start, stop = float(log.time[begin]), _time(log, end)
-            touches.append(ContactPeriod(surface=surface, point=point, start=start, end=stop, peak=peak, mean=mean))
+            touches.append(
+                ContactPeriod(
+                    surface=surface,
+                    point=point,
+                    start=start,
+                    end=stop,
+                    peak=peak,
+                    mean=mean,
+                )
+            )
     return tuple(sorted(touches, key=lambda each: each.start))
 
 
 def contact_pairs(log: FlightArrays) -> tuple[tuple[str, str], ...]:
-    """Names of surface and contact point for each column of the logged contact force."""
+    """Names of surface and contact point for each column of the logged contact
+    force.
+    """
     pairs = (label.partition("/") for label in component_labels(log, "contact_force"))
     return tuple((surface, point) for surface, _, point in pairs)
 
@@ -72,13 +88,18 @@ def points_at_tip(log: FlightArrays) -> frozenset[str]:
     """Names of the contact points at the vehicle's tip."""
     points = written_at(log.info, "world.points") or ()
     tip = written_at(log.info, "plant.vehicle.end_effector")
-    return frozenset(str(each.get("name")) for each in points if tip and each.get("frame") == tip)
+    return frozenset(
+        str(each.get("name")) for each in points if tip and each.get("frame") == tip
+    )
 
 
 def grasp_periods(log: FlightArrays) -> tuple[GraspPeriod, ...]:
     """List all grasps in a log, ordered by start."""
     grasps = list[GraspPeriod]()
-    bodies = [label.partition("/")[0] for label in component_labels(log, "object_position")[::3]]
+    bodies = [
+        label.partition("/")[0]
+        for label in component_labels(log, "object_position")[::3]
+    ]
     bodies += component_labels(log, "mechanism_position")
     grippers = component_labels(log, "gripper_taken")
     arrays = (log.component(f"gripper_{name}").T for name in ("taken", "lost", "force"))
@@ -100,7 +121,8 @@ def grasp_periods(log: FlightArrays) -> tuple[GraspPeriod, ...]:
 
 
 def timed_out(log: FlightArrays) -> frozenset[int]:
-    """Indices of a task's phases that ended by timeout instead of by their end condition.
+    """Indices of a task's phases that ended by timeout instead of by their end
+    condition.
 
     A guard that is met in the very last period of its timeout counts among them.
     """
@@ -114,7 +136,9 @@ def timed_out(log: FlightArrays) -> frozenset[int]:
 
 def runs_of(true: Mask) -> list[tuple[int, int]]:
     """Start index and exclusive end index of each run of true values in a mask."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(int)))
+    edges = np.flatnonzero(
+        np.diff(np.concatenate([[False], true, [False]]).astype(int))
+    )
     return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
 
 

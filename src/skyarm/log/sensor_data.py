@@ -1,8 +1,9 @@
-"""Sensor readings and estimator output as arrays of a log, with their units and meanings.
+"""Sensor readings and estimator output as arrays of a log, with their units and
+meanings.
 
-``readings.imu.rate`` is the field ``rate`` of the reading of sensor ``imu``, ``estimate.position`` a field of the
-measurement that an estimator gave the law. Names, units and axes come from the records themselves: a sensor of a user
-needs no line here.
+``readings.imu.rate`` is the field ``rate`` of the reading of sensor ``imu``,
+``estimate.position`` a field of the measurement that an estimator gave the law. Names,
+units and axes come from the records themselves: a sensor of a user needs no line here.
 """
 
 from __future__ import annotations
@@ -53,9 +54,12 @@ class Source:
 
     Attributes:
         fields: fields of its record, by name.
-        every: control periods from one reading to the next. late: control periods of a reading's delay.
-        frame: frame of the vehicle at which a force is read, in its axes; None for any other sensor.
-        mount: place (m) and roll, pitch, yaw (rad) of a sensor beside the base origin, in the base; None at it.
+        every: control periods from one reading to the next. late: control periods of a
+            reading's delay.
+        frame: frame of the vehicle at which a force is read, in its axes; None for any
+            other sensor.
+        mount: place (m) and roll, pitch, yaw (rad) of a sensor beside the base origin,
+            in the base; None at it.
     """
 
     fields: dict[str, LoggedField]
@@ -66,28 +70,46 @@ class Source:
 
     @property
     def plain(self) -> Info:
-        """Convert the description of a sensor or estimator to plain data for a log file."""
-        return {name: value for name, value in asdict(self).items() if name != "mount" or value}
+        """Convert the description of a sensor or estimator to plain data for a log
+        file.
+        """
+        return {
+            name: value
+            for name, value in asdict(self).items()
+            if name != "mount" or value
+        }
 
 
 def fields_of(record: Tree, count: int) -> Iterator[tuple[str, LoggedField, Array]]:
-    """Yield name, description and values over time, (N,) or (N, k), of each field of a sensor reading.
+    """Yield name, description and values over time, (N,) or (N, k), of each field of a
+    sensor reading.
 
     Args:
-        record: record whose scalars are columns (N,), or numbers that stand for every instant.
+        record: record whose scalars are columns (N,), or numbers that stand for every
+            instant.
         count: number of instants, N.
     """
     whole = is_record(record) and not isinstance(record, (Vec3, Quaternion))
     said = units(type(record)) if whole else {}
     for name, value in (parts(record) if whole else {BARE: record}).items():
-        numbers = [(place, each) for place, each in walk(value) if not isinstance(each, (str, bool, type(None)))]
+        numbers = [
+            (place, each)
+            for place, each in walk(value)
+            if not isinstance(each, (str, bool, type(None)))
+        ]
         if not numbers:
             continue
-        table = np.stack([np.broadcast_to(doubles(each), (count,)) for _, each in numbers], axis=1)
+        table = np.stack(
+            [np.broadcast_to(doubles(each), (count,)) for _, each in numbers], axis=1
+        )
         single = numbers[0][0] == ()
         unit = said.get(name, Unit())
         axes = None if single else ["_".join(place) for place, _ in numbers]
-        yield name, LoggedField(unit.unit, unit.meaning, axes), table[:, 0] if single else table
+        yield (
+            name,
+            LoggedField(unit.unit, unit.meaning, axes),
+            table[:, 0] if single else table,
+        )
 
 
 def sources_of(info: Info) -> dict[str, Source]:
@@ -111,16 +133,29 @@ def sources_of(info: Info) -> dict[str, Source]:
     except (AttributeError, KeyError, TypeError):
         sound = False
     if not sound:
-        raise ValueError(f"{DESCRIPTION}: must be what skyarm writes of sensors and estimate")
+        raise ValueError(
+            f"{DESCRIPTION}: must be what skyarm writes of sensors and estimate"
+        )
     return sources
 
 
 def _has_valid_types(source: Source) -> bool:
     """True if a sensor's description from a log file has valid types."""
-    counts = all(type(each) is int and each >= 0 for each in (source.every - 1, source.late))
-    texts = [each.unit for each in source.fields.values()] + [each.meaning for each in source.fields.values()]
-    axes = [each for field in source.fields.values() for each in (field.axes, field.units) if each is not None]
+    counts = all(
+        type(each) is int and each >= 0 for each in (source.every - 1, source.late)
+    )
+    texts = [each.unit for each in source.fields.values()] + [
+        each.meaning for each in source.fields.values()
+    ]
+    axes = [
+        each
+        for field in source.fields.values()
+        for each in (field.axes, field.units)
+        if each is not None
+    ]
     lists = all(isinstance(each, list) and each for each in axes)
-    texts += [axis for each in axes for axis in each] + ([] if source.frame is None else [source.frame])
+    texts += [axis for each in axes for axis in each] + (
+        [] if source.frame is None else [source.frame]
+    )
     mount = source.mount is None or [type(each) for each in source.mount] == [float] * 6
     return counts and lists and mount and all(isinstance(each, str) for each in texts)

@@ -20,15 +20,18 @@ from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.arrays import Array
 
 ROOM = 3
-"""Free space that a disk must have, in sizes of the arrays with the next ones: their log's files are to be written."""
+"""Free space that a disk must have, in sizes of the arrays with the next ones: their
+log's files are to be written."""
 
 
 class ArraysByName(UserDict[str, Any]):
-    """Arrays by name, each read anew at every access; a pickle holds the arrays themselves.
+    """Arrays by name, each read anew at every access; a pickle holds the arrays
+    themselves.
 
     Args:
         names: names of the arrays, in order.
-        read: function that returns an array by name, and only some of its rows if a slice follows.
+        read: function that returns an array by name, and only some of its rows if a
+            slice follows.
     """
 
     def __init__(self, names: Iterable[str], read: Callable[..., Array]) -> None:
@@ -59,7 +62,11 @@ class ArrayFile:
         Raises:
             OSError: the disk has no room for them and for the files of their log.
         """
-        file, content, places = self._file, bytearray(), dict[str, tuple[int, tuple[int, ...]]]()
+        file, content, places = (
+            self._file,
+            bytearray(),
+            dict[str, tuple[int, tuple[int, ...]]](),
+        )
         begin = file.seek(0, os.SEEK_END)
         for name, array in arrays.items():
             places[name] = begin + len(content), array.shape
@@ -81,7 +88,8 @@ class ArrayFile:
 def join(parts: Sequence[Mapping[str, Array]]) -> ArraysByName:
     """Arrays of successive parts of a flight as one, joined at every access.
 
-    Parts may lack arrays: readings, measurements and estimates are NaN there, others 0; path time is the flight's.
+    Parts may lack arrays: readings, measurements and estimates are NaN there, others 0;
+    path time is the flight's.
     """
     ends = [*accumulate(len(part["time"]) for part in parts)]
 
@@ -90,13 +98,18 @@ def join(parts: Sequence[Mapping[str, Array]]) -> ArraysByName:
             return part[name if name in part else "time"]
         like = next(each[name] for each in parts if name in each)
         readings = "." in name and not name.startswith(f"{COMPONENTS}.")
-        estimate = name.startswith("measured_") or name.endswith(("_found", "_deviation"))
+        estimate = name.startswith("measured_") or name.endswith(
+            ("_found", "_deviation")
+        )
         none = np.nan if readings or estimate else 0.0
         return np.full((len(part["time"]), *like.shape[1:]), none)
 
     def read(name: str, chosen: slice = slice(None)) -> Array:
         start, stop, _ = chosen.indices(ends[-1])
-        first, last = bisect_left(ends, start + 1, hi=len(ends) - 1), bisect_left(ends, stop)
+        first, last = (
+            bisect_left(ends, start + 1, hi=len(ends) - 1),
+            bisect_left(ends, stop),
+        )
         rows = np.concatenate([of_part(part, name) for part in parts[first : last + 1]])
         begin = ([0, *ends])[first]
         return rows[start - begin : max(stop - begin, 0)]

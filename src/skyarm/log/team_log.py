@@ -28,24 +28,32 @@ class OfOneAgentError(AttributeError, ValueError):
 class TeamLog(Log):
     """Log of a flight of several vehicles.
 
-    ``log.agents["left"].position`` is the position of one of them. Arrays of what all share, such as objects, are
-    attributes of the whole, too (``log.object_position``). Whatever reads an array of one vehicle from the whole gets a
-    message of one line with the names.
+    ``log.agents["left"].position`` is the position of one of them. Arrays of what all
+    share, such as objects, are attributes of the whole, too (``log.object_position``).
+    Whatever reads an array of one vehicle from the whole gets a message of one line
+    with the names.
 
     Attributes:
         time: (N,) s. agents: log of each vehicle by name.
-        info: description of the whole flight, as that of a :class:`skyarm.Log`; ``info["shared"]`` names the arrays of
-            what all share.
+        info: description of the whole flight, as that of a :class:`skyarm.Log`;
+            ``info["shared"]`` names the arrays of what all share.
     """
 
     def __init__(self, agents: Mapping[str, Log], info: Info) -> None:
-        object.__setattr__(self, "_agents", Members(tuple(agents), tuple(agents.values())))
+        object.__setattr__(
+            self, "_agents", Members(tuple(agents), tuple(agents.values()))
+        )
         object.__setattr__(self, "info", info)
         object.__setattr__(self, "time", next(iter(agents.values())).time)
 
     def __repr__(self) -> str:
-        said = (f"{name}={self.info.get(name)!r}" for name in ("scenario", "status", "end_time"))
-        return f"TeamLog({', '.join(self.agents)}: {', '.join(said)}, instants={self.time.size})"[:LONGEST]
+        said = (
+            f"{name}={self.info.get(name)!r}"
+            for name in ("scenario", "status", "end_time")
+        )
+        return f"TeamLog({', '.join(self.agents)}: {', '.join(said)}, instants={self.time.size})"[
+            :LONGEST
+        ]
 
     @property
     def agents(self) -> Mapping[str, Log]:
@@ -59,31 +67,56 @@ class TeamLog(Log):
         return tuple(self.info.get(SHARED, ()))
 
     def __getitem__(self, array: str) -> Array:
-        """Array by its name: ``left/position`` of one vehicle, or one of what all share."""
+        """Array by its name: ``left/position`` of one vehicle, or one of what all
+        share.
+        """
         name, within, own = array.partition(WITHIN)
         if array == "time":
             return self.time
-        return self.agents[name][own] if within else self.component(array.removeprefix(f"{COMPONENTS}."))
+        return (
+            self.agents[name][own]
+            if within
+            else self.component(array.removeprefix(f"{COMPONENTS}."))
+        )
 
     def component(self, name: str) -> Array:
-        """Array logged by a model that all vehicles share, such as contact; (N, 0) if the flight has no such array."""
+        """Array logged by a model that all vehicles share, such as contact; (N, 0) if
+        the flight has no such array.
+        """
         first = next(iter(self.agents.values()))
-        return first.component(name) if name in self.common else np.zeros((self.time.size, 0))
+        return (
+            first.component(name)
+            if name in self.common
+            else np.zeros((self.time.size, 0))
+        )
 
     def __getattr__(self, name: str) -> Array:
-        """Arrays logged by models that all vehicles share; those of one vehicle are refused in one line."""
+        """Arrays logged by models that all vehicles share; those of one vehicle are
+        refused in one line.
+        """
         if name.startswith("_"):
             raise AttributeError(name)
         if name not in self.common:
-            raise OfOneAgentError(f"log.{name}: is of one agent; log.agents[NAME].{name}, of {', '.join(self.agents)}")
+            raise OfOneAgentError(
+                f"log.{name}: is of one agent; log.agents[NAME].{name}, of"
+                f" {', '.join(self.agents)}"
+            )
         return self.component(name)
 
     def _rows(self, chosen: slice) -> TeamLog:
-        return TeamLog({name: rows_of(log, chosen) for name, log in self.agents.items()}, self.info)
+        return TeamLog(
+            {name: rows_of(log, chosen) for name, log in self.agents.items()}, self.info
+        )
 
     def arrays(self) -> Mapping[str, Array]:
-        """All arrays by name: ``left/position`` of one vehicle, those of what all share without a vehicle's name."""
+        """All arrays by name: ``left/position`` of one vehicle, those of what all share
+        without a vehicle's name.
+        """
         shared = ["time", *(f"{COMPONENTS}.{name}" for name in self.common)]
-        own = (f"{name}{WITHIN}{array}" for name, log in self.agents.items() for array in log.arrays())
+        own = (
+            f"{name}{WITHIN}{array}"
+            for name, log in self.agents.items()
+            for array in log.arrays()
+        )
         names = [name for name in own if name.partition(WITHIN)[2] not in shared]
         return ArraysByName([*names, *shared], self.__getitem__)

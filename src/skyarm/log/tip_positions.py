@@ -11,14 +11,18 @@ from skyarm.vehicle import Vehicle
 
 
 def tip(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> Array:
-    """World position (m) of the tip, (N, 3), or of the base if the vehicle has no tip."""
+    """World position (m) of the tip, (N, 3), or of the base if the vehicle has no
+    tip.
+    """
     if not vehicle.end_effector:
         return position
     return frame_pose_world(vehicle, position, unit_rows(quaternion), joints)[0]
 
 
 def level_tip(vehicle: Vehicle, position: Array, yaw: Array, joints: Array) -> Array:
-    """World position (m) of the tip, (N, 3), if the base were level at the given yaw."""
+    """World position (m) of the tip, (N, 3), if the base were level at the given
+    yaw.
+    """
     return tip(vehicle, position, yaw_quaternion(yaw), joints)
 
 

@@ -1,4 +1,6 @@
-"""Agreement with Barakou et al. 2026: how many of its published numbers a simulation reproduces."""
+"""Agreement with Barakou et al. 2026: how many of its published numbers a simulation
+reproduces.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,9 @@ from skyarm.records.arrays import Array
 from skyarm.scenario.scenario_record import PLANTS
 
 RULE = (
-    "A number agrees within x % if |simulated - paper|, less half a unit of the paper's last printed digit, is at "
-    "most x % of |paper|. Settling times are left out: the paper gives no rule for them."
+    "A number agrees within x % if |simulated - paper|, less half a unit of the paper's"
+    " last printed digit, is at most x % of |paper|. Settling times are left out: the"
+    " paper gives no rule for them."
 )
 
 Column = Callable[[Record], Number]
@@ -23,7 +26,9 @@ Column = Callable[[Record], Number]
 
 @cache
 def published_cells() -> tuple[PublishedNumber, ...]:
-    """Published numbers of Barakou et al. 2026 by case, controller and metric, without settling times."""
+    """Published numbers of Barakou et al. 2026 by case, controller and metric, without
+    settling times.
+    """
     return tuple(
         PublishedNumber(f"{case} {law}", name, name, value, rounding(case, law, name))
         for case, laws in PAPER.items()
@@ -34,29 +39,43 @@ def published_cells() -> tuple[PublishedNumber, ...]:
 
 
 def stated_value(plant: str) -> Column:
-    """Return a function that looks up the simulated value of a published number, under the stated settings."""
+    """Return a function that looks up the simulated value of a published number, under
+    the stated settings.
+    """
     return lambda cell: cell.get(plant)
 
 
 def inferred_value(plant: str) -> Column:
-    """Return a function that looks up the simulated value of a published number, under the inferred settings."""
+    """Return a function that looks up the simulated value of a published number, under
+    the inferred settings.
+    """
     return lambda cell: cell.get("inferred", {}).get(plant)
 
 
-def column_values(experiments: Record, column: Column, cells: Sequence[PublishedNumber]) -> Array:
-    """Simulated values (numbers,) that belong to given published numbers; NaN without a value."""
+def column_values(
+    experiments: Record, column: Column, cells: Sequence[PublishedNumber]
+) -> Array:
+    """Simulated values (numbers,) that belong to given published numbers; NaN without a
+    value.
+    """
     values = []
     for cell in cells:
         case, _, law = cell.flight.rpartition(" ")
-        value = finite_or_none(column(experiments.get(case, {}).get(law, {}).get(cell.name, {})))
+        value = finite_or_none(
+            column(experiments.get(case, {}).get(law, {}).get(cell.name, {}))
+        )
         values.append(float("nan") if value is None else value)
     return np.array(values)
 
 
 def counts(
-    experiments: Record, column: Column, fits: Callable[[PublishedNumber], bool] | None = None
+    experiments: Record,
+    column: Column,
+    fits: Callable[[PublishedNumber], bool] | None = None,
 ) -> dict[str, float]:
-    """Counts of published numbers that simulated values agree with, within 5, 10 and 25 %."""
+    """Counts of published numbers that simulated values agree with, within 5, 10 and 25
+    %.
+    """
     cells = [cell for cell in published_cells() if fits is None or fits(cell)]
     values, shape = column_values(experiments, column, cells), unstated_study()["loss"]
     if np.isnan(values).all():
@@ -66,7 +85,9 @@ def counts(
 
 
 def in_group(group: str) -> Callable[[PublishedNumber], bool]:
-    """Predicate on published numbers: true for those of a named group, such as gust cases."""
+    """Predicate on published numbers: true for those of a named group, such as gust
+    cases.
+    """
     cells = published_cells()
     chosen = {cells[i] for i in group_places(unstated_study()["groups"][group], cells)}
     return lambda cell: cell in chosen
@@ -87,16 +108,31 @@ def sentence(results: Record) -> str:
     parts = [f"as stated {_counts_text(by_plant)}"]
     if any(inferred.values()):
         free = results.get("settings", {}).get("inferred", {})
-        many = f"{free['numbers']} numbers and {free['choices']} choices" if free else "settings"
-        parts.append(f"with {many} inferred after seeing the numbers {_counts_text(inferred)}")
+        many = (
+            f"{free['numbers']} numbers and {free['choices']} choices"
+            if free
+            else "settings"
+        )
+        parts.append(
+            f"with {many} inferred after seeing the numbers {_counts_text(inferred)}"
+        )
     return f"Of the paper's {len(published_cells())} numbers, {'; '.join(parts)}."
 
 
 def _counts_text(by_plant: Mapping[str, Record]) -> str:
-    """Text of how many published numbers agree within 25, 10 and 5 %: first plant, in brackets the others."""
-    flown = [(plant, [each[f"within_{share}%"] for share in (25, 10, 5)]) for plant, each in by_plant.items() if each]
+    """Text of how many published numbers agree within 25, 10 and 5 %: first plant, in
+    brackets the others.
+    """
+    flown = [
+        (plant, [each[f"within_{share}%"] for share in (25, 10, 5)])
+        for plant, each in by_plant.items()
+        if each
+    ]
     if not flown:
         return "none were flown"
     (first, (far, near, nearest)), *others = flown
     also = "".join(f" (on {plant} {a}, {b} and {c})" for plant, (a, b, c) in others)
-    return f"{far} lie within 25 %, {near} within 10 % and {nearest} within 5 % on {first}{also}"
+    return (
+        f"{far} lie within 25 %, {near} within 10 % and {nearest} within 5 % on"
+        f" {first}{also}"
+    )

@@ -1,4 +1,6 @@
-"""Simulation and metrics of the five cases of Barakou et al. 2026 with both controllers."""
+"""Simulation and metrics of the five cases of Barakou et al. 2026 with both
+controllers.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +23,19 @@ from skyarm.studies.flights import Work
 from skyarm.view.pages import Facts
 
 STEADY, TRANSIENT, GUST = Window(10.0, 20.0), Window(0.0, 8.0), Window(5.0, 20.0)
-WINDOWS: Mapping[str, Window] = {case: GUST if case == "case2_gust" else STEADY for case in CASES}
+WINDOWS: Mapping[str, Window] = {
+    case: GUST if case == "case2_gust" else STEADY for case in CASES
+}
 """Case -> window of its metrics."""
 HOVER = Window(4.0, 5.9)
 HOLDS = (Window(9.0, 12.0), Window(16.0, 19.0))
 """Case 1: the last 3 s of each hold of 5 s (7-12 s and 14-19 s)."""
 
-TRACKING = tuple(f"{what}_error_{how}" for what in ("joint", "position", "ee") for how in ("mean", "max"))
+TRACKING = tuple(
+    f"{what}_error_{how}"
+    for what in ("joint", "position", "ee")
+    for how in ("mean", "max")
+)
 IAE = ("iae_position", "iae_joint")
 STEADY_CASE = (*TRACKING, "peak_pitch", "peak_position", "settling_time", *IAE)
 GUST_CASE = {
@@ -36,7 +44,15 @@ GUST_CASE = {
     **{name: f"gust_{name}" for name in IAE},
     "peak_pitch": "gust_peak_pitch",
 }
-WIND_CASE = ("position_min", "position_max", "position_ripple", "pitch_mean", "pitch_ripple", "peak_pitch", *IAE)
+WIND_CASE = (
+    "position_min",
+    "position_max",
+    "position_ripple",
+    "pitch_mean",
+    "pitch_ripple",
+    "peak_pitch",
+    *IAE,
+)
 """Rows of Table 2 by kind of case; the gust's under the paper's names."""
 
 Metrics = dict[str, float | None]
@@ -44,7 +60,9 @@ Metrics = dict[str, float | None]
 
 @positional
 class PaperFlight:
-    """One flight of Barakou et al. 2026: a case, a controller ("CT", "PD" or a preset), a plant."""
+    """One flight of Barakou et al. 2026: a case, a controller ("CT", "PD" or a preset),
+    a plant.
+    """
 
     case: str
     controller: str
@@ -53,14 +71,23 @@ class PaperFlight:
 
 def flights(plants: Sequence[str] = PLANTS) -> list[PaperFlight]:
     """All flights of Barakou et al. 2026 for the given kinds of simulated plant."""
-    return [PaperFlight(case, controller, plant) for plant in plants for case in CASES for controller in CONTROLLERS]
+    return [
+        PaperFlight(case, controller, plant)
+        for plant in plants
+        for case in CASES
+        for controller in CONTROLLERS
+    ]
 
 
 @cache
 def scenario(flight: PaperFlight) -> Scenario:
-    """Scenario of one flight: the shipped case with the flight's plant and controller."""
+    """Scenario of one flight: the shipped case with the flight's plant and
+    controller.
+    """
     return load_scenario(
-        flight.case, plant=flight.plant, controller=CONTROLLERS.get(flight.controller, flight.controller)
+        flight.case,
+        plant=flight.plant,
+        controller=CONTROLLERS.get(flight.controller, flight.controller),
     )
 
 
@@ -68,7 +95,12 @@ STATED = "stated"
 """Name of the settings that the paper states; logs of their flights are kept."""
 
 
-def work_of(flight: PaperFlight, planned: Scenario, settings: str = STATED, holds: tuple[Window, ...] = HOLDS) -> Work:
+def work_of(
+    flight: PaperFlight,
+    planned: Scenario,
+    settings: str = STATED,
+    holds: tuple[Window, ...] = HOLDS,
+) -> Work:
     """Work item of one flight of Barakou et al. 2026, with the metrics of its case.
 
     Args:
@@ -90,51 +122,85 @@ def work_of(flight: PaperFlight, planned: Scenario, settings: str = STATED, hold
 
 
 def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
-    """Metrics of a case against the sampled-and-held reference and (suffix ``_continuous``) the continuous one.
+    """Metrics of a case against the sampled-and-held reference and (suffix
+    ``_continuous``) the continuous one.
 
     ``holds`` are the windows in which Case 1 holds its arm.
 
-    Null where a metric is not defined; all are null for an episode that ended early, whose windows are cut.
+    Null where a metric is not defined; all are null for an episode that ended early,
+    whose windows are cut.
     """
     named = _metrics_by_name(case, log.joints.shape[1])
     twins = {
-        suffix: {name: _with_suffix(metric, suffix) for name, metric in named.items()} for suffix in ("", CONTINUOUS)
+        suffix: {name: _with_suffix(metric, suffix) for name, metric in named.items()}
+        for suffix in ("", CONTINUOUS)
     }
-    names = dict.fromkeys(m for each in twins.values() for m in each.values() if not m.startswith("settling_time"))
-    windows = Windows(steady=WINDOWS[case], transient=TRANSIENT, gust=GUST, hover=HOVER, holds=holds)
+    names = dict.fromkeys(
+        m
+        for each in twins.values()
+        for m in each.values()
+        if not m.startswith("settling_time")
+    )
+    windows = Windows(
+        steady=WINDOWS[case], transient=TRANSIENT, gust=GUST, hover=HOVER, holds=holds
+    )
     scored = score(log, tuple(names), windows)
     if "settling_time" in named.values():
-        scored |= {f"settling_time{s}": settling_time(log, STEADY, continuous=bool(s)) for s in twins}
-    numbers = {name + suffix: scored[metric] for suffix, each in twins.items() for name, metric in each.items()}
+        scored |= {
+            f"settling_time{s}": settling_time(log, STEADY, continuous=bool(s))
+            for s in twins
+        }
+    numbers = {
+        name + suffix: scored[metric]
+        for suffix, each in twins.items()
+        for name, metric in each.items()
+    }
     whole = log.status == "completed"
-    return {name: value if whole and math.isfinite(value) else None for name, value in numbers.items()}
+    return {
+        name: value if whole and math.isfinite(value) else None
+        for name, value in numbers.items()
+    }
 
 
 def _metrics_by_name(case: str, joints: int) -> dict[str, str]:
-    """Metrics of a case: name in the published table -> name in skyarm, in the table's order."""
+    """Metrics of a case: name in the published table -> name in skyarm, in the table's
+    order.
+    """
     efforts = (f"tau{i + 1}_rms" for i in range(joints))
-    always = {name: name for name in ("pitch_rms", "roll_rms", *efforts, "hover_offset")}
+    always = {
+        name: name for name in ("pitch_rms", "roll_rms", *efforts, "hover_offset")
+    }
     if case == "case2_gust":
         return {name: name for name in TRACKING} | GUST_CASE | always
     if case == "case3_wind":
         return {name: name for name in (*TRACKING, *WIND_CASE)} | always
     by_name = always | {name: name for name in STEADY_CASE}
     if case == "case1":
-        by_name |= {"held_position_error": "held_position_error", "settling_time_upper_bound": "settling_time"}
+        by_name |= {
+            "held_position_error": "held_position_error",
+            "settling_time_upper_bound": "settling_time",
+        }
     return by_name
 
 
 def _with_suffix(metric: str, suffix: str) -> str:
-    """Metric name with a suffix such as ``_continuous``, if the metric depends on the reference's form."""
-    return metric + suffix if metric in REFERRED or metric == "settling_time" else metric
+    """Metric name with a suffix such as ``_continuous``, if the metric depends on the
+    reference's form.
+    """
+    return (
+        metric + suffix if metric in REFERRED or metric == "settling_time" else metric
+    )
 
 
 Measured = Mapping[tuple[str, str, str], Metrics]
 """Metrics by (case, controller, plant)."""
 
 
-def results(measured: Measured, settings: Facts, inferred: Measured | None = None) -> Facts:
-    """Published and simulated numbers by case, controller and metric; None if not simulated.
+def results(
+    measured: Measured, settings: Facts, inferred: Measured | None = None
+) -> Facts:
+    """Published and simulated numbers by case, controller and metric; None if not
+    simulated.
 
     Args:
         measured: metrics by (case, controller, plant).
@@ -146,30 +212,68 @@ def results(measured: Measured, settings: Facts, inferred: Measured | None = Non
     for case in CASES:
         experiments[case] = {}
         for controller in CONTROLLERS:
-            ours = {plant: measured.get((case, controller, plant), {}) for plant in PLANTS}
-            names = dict.fromkeys([*PAPER[case][controller], *(name for plant in PLANTS for name in ours[plant])])
+            ours = {
+                plant: measured.get((case, controller, plant), {}) for plant in PLANTS
+            }
+            names = dict.fromkeys(
+                [
+                    *PAPER[case][controller],
+                    *(name for plant in PLANTS for name in ours[plant]),
+                ]
+            )
             experiments[case][controller] = {
-                name: {"paper": PAPER[case][controller].get(name)}
-                | {p: ours[p].get(name) for p in PLANTS}
-                | {"inferred": {p: settled.get((case, controller, p), {}).get(name) for p in PLANTS}}
+                name: (
+                    {"paper": PAPER[case][controller].get(name)}
+                    | {p: ours[p].get(name) for p in PLANTS}
+                    | {
+                        "inferred": {
+                            p: settled.get((case, controller, p), {}).get(name)
+                            for p in PLANTS
+                        }
+                    }
+                )
                 for name in names
             }
     return {"schema": 1, "experiments": experiments, "settings": settings}
 
 
 def first_plant(results: Record) -> str:
-    """Kind of plant that was simulated first, which differences and figures refer to."""
+    """Kind of plant that was simulated first, which differences and figures refer
+    to.
+    """
     named = results.get("settings", {}).get("plants")
     if named:
         return str(named[0])
-    cells = [cell for case in results.get("experiments", {}).values() for c in case.values() for cell in c.values()]
-    return next((plant for plant in PLANTS if any(cell.get(plant) is not None for cell in cells)), PLANTS[0])
+    cells = [
+        cell
+        for case in results.get("experiments", {}).values()
+        for c in case.values()
+        for cell in c.values()
+    ]
+    return next(
+        (
+            plant
+            for plant in PLANTS
+            if any(cell.get(plant) is not None for cell in cells)
+        ),
+        PLANTS[0],
+    )
 
 
 def settings(logs: Sequence[Log]) -> Facts:
-    """Settings behind the results: rates, windows, vehicles, seeds, versions, and flights that ended early."""
+    """Settings behind the results: rates, windows, vehicles, seeds, versions, and
+    flights that ended early.
+    """
     info = logs[0].info
-    same = ("plant_vehicle", "plant_gravity", "model_vehicle", "model_gravity", "rates_hz", "duration", "seed")
+    same = (
+        "plant_vehicle",
+        "plant_gravity",
+        "model_vehicle",
+        "model_gravity",
+        "rates_hz",
+        "duration",
+        "seed",
+    )
     windows = {"steady": STEADY, "transient": TRANSIENT, "gust": GUST, "hover": HOVER}
     truth = load_scenario(CASES[0]).agent.vehicle
     return {
@@ -185,7 +289,8 @@ def settings(logs: Sequence[Log]) -> Facts:
         "holds_s": [[w.start, w.stop] for w in HOLDS],
         "ramp_shape": "linear",
         "not_completed": [
-            f"{end['scenario']} {end['controller']} {end['plant']}: {end['status']}, {end['cause']}"
+            f"{end['scenario']} {end['controller']} {end['plant']}: {end['status']},"
+            f" {end['cause']}"
             for end in (log.info for log in logs)
             if end["status"] != "completed"
         ],
@@ -194,6 +299,10 @@ def settings(logs: Sequence[Log]) -> Facts:
 
 
 def with_damping(planned: Scenario, damping: float) -> Scenario:
-    """Scenario with another viscous damping (N m s/rad) on every joint of the simulated vehicle."""
-    world = dataclasses.replace(planned.agent.plant, vehicle=planned.agent.vehicle.with_joints(damping=damping))
+    """Scenario with another viscous damping (N m s/rad) on every joint of the simulated
+    vehicle.
+    """
+    world = dataclasses.replace(
+        planned.agent.plant, vehicle=planned.agent.vehicle.with_joints(damping=damping)
+    )
     return planned.with_plant(world)

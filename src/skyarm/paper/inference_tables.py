@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.paper.counted_cells import RULE, counts, in_group, inferred_value, stated_value
+from skyarm.paper.counted_cells import (
+    RULE,
+    counts,
+    in_group,
+    inferred_value,
+    stated_value,
+)
 from skyarm.paper.inferred_settings import PREDICTION, unstated_study
 from skyarm.paper.published import Record
 from skyarm.paper.unstated_study import table_by_name
@@ -24,59 +30,117 @@ def number(value: float) -> str:
 
 
 def settings_table(evidence: Record) -> Table:
-    """Table of the inferred settings: continuous ones with their range of nearly equal loss, and discrete choices."""
+    """Table of the inferred settings: continuous ones with their range of nearly equal
+    loss, and discrete choices.
+    """
     study, stages = unstated_study(), evidence["stages"]
     settings = stages["fit"]["settings"]
     rows = []
     for name in study["fit"]["free"]:
         each = table_by_name(study["parameters"], name)
         low, high = stages[f"profile {name}"]["within_1"]
-        rows.append((each["words"], number(settings[name]), each["unit"], f"{number(low)} ... {number(high)}"))
+        rows.append(
+            (
+                each["words"],
+                number(settings[name]),
+                each["unit"],
+                f"{number(low)} ... {number(high)}",
+            )
+        )
     for name, taken in study["fit"]["choices"].items():
         choice = table_by_name(study["choices"], name)
         others = [each["words"] for each in choice["options"] if each["name"] != taken]
         rows.append(
-            (choice["words"], table_by_name(choice["options"], taken)["words"], "choice", f"not: {'; '.join(others)}")
+            (
+                choice["words"],
+                table_by_name(choice["options"], taken)["words"],
+                "choice",
+                f"not: {'; '.join(others)}",
+            )
         )
-    return _table("Inferred settings", ("setting", ">value", "unit", "loss within 1 of the least, on a grid"), rows)
+    return _table(
+        "Inferred settings",
+        ("setting", ">value", "unit", "loss within 1 of the least, on a grid"),
+        rows,
+    )
 
 
 def ladder_table(evidence: Record) -> Table:
-    """Table of the misfit to published numbers as inferred settings are added one after the other."""
+    """Table of the misfit to published numbers as inferred settings are added one after
+    the other.
+    """
     rows = [
-        (each["name"], str(each["numbers"]), str(each["choices"]), *_loss_cells(each), *_laws(each))
+        (
+            each["name"],
+            str(each["numbers"]),
+            str(each["choices"]),
+            *_loss_cells(each),
+            *_laws(each),
+        )
         for each in evidence["stages"]["ladder"]["rungs"]
     ]
-    head = ("step", ">numbers", ">choices", *_JUDGED, ">PD: loss", ">PD within 25 %", ">CT: loss", ">CT within 25 %")
+    head = (
+        "step",
+        ">numbers",
+        ">choices",
+        *_JUDGED,
+        ">PD: loss",
+        ">PD within 25 %",
+        ">CT: loss",
+        ">CT within 25 %",
+    )
     return _table("Ladder: each step adds to the one before", head, rows)
 
 
 def choices_table(evidence: Record) -> Table:
-    """Table of the misfit for each option of a discrete setting, with the continuous settings refitted."""
+    """Table of the misfit for each option of a discrete setting, with the continuous
+    settings refitted.
+    """
     rows = []
     for name, stage in evidence["stages"].items():
         if name.startswith("choice "):
             rows += [
-                (stage["words"], option["words"], "taken" if option["taken"] else "", *_loss_cells(option))
+                (
+                    stage["words"],
+                    option["words"],
+                    "taken" if option["taken"] else "",
+                    *_loss_cells(option),
+                )
                 for option in stage["options"]
             ]
-    return _table("Choices, the numbers fitted again", ("choice", "option", "", *_JUDGED), rows)
+    return _table(
+        "Choices, the numbers fitted again", ("choice", "option", "", *_JUDGED), rows
+    )
 
 
 def profile_tables(evidence: Record) -> list[Table]:
-    """Tables of the misfit over each continuous setting, with the others held fixed, and with the others refitted."""
+    """Tables of the misfit over each continuous setting, with the others held fixed,
+    and with the others refitted.
+    """
     study, tables = unstated_study(), []
     for name in study["fit"]["free"]:
-        stage, each = evidence["stages"][f"profile {name}"], table_by_name(study["parameters"], name)
+        stage, each = (
+            evidence["stages"][f"profile {name}"],
+            table_by_name(study["parameters"], name),
+        )
         columns = zip(stage["value"], stage["held"], stage["refitted"], strict=True)
-        rows = [(number(value), f"{fixed:.1f}", f"{again:.1f}") for value, fixed, again in columns]
+        rows = [
+            (number(value), f"{fixed:.1f}", f"{again:.1f}")
+            for value, fixed, again in columns
+        ]
         title = ", ".join(filter(None, (f"Loss over: {each['words']}", each["unit"])))
-        tables.append(_table(title, (">value", ">the others held", ">the others fitted again"), rows))
+        tables.append(
+            _table(
+                title, (">value", ">the others held", ">the others fitted again"), rows
+            )
+        )
     return tables
 
 
 def rivals_table(evidence: Record) -> Table:
-    """Table of alternative explanations of published numbers: misfit with each alone, and in addition to the fit."""
+    """Table of alternative explanations of published numbers: misfit with each alone,
+    and in addition to the fit.
+    """
     study, rows = unstated_study(), []
     for rival in study["rivals"]:
         stage = evidence["stages"][f"rival {rival['name']}"]
@@ -86,19 +150,29 @@ def rivals_table(evidence: Record) -> Table:
             values = ", ".join(map(number, alone["numbers"].values()))
             row += [f"{alone['stated']:.1f} to {alone['loss']:.1f}", values or "-"]
         top = stage.get("on_top")
-        row += [", ".join(map(number, top["numbers"].values())) or "-", *_loss_cells(top)] if top else ["-"] * 5
+        row += (
+            [", ".join(map(number, top["numbers"].values())) or "-", *_loss_cells(top)]
+            if top
+            else ["-"] * 5
+        )
         rows.append(row)
     head = ["alternative"]
     for group in study["rival_cells"]:
         law = group.removeprefix("steady_")
         head += [f">{law}: loss alone, from to", ">best value"]
-    return _table("Rivals, each alone, and on top of the fit", (*head, ">value on top", *_JUDGED), rows)
+    return _table(
+        "Rivals, each alone, and on top of the fit",
+        (*head, ">value on top", *_JUDGED),
+        rows,
+    )
 
 
 def prediction_table(results: Record, predicted: Record, plant: str) -> Table:
-    """Table of agreement with published numbers for settings as stated, fitted to Cases 2 and 3, and fitted to all.
+    """Table of agreement with published numbers for settings as stated, fitted to Cases
+    2 and 3, and fitted to all.
 
-    ``predicted`` are the experiments of results whose inferred column has the predicted settings.
+    ``predicted`` are the experiments of results whose inferred column has the predicted
+    settings.
     """
     seen, rows = table_by_name(unstated_study()["predictions"], PREDICTION)["seen"], []
     columns = (
@@ -111,10 +185,17 @@ def prediction_table(results: Record, predicted: Record, plant: str) -> Table:
         row = [words]
         for experiments, column in columns:
             near = counts(experiments, column(plant), in_group(name))
-            row += [f"{near['loss']:.1f}", _share(near, "10%"), _share(near, "25%")] if near else ["-"] * 3
+            row += (
+                [f"{near['loss']:.1f}", _share(near, "10%"), _share(near, "25%")]
+                if near
+                else ["-"] * 3
+            )
         rows.append(row)
-    head = [f">{which}: {what}" for which in ("as stated", "from Cases 2 and 3", "fitted to all")
-            for what in ("loss", "within 10 %", "within 25 %")]
+    head = [
+        f">{which}: {what}"
+        for which in ("as stated", "from Cases 2 and 3", "fitted to all")
+        for what in ("loss", "within 10 %", "within 25 %")
+    ]
     return _table(f"Out of sample, {plant}", ("cells", *head), rows)
 
 
@@ -126,7 +207,18 @@ def evidence_tables(evidence: Record) -> list[Table]:
 
 def markdown_of(tables: Sequence[Table]) -> str:
     """Markdown text of tables of evidence."""
-    return "\n\n".join([RULE, *(f"## {each.caption}\n\n{each.markdown(each.caption)}" for each in tables)]) + "\n"
+    return (
+        "\n\n".join(
+            [
+                RULE,
+                *(
+                    f"## {each.caption}\n\n{each.markdown(each.caption)}"
+                    for each in tables
+                ),
+            ]
+        )
+        + "\n"
+    )
 
 
 def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
@@ -137,12 +229,17 @@ _JUDGED = (">loss", ">within 5 %", ">within 10 %", ">within 25 %")
 
 
 def _loss_cells(agreement: Record) -> list[str]:
-    return [f"{agreement['loss']:.1f}", *(str(agreement[f"within_{share}%"]) for share in (5, 10, 25))]
+    return [
+        f"{agreement['loss']:.1f}",
+        *(str(agreement[f"within_{share}%"]) for share in (5, 10, 25)),
+    ]
 
 
 def _laws(agreement: Record) -> list[str]:
     groups = [agreement["groups"][law] for law in ("PD", "CT")]
-    return [text for each in groups for text in (f"{each['loss']:.1f}", _share(each, "25%"))]
+    return [
+        text for each in groups for text in (f"{each['loss']:.1f}", _share(each, "25%"))
+    ]
 
 
 def _share(agreement: Record, within: str) -> str:
@@ -152,5 +249,17 @@ def _share(agreement: Record, within: str) -> str:
 def inferred_facts(evidence: Record) -> Facts:
     """Inferred settings and their origin, as plain data for the results file."""
     fit, settings = unstated_study()["fit"], evidence["stages"]["fit"]["settings"]
-    facts = {"numbers": len(fit["free"]), "choices": len(fit["choices"]), "settings": settings}
-    return {"inferred": facts | {"found_by": evidence["version"], "study": evidence["study_digest"][:16]}}
+    facts = {
+        "numbers": len(fit["free"]),
+        "choices": len(fit["choices"]),
+        "settings": settings,
+    }
+    return {
+        "inferred": (
+            facts
+            | {
+                "found_by": evidence["version"],
+                "study": evidence["study_digest"][:16],
+            }
+        )
+    }

@@ -10,7 +10,13 @@ from importlib import resources
 from skyarm.log.metrics.windows import Window
 from skyarm.paper.flights import HOLDS, PaperFlight, work_of
 from skyarm.paper.published import Record
-from skyarm.paper.unstated_study import Tables, numbers, scenario_tables, stated_tables, study_digest
+from skyarm.paper.unstated_study import (
+    Tables,
+    numbers,
+    scenario_tables,
+    stated_tables,
+    study_digest,
+)
 from skyarm.records.files import read_toml
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
@@ -22,7 +28,8 @@ STUDY, FOUND = "unstated_settings.toml", "unstated_settings.json"
 """Files of the study and of the settings that the shipped search found."""
 
 INFERRED, PREDICTED = "inferred", "predicted"
-"""Names of the settings found on all cells, and of those found on Cases 2 and 3 only."""
+"""Names of the settings found on all cells, and of those found on Cases 2 and 3
+only."""
 
 MOTION = 6.0
 """Stated start (s) of the motion."""
@@ -32,7 +39,9 @@ PREDICTION = "from_cases_2_and_3"
 
 @cache
 def unstated_study() -> Tables:
-    """Definition of the search for settings that Barakou et al. 2026 do not state, as in its TOML file."""
+    """Definition of the search for settings that Barakou et al. 2026 do not state, as
+    in its TOML file.
+    """
     return read_toml((LIBRARY / STUDY).read_bytes())
 
 
@@ -44,7 +53,9 @@ def shipped_evidence() -> Record:
 def is_of_this_study(evidence: Record) -> bool:
     """True if given search results belong to the current definition of the search."""
     study = unstated_study()
-    flights = {each["name"]: stated_tables(study, each["name"]) for each in study["flights"]}
+    flights = {
+        each["name"]: stated_tables(study, each["name"]) for each in study["flights"]
+    }
     return bool(evidence.get("study_digest") == study_digest(study, flights))
 
 
@@ -61,15 +72,22 @@ def inferred_scenario(flight: PaperFlight, settings: Record) -> Scenario:
     planned = scenario_from(tables, replaced={"plant": flight.plant})
     changed = with_numbers(planned, numbers(study, name, settings))
     # a single flight needs no room for longer delays
-    return changed.with_delays(dataclasses.replace(changed.agent.delays, longest_command=None))
+    return changed.with_delays(
+        dataclasses.replace(changed.agent.delays, longest_command=None)
+    )
 
 
 def inferred_work(flight: PaperFlight, evidence: Record, kind: str) -> Work:
-    """Work item of a flight with inferred settings: fitted to all cases, or predicted from some cases."""
+    """Work item of a flight with inferred settings: fitted to all cases, or predicted
+    from some cases.
+    """
     planned = inferred_scenario(flight, settings_in(evidence, kind))
-    # the arm of Case 1 is held as long after the law has joined as it is after 6 s where all is as stated
+    # the arm of Case 1 is held as long after the law has joined as it is after 6 s
+    # where all is as stated
     later = (
-        float(planned.agent.tracking_start) - MOTION if flight.case == "case1" and planned.agent.tracking_start else 0.0
+        float(planned.agent.tracking_start) - MOTION
+        if flight.case == "case1" and planned.agent.tracking_start
+        else 0.0
     )
     holds = tuple(Window(each.start + later, each.stop + later) for each in HOLDS)
     return work_of(flight, planned, kind, holds=holds)

@@ -1,4 +1,6 @@
-"""Published numbers of Barakou et al. 2026, and their comparison with simulated ones."""
+"""Published numbers of Barakou et al. 2026, and their comparison with simulated
+ones.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ Record = Mapping[str, Any]
 
 Number = float | int | None
 Experiments = Mapping[str, Mapping[str, Mapping[str, Record]]]
-"""Case -> law -> metric -> {"paper": number, plant: number, "inferred": {plant: number}}."""
+"""Case -> law -> metric -> {"paper": number, plant: number, "inferred": {plant:
+number}}."""
 
 CASES = ("case1", "case2", "case3", "case2_gust", "case3_wind")
 TITLES: Mapping[str, str] = {
@@ -29,15 +32,21 @@ TITLES: Mapping[str, str] = {
 }
 CONTROLLERS = {"CT": "paper_ct", "PD": "paper_pd"}
 CONTINUOUS = "_continuous"
-"""Suffix of a metric taken against the continuous reference in place of the held 50 Hz samples."""
+"""Suffix of a metric taken against the continuous reference in place of the held 50 Hz
+samples."""
 
-_TABLES = tomllib.loads((resources.files("skyarm.paper") / "library" / "published.toml").read_text("utf-8"))
+_TABLES = tomllib.loads(
+    (resources.files("skyarm.paper") / "library" / "published.toml").read_text("utf-8")
+)
 
 PRINTED: Mapping[str, Mapping[str, Mapping[str, str]]] = _TABLES["printed"]
 """Printed numbers: case -> law -> metric -> digits."""
 
 PAPER: Mapping[str, Mapping[str, Cells]] = {
-    case: {name: {metric: float(text) for metric, text in cells.items()} for name, cells in controllers.items()}
+    case: {
+        name: {metric: float(text) for metric, text in cells.items()}
+        for name, cells in controllers.items()
+    }
     for case, controllers in PRINTED.items()
 }
 
@@ -54,8 +63,12 @@ def printed_number(case: str, controller: str, metric: str) -> str:
 
 
 def published_number(case: str, controller: str, metric: str) -> str:
-    """Published number as printed in the table or stated in the text; "" if there is none."""
-    return printed_number(case, controller, metric) or _TABLES["said"].get(case, {}).get(controller, {}).get(metric, "")
+    """Published number as printed in the table or stated in the text; "" if there is
+    none.
+    """
+    return printed_number(case, controller, metric) or _TABLES["said"].get(
+        case, {}
+    ).get(controller, {}).get(metric, "")
 
 
 @positional
@@ -63,7 +76,8 @@ class PublishedMetric:
     """Metric of the published tables: label, unit and definition.
 
     Attributes:
-        label: words. quantity: plural of the quantity that it measures, such as "joint errors". unit: SI.
+        label: words. quantity: plural of the quantity that it measures, such as "joint
+            errors". unit: SI.
         definition: one sentence. bound: the paper states an upper bound only.
     """
 
@@ -81,11 +95,17 @@ def metric(name: str) -> PublishedMetric:
     """Published metric by name; an unlisted name becomes its own label."""
     base = name.removesuffix(CONTINUOUS)
     listed = METRICS.get(base, PublishedMetric(base.replace("_", " ")))
-    return listed if base == name else replace(listed, label=f"{listed.label}, continuous reference")
+    return (
+        listed
+        if base == name
+        else replace(listed, label=f"{listed.label}, continuous reference")
+    )
 
 
 def short_title(case: str) -> str:
-    """Title of a published case without what happens in it, such as "Case 1"; other cases keep their name."""
+    """Title of a published case without what happens in it, such as "Case 1"; other
+    cases keep their name.
+    """
     return TITLES.get(case, case).split(":")[0]
 
 
@@ -102,45 +122,63 @@ def finite_or_none(value: Number) -> float | None:
 
 def digits(value: Number) -> str:
     """Text of a number with three significant digits; a dash for None."""
-    return "-" if value is None else "0" if value == 0.0 else f"{value:#.3g}".removesuffix(".")
+    return (
+        "-"
+        if value is None
+        else "0"
+        if value == 0.0
+        else f"{value:#.3g}".removesuffix(".")
+    )
 
 
 def relative(ours: Number, paper: Number) -> float | None:
     """Relative difference from the published number, positive for a larger magnitude.
 
-    A magnitude that is too large is positive, for negative numbers too; another sign than the paper's is below -1.
-    None where either is missing or the paper's is zero.
+    A magnitude that is too large is positive, for negative numbers too; another sign
+    than the paper's is below -1. None where either is missing or the paper's is zero.
     """
     a, b = finite_or_none(ours), finite_or_none(paper)
     return None if a is None or not b else (a - b) / b
 
 
 def percent(ours: Number, paper: Number) -> str:
-    """Text of a relative difference in whole percent with sign; "" if a number is missing."""
+    """Text of a relative difference in whole percent with sign; "" if a number is
+    missing.
+    """
     difference = relative(ours, paper)
     rounded = 0 if difference is None else round(100.0 * difference)
     return "" if difference is None else f"{rounded:+d} %" if rounded else "0 %"
 
 
 def reversed_orders(experiments: Record, plant: str) -> list[tuple[str, str]]:
-    """Cases and metrics in which the simulation reverses the published order of the two controllers.
+    """Cases and metrics in which the simulation reverses the published order of the two
+    controllers.
 
-    Only metrics that are better when smaller in magnitude and that the paper gives for both controllers; numbers within
-    1 % of each other have no order.
+    Only metrics that are better when smaller in magnitude and that the paper gives for
+    both controllers; numbers within 1 % of each other have no order.
     """
     reversals = []
     for case, controllers in experiments.items():
         for name, cell in controllers.get("CT", {}).items():
             other = controllers.get("PD", {}).get(name, {})
-            values = [finite_or_none(c.get(column)) for column in ("paper", plant) for c in (cell, other)]
+            values = [
+                finite_or_none(c.get(column))
+                for column in ("paper", plant)
+                for c in (cell, other)
+            ]
             if None in values:
                 continue
-            theirs, ours = (_order(abs(ct or 0.0), abs(pd or 0.0)) for ct, pd in (values[:2], values[2:]))
+            theirs, ours = (
+                _order(abs(ct or 0.0), abs(pd or 0.0))
+                for ct, pd in (values[:2], values[2:])
+            )
             if theirs * ours < 0:
                 reversals.append((case, name))
     return reversals
 
 
 def _order(a: float, b: float) -> int:
-    """Compare two numbers: -1 if a is smaller, 1 if b is, 0 if within 1 % of each other."""
+    """Compare two numbers: -1 if a is smaller, 1 if b is, 0 if within 1 % of each
+    other.
+    """
     return 0 if abs(a - b) <= 0.01 * max(a, b) else 1 if a > b else -1

@@ -1,4 +1,6 @@
-"""HTML report of the reproduction of Barakou et al. 2026: its tables, an overview and a page per case."""
+"""HTML report of the reproduction of Barakou et al. 2026: its tables, an overview and a
+page per case.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,14 @@ from importlib import resources
 
 from skyarm.log.flight_log import Log
 from skyarm.paper import report_text as prose
-from skyarm.paper.counted_cells import RULE, counts, in_case, inferred_value, sentence, stated_value
+from skyarm.paper.counted_cells import (
+    RULE,
+    counts,
+    in_case,
+    inferred_value,
+    sentence,
+    stated_value,
+)
 from skyarm.paper.flights import first_plant
 from skyarm.paper.inference_tables import (
     choices_table,
@@ -46,7 +55,17 @@ from skyarm.scenario.scenario_record import PLANTS
 from skyarm.view.figures.flight_plot import plot as flight_plot
 from skyarm.view.figures.paper_figures import PAPER_CATALOGUE
 from skyarm.view.figures.style import Picture
-from skyarm.view.pages import Mark, bullets, details, grouped_table, image, markdown, page, paragraph, table
+from skyarm.view.pages import (
+    Mark,
+    bullets,
+    details,
+    grouped_table,
+    image,
+    markdown,
+    page,
+    paragraph,
+    table,
+)
 
 Cells = Mapping[str, Record]
 Cell = str | Mark
@@ -54,7 +73,10 @@ Variants = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Number]]]]
 """Value of an assumption -> case -> law -> metric -> number."""
 
 DASH, MINUS = "\N{EN DASH}", "\N{MINUS SIGN}"
-CONTROLLERS = {"CT": "CT: hybrid geometric computed torque", "PD": "PD: decoupled baseline"}
+CONTROLLERS = {
+    "CT": "CT: hybrid geometric computed torque",
+    "PD": "PD: decoupled baseline",
+}
 TELLING = 0.02
 """Spread of relative differences below which no variant is called the nearest."""
 
@@ -65,20 +87,38 @@ def typographic(written: str) -> str:
 
 
 def number_cell(value: Number, *, written: str = "", strong: bool = False) -> Cell:
-    """HTML table cell of a number with three digits and its full value as data; a dash if it is missing."""
+    """HTML table cell of a number with three digits and its full value as data; a dash
+    if it is missing.
+    """
     finite = finite_or_none(value)
-    return DASH if finite is None else Mark(text=typographic(written or digits(finite)), value=value, strong=strong)
+    return (
+        DASH
+        if finite is None
+        else Mark(
+            text=typographic(written or digits(finite)), value=value, strong=strong
+        )
+    )
 
 
 def difference_text(ours: Number, paper: Number) -> str:
-    """Text of the relative difference from a published number in percent; a dash if a number is missing."""
+    """Text of the relative difference from a published number in percent; a dash if a
+    number is missing.
+    """
     return typographic(percent(ours, paper)).replace(" ", "\N{NO-BREAK SPACE}") or DASH
 
 
 def bound_text(ours: Number, paper: Number) -> str:
-    """Text on whether a number is below the published upper bound; a dash if it is missing."""
+    """Text on whether a number is below the published upper bound; a dash if it is
+    missing.
+    """
     value, bound = finite_or_none(ours), finite_or_none(paper)
-    return DASH if value is None or bound is None else "below" if value <= bound else "above"
+    return (
+        DASH
+        if value is None or bound is None
+        else "below"
+        if value <= bound
+        else "above"
+    )
 
 
 def _paper_cell(case: str, controller: str, name: str, paper: Number) -> Cell:
@@ -86,11 +126,15 @@ def _paper_cell(case: str, controller: str, name: str, paper: Number) -> Cell:
     if paper is None and published_number(case, controller, name):
         return typographic(published_number(case, controller, name))
     written = printed_number(case, controller, name)
-    return number_cell(paper, written=written if written and float(written) == paper else "")
+    return number_cell(
+        paper, written=written if written and float(written) == paper else ""
+    )
 
 
 def title_of(case: str) -> str:
-    """Title of a published case, such as "Case 1: hover, arm ramps"; other cases keep their name."""
+    """Title of a published case, such as "Case 1: hover, arm ramps"; other cases keep
+    their name.
+    """
     return TITLES.get(case, case)
 
 
@@ -102,17 +146,28 @@ def reversed_by_case(experiments: Experiments, plant: str) -> dict[str, list[str
     return found
 
 
-REVERSED = "Metrics whose better law of the two is another one here than in the paper ({}):"
+REVERSED = (
+    "Metrics whose better law of the two is another one here than in the paper ({}):"
+)
 
 
 def reversed_list(experiments: Experiments, plant: str) -> str:
-    """HTML list of the metrics whose better law is another one than in the paper, by case."""
-    found = [f"{case}: {', '.join(names)}." for case, names in reversed_by_case(experiments, plant).items()]
+    """HTML list of the metrics whose better law is another one than in the paper, by
+    case.
+    """
+    found = [
+        f"{case}: {', '.join(names)}."
+        for case, names in reversed_by_case(experiments, plant).items()
+    ]
     return paragraph(REVERSED.format(plant)) + bullets(found or ["none."])
 
 
-def verdict_table(experiments: Experiments, files: Mapping[str, str], plant: str) -> str:
-    """HTML table of how many published numbers each case reproduces within 25 %, with links to the cases' pages."""
+def verdict_table(
+    experiments: Experiments, files: Mapping[str, str], plant: str
+) -> str:
+    """HTML table of how many published numbers each case reproduces within 25 %, with
+    links to the cases' pages.
+    """
     columns = (stated_value(plant), inferred_value(plant))
     rows = []
     for case in experiments:
@@ -121,11 +176,15 @@ def verdict_table(experiments: Experiments, files: Mapping[str, str], plant: str
         many = next((str(each["cells"]) for each in found if each), DASH)
         rows.append([Mark(text=title_of(case), href=files[case]), many, *near])
     caption = f"Numbers of the paper that agree within 25 % ({plant})"
-    return table(["Case", ">numbers", ">as stated", ">inferred"], rows, caption, "summary")
+    return table(
+        ["Case", ">numbers", ">as stated", ">inferred"], rows, caption, "summary"
+    )
 
 
 def counts_table(experiments: Experiments) -> str:
-    """HTML table of how many published numbers each case reproduces within 25, 10 and 5 %, on every plant."""
+    """HTML table of how many published numbers each case reproduces within 25, 10 and 5
+    %, on every plant.
+    """
     columns = {
         f">{title}, {plant}": column(plant)
         for title, column in (("as stated", stated_value), ("inferred", inferred_value))
@@ -135,26 +194,59 @@ def counts_table(experiments: Experiments) -> str:
     for share in (25, 10, 5):
         rows = []
         for case in experiments:
-            found = [counts(experiments, column, in_case(case)) for column in columns.values()]
-            rows.append([title_of(case), *(str(each[f"within_{share}%"]) if each else DASH for each in found)])
+            found = [
+                counts(experiments, column, in_case(case))
+                for column in columns.values()
+            ]
+            rows.append(
+                [
+                    title_of(case),
+                    *(
+                        str(each[f"within_{share}%"]) if each else DASH
+                        for each in found
+                    ),
+                ]
+            )
         groups.append((f"within {share} %", rows))
-    return grouped_table(["Case", *columns], groups, "Numbers of the paper that agree, on both plants", "summary")
+    return grouped_table(
+        ["Case", *columns],
+        groups,
+        "Numbers of the paper that agree, on both plants",
+        "summary",
+    )
 
 
 def experiment_table(case: str, controllers: Mapping[str, Cells]) -> str:
     """HTML table of the published and simulated numbers of one case."""
     head = [
-        *("Metric", "Unit", ">Paper", ">as stated: rigid_body", ">mujoco", ">rigid_body - paper", ">mujoco - paper"),
+        *(
+            "Metric",
+            "Unit",
+            ">Paper",
+            ">as stated: rigid_body",
+            ">mujoco",
+            ">rigid_body - paper",
+            ">mujoco - paper",
+        ),
         *(">inferred: rigid_body", ">mujoco", ">inferred rigid_body - paper"),
     ]
     groups = [
         (
             CONTROLLERS.get(law, law),
-            [_metric_row(case, law, name, cell) for name, cell in cells.items() if not name.endswith(CONTINUOUS)],
+            [
+                _metric_row(case, law, name, cell)
+                for name, cell in cells.items()
+                if not name.endswith(CONTINUOUS)
+            ],
         )
         for law, cells in controllers.items()
     ]
-    return grouped_table(head, groups, f"{title_of(case)}: errors against the held 50 Hz reference", "wide")
+    return grouped_table(
+        head,
+        groups,
+        f"{title_of(case)}: errors against the held 50 Hz reference",
+        "wide",
+    )
 
 
 def _metric_row(case: str, controller: str, name: str, cell: Record) -> list[Cell]:
@@ -171,8 +263,12 @@ def _metric_row(case: str, controller: str, name: str, cell: Record) -> list[Cel
     ]
 
 
-def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experiments, plant: str) -> str:
-    """Collapsible HTML tables of metrics under varied assumptions, one table for each assumption."""
+def sensitivity_tables(
+    sensitivity: Mapping[str, Variants], experiments: Experiments, plant: str
+) -> str:
+    """Collapsible HTML tables of metrics under varied assumptions, one table for each
+    assumption.
+    """
     parts = []
     assumed = {(each.group, each.value) for each in variations() if each.change is None}
     for group, variants in sensitivity.items():
@@ -180,20 +276,35 @@ def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experim
             continue
         title = GROUPS.get(group, group.replace("_", " "))
         caption = f"{title}, {plant}; bold: nearest to the paper; dash: not measurable"
-        heads = [f">{value}{' (assumed)' if (group, value) in assumed else ''}" for value in variants]
+        heads = [
+            f">{value}{' (assumed)' if (group, value) in assumed else ''}"
+            for value in variants
+        ]
         groups = [
             (
                 f"{title_of(case)}, {controller}",
-                [_variant_row(case, controller, name, variants, experiments) for name in names],
+                [
+                    _variant_row(case, controller, name, variants, experiments)
+                    for name in names
+                ],
             )
             for (case, controller), names in _cells_of(variants).items()
         ]
-        parts.append(details(title, grouped_table(["Metric", "Unit", ">Paper", *heads], groups, caption, "variants")))
+        parts.append(
+            details(
+                title,
+                grouped_table(
+                    ["Metric", "Unit", ">Paper", *heads], groups, caption, "variants"
+                ),
+            )
+        )
     return "".join(parts) or "<p>No variation was flown.</p>"
 
 
 def _cells_of(variants: Variants) -> dict[tuple[str, str], dict[str, None]]:
-    """Metrics of the flights in which one assumption was changed, all changes together, by case and controller."""
+    """Metrics of the flights in which one assumption was changed, all changes together,
+    by case and controller.
+    """
     cells: dict[tuple[str, str], dict[str, None]] = {}
     for cases in variants.values():
         for case, controllers in cases.items():
@@ -202,40 +313,80 @@ def _cells_of(variants: Variants) -> dict[tuple[str, str], dict[str, None]]:
     return cells
 
 
-def _variant_row(case: str, controller: str, name: str, variants: Variants, experiments: Experiments) -> list[Cell]:
+def _variant_row(
+    case: str, controller: str, name: str, variants: Variants, experiments: Experiments
+) -> list[Cell]:
     paper = experiments.get(case, {}).get(controller, {}).get(name, {}).get("paper")
-    values = [cases.get(case, {}).get(controller, {}).get(name) for cases in variants.values()]
+    values = [
+        cases.get(case, {}).get(controller, {}).get(name) for cases in variants.values()
+    ]
     sizes = [relative(value, paper) for value in values]
     distances = [abs(size) for size in sizes if size is not None]
     telling = max(distances, default=0.0) - min(distances, default=0.0) > TELLING
-    bold = [telling and size is not None and abs(size) == min(distances) for size in sizes]
-    cells = [number_cell(value, strong=strong) for value, strong in zip(values, bold, strict=True)]
-    return [metric(name).label, metric(name).unit, _paper_cell(case, controller, name, paper), *cells]
+    bold = [
+        telling and size is not None and abs(size) == min(distances) for size in sizes
+    ]
+    cells = [
+        number_cell(value, strong=strong)
+        for value, strong in zip(values, bold, strict=True)
+    ]
+    return [
+        metric(name).label,
+        metric(name).unit,
+        _paper_cell(case, controller, name, paper),
+        *cells,
+    ]
 
 
 def definitions_table() -> str:
     """HTML table of the definitions of all published metrics."""
     rows = [(m.label, name, m.unit, m.definition) for name, m in METRICS.items()]
-    return table(("Metric", "Name", "Unit", "Definition"), rows, "Definitions; windows are half-open", "text")
+    return table(
+        ("Metric", "Name", "Unit", "Definition"),
+        rows,
+        "Definitions; windows are half-open",
+        "text",
+    )
 
 
 def markdown_tables(results: Record) -> str:
     """Markdown tables of the published and simulated numbers of all cases."""
     plant = first_plant(results)
-    columns = [f"{which}: {each}" for which in ("as stated", "inferred") for each in PLANTS]
-    head = ["metric", "unit", "", "paper", *columns, "as stated - paper", "inferred - paper"]
+    columns = [
+        f"{which}: {each}" for which in ("as stated", "inferred") for each in PLANTS
+    ]
+    head = [
+        "metric",
+        "unit",
+        "",
+        "paper",
+        *columns,
+        "as stated - paper",
+        "inferred - paper",
+    ]
     blocks = [
         "# Numbers of the paper and of the simulation",
         "\n".join(f"- {words}" for words in verdict(results)),
         f"{sentence(results)} {RULE}",
-        "Paper: Barakou, Tzafestas, Valavanis, Drones 2026, 10, 274. Windows, metrics, assumptions: see report.html.\n"
-        f"Metrics against the held 50 Hz reference. Differences: {plant} against the paper, a larger magnitude is +.",
+        (
+            "Paper: Barakou, Tzafestas, Valavanis, Drones 2026, 10, 274. Windows,"
+            " metrics, assumptions: see report.html.\nMetrics against the held 50 Hz"
+            f" reference. Differences: {plant} against the paper, a larger magnitude"
+            " is +."
+        ),
         ASSUMED,
         INFERRED_SETTINGS,
-        f"{REVERSED.format(plant)} {_in_a_line(reversed_by_case(results['experiments'], plant))}.",
+        (
+            f"{REVERSED.format(plant)}"
+            f" {_in_a_line(reversed_by_case(results['experiments'], plant))}."
+        ),
     ]
     for case, controllers in results["experiments"].items():
-        names = [n for n in dict.fromkeys(n for c in controllers.values() for n in c) if not n.endswith(CONTINUOUS)]
+        names = [
+            n
+            for n in dict.fromkeys(n for c in controllers.values() for n in c)
+            if not n.endswith(CONTINUOUS)
+        ]
         rows = [
             _row(case, controller, name, cells[name], plant)
             for name in names
@@ -248,11 +399,17 @@ def markdown_tables(results: Record) -> str:
 
 
 def _in_a_line(found: Mapping[str, Sequence[str]]) -> str:
-    return "; ".join(f"{case}, {', '.join(names)}" for case, names in found.items()) or "none"
+    return (
+        "; ".join(f"{case}, {', '.join(names)}" for case, names in found.items())
+        or "none"
+    )
 
 
 def _row(case: str, controller: str, name: str, cell: Record, plant: str) -> list[str]:
-    paper, inferred = published_number(case, controller, name) or "-", cell.get("inferred", {})
+    paper, inferred = (
+        published_number(case, controller, name) or "-",
+        cell.get("inferred", {}),
+    )
     ours = [digits(column.get(each)) for column in (cell, inferred) for each in PLANTS]
     apart = [percent(column.get(plant), cell["paper"]) for column in (cell, inferred)]
     return [metric(name).label, metric(name).unit, controller, paper, *ours, *apart]
@@ -272,7 +429,9 @@ CIRCLE = (7.5, 21.0)
 
 @immutable(slots=False)
 class _Page:
-    """Content of an HTML page of the report: title, lead, facts, opening paragraph, and sections."""
+    """Content of an HTML page of the report: title, lead, facts, opening paragraph, and
+    sections.
+    """
 
     title: str
     lead: str
@@ -295,32 +454,63 @@ def report_pages(
         results: content of ``results.json``: "experiments" and "settings".
         sensitivity: assumption -> its value -> case -> law -> metric -> number or None.
         logs: plant -> case -> law -> log, for what is said of the flights.
-        pictures: name -> PNG: of the paper's figures ("figure_03"), and of each flight (:func:`flight_figures`).
+        pictures: name -> PNG: of the paper's figures ("figure_03"), and of each flight
+            (:func:`flight_figures`).
         inferred: HTML of the section on inferred settings.
         opening: HTML that the first page opens with.
 
     Returns:
-        File -> a whole HTML document, all in one folder: ``report.html``, then a page for each case. Scripts, styles
-        and images are inside; no address is outside the folder.
+        File -> a whole HTML document, all in one folder: ``report.html``, then a page
+        for each case. Scripts, styles and images are inside; no address is outside the
+        folder.
     """
     experiments, plant = results.get("experiments", {}), first_plant(results)
     drawn, files = pictures or {}, case_files(experiments)
     sections = [
         ("verdict", "Every count", _counts(results, plant)),
         *([("inferred", "Inferred settings", inferred)] if inferred else []),
-        ("sensitivity", "Sensitivity to assumptions", sensitivity_tables(sensitivity, experiments, plant)),
+        (
+            "sensitivity",
+            "Sensitivity to assumptions",
+            sensitivity_tables(sensitivity, experiments, plant),
+        ),
         ("assumptions", "Assumptions", _assumptions()),
-        ("settings", "Settings and versions", _episodes(logs) + _settings(results.get("settings", {}))),
+        (
+            "settings",
+            "Settings and versions",
+            _episodes(logs) + _settings(results.get("settings", {})),
+        ),
     ]
     opened = verdict_table(experiments, files, plant) + opening
-    pages = {MAIN: _Page(title=TITLE, lead=prose.LEAD, facts=verdict(results), opening=opened, sections=sections)}
+    pages = {
+        MAIN: _Page(
+            title=TITLE,
+            lead=prose.LEAD,
+            facts=verdict(results),
+            opening=opened,
+            sections=sections,
+        )
+    }
     for case, file in files.items():
         pages[file] = _case_page(case, experiments[case], logs, drawn, plant)
-    titles = {MAIN: "Overview", **{file: title_of(case).split(":")[0] for case, file in files.items()}}
+    titles = {
+        MAIN: "Overview",
+        **{file: title_of(case).split(":")[0] for case, file in files.items()},
+    }
     style = (resources.files("skyarm.paper") / "report.css").read_text("utf-8")
-    footer = f"Format of the results: schema {results.get('schema', 1)}. This page needs no network."
+    footer = (
+        f"Format of the results: schema {results.get('schema', 1)}. This page needs no"
+        " network."
+    )
     return {
-        file: page(**vars(each), style={"": style}, script=page_script(), pages=titles, name=file, footer=footer)
+        file: page(
+            **vars(each),
+            style={"": style},
+            script=page_script(),
+            pages=titles,
+            name=file,
+            footer=footer,
+        )
         for file, each in pages.items()
     }
 
@@ -331,7 +521,9 @@ def page_script() -> str:
 
 
 def _counts(results: Record, plant: str) -> str:
-    """HTML section with all counts of agreement, their rule, and the reversed orders of the laws."""
+    """HTML section with all counts of agreement, their rule, and the reversed orders of
+    the laws.
+    """
     experiments = results.get("experiments", {})
     folded = details("Within 25, 10 and 5 %, on both plants", counts_table(experiments))
     return paragraph(RULE) + folded + reversed_list(experiments, plant)
@@ -343,8 +535,12 @@ def case_files(cases: Iterable[str]) -> dict[str, str]:
     return {case: file for case, file in named.items() if file != MAIN}
 
 
-def _case_page(case: str, laws: Record, logs: Logs, drawn: Mapping[str, bytes], plant: str) -> _Page:
-    """Report page of a case: plots of its flights, table of its numbers, and redrawn figures."""
+def _case_page(
+    case: str, laws: Record, logs: Logs, drawn: Mapping[str, bytes], plant: str
+) -> _Page:
+    """Report page of a case: plots of its flights, table of its numbers, and redrawn
+    figures.
+    """
     flown = next((each for each, cases in logs.items() if cases.get(case)), "")
     flights, redrawn = _flights(case, drawn, flown), _paper_figures(case, drawn, plant)
     sections = [
@@ -352,7 +548,9 @@ def _case_page(case: str, laws: Record, logs: Logs, drawn: Mapping[str, bytes], 
         ("numbers", "Numbers", experiment_table(case, laws)),
         *([("figures", "The paper's figures", redrawn)] if redrawn else []),
     ]
-    return _Page(title=title_of(case), lead=prose.CASES.get(case, ""), sections=sections)
+    return _Page(
+        title=title_of(case), lead=prose.CASES.get(case, ""), sections=sections
+    )
 
 
 def _kinds(case: str) -> dict[str, str]:
@@ -361,14 +559,19 @@ def _kinds(case: str) -> dict[str, str]:
     return kinds | {"path": "path of the tip"} if case == "case3" else kinds
 
 
-def flight_figures(logs: Mapping[str, Mapping[str, Log]]) -> dict[str, Callable[[], Picture]]:
-    """Functions that make the figures of a plant's flights over time, by name: base, joints and tip in each case.
+def flight_figures(
+    logs: Mapping[str, Mapping[str, Log]],
+) -> dict[str, Callable[[], Picture]]:
+    """Functions that make the figures of a plant's flights over time, by name: base,
+    joints and tip in each case.
 
     Args:
         logs: case -> law -> log.
     """
     return {
-        f"{case}_{kind}": partial(flight_plot, laws, kind=kind, window=CIRCLE if kind == "path" else None)
+        f"{case}_{kind}": partial(
+            flight_plot, laws, kind=kind, window=CIRCLE if kind == "path" else None
+        )
         for case, laws in logs.items()
         for kind in _kinds(case)
     }
@@ -386,14 +589,20 @@ def _flights(case: str, drawn: Mapping[str, bytes], plant: str) -> str:
 
 
 def _paper_figures(case: str, drawn: Mapping[str, bytes], plant: str) -> str:
-    """HTML section with a case's published figures, redrawn from simulated flights; empty without any."""
+    """HTML section with a case's published figures, redrawn from simulated flights;
+    empty without any.
+    """
     parts = []
     for number, spec in sorted(PAPER_CATALOGUE.items()):
         png = drawn.get(figure_name(number))
         if spec.case == case and png is not None:
             caption = f"Figure {number}. {spec.caption}"
-            parts.append(image(caption, caption, png, name=f"figure-{number}", kind="figure"))
-    note = paragraph(f"Layout of the paper, {plant} plant. {prose.LOOK} {prose.HOLDS}", "note")
+            parts.append(
+                image(caption, caption, png, name=f"figure-{number}", kind="figure")
+            )
+    note = paragraph(
+        f"Layout of the paper, {plant} plant. {prose.LOOK} {prose.HOLDS}", "note"
+    )
     return f'{note}<div class="paper">{"".join(parts)}</div>' if parts else ""
 
 
@@ -408,7 +617,9 @@ def _assumptions() -> str:
         "What is not modelled": bullets(prose.NOT_MODELLED),
         "Definitions of the metrics": definitions_table(),
     }
-    return paragraph(prose.READING) + "".join(details(title, content) for title, content in folded.items())
+    return paragraph(prose.READING) + "".join(
+        details(title, content) for title, content in folded.items()
+    )
 
 
 def _episodes(logs: Logs) -> str:
@@ -421,8 +632,13 @@ def _episodes(logs: Logs) -> str:
     if not flown:
         return ""
     ended = [(name, log) for name, log in flown if log.status != "completed"]
-    lines = [f"{name}: {log.status} at {log.info['end_time']:g} s, {log.info['cause']}" for name, log in ended]
-    summary = paragraph(f"{len(ended)} of {len(flown)} episodes ended early:") + bullets(lines)
+    lines = [
+        f"{name}: {log.status} at {log.info['end_time']:g} s, {log.info['cause']}"
+        for name, log in ended
+    ]
+    summary = paragraph(
+        f"{len(ended)} of {len(flown)} episodes ended early:"
+    ) + bullets(lines)
     if not ended:
         summary = paragraph(f"All {len(flown)} episodes flew to their end.")
     lacking = [f"{name}: {line}" for name, log in flown for line in log.shortfall.lines]
@@ -431,7 +647,8 @@ def _episodes(logs: Logs) -> str:
 
 def _settings(settings: Record) -> str:
     return details(
-        "Everything the numbers depend on", table(("Name", "Value"), _flat(settings, ""), "Settings", "text")
+        "Everything the numbers depend on",
+        table(("Name", "Value"), _flat(settings, ""), "Settings", "text"),
     )
 
 
@@ -441,11 +658,18 @@ def _flat(settings: Record, prefix: str) -> Iterable[tuple[str, str]]:
         if isinstance(value, Mapping) and value:
             yield from _flat(value, f"{prefix}{name}.")
         else:
-            yield f"{prefix}{name}", "none" if value is None or value in ([], {}) else str(value)
+            yield (
+                f"{prefix}{name}",
+                ("none" if value is None or value in ([], {}) else str(value)),
+            )
 
 
-def inferred_section(results: Record, predicted: Record, evidence: Record, plant: str) -> str:
-    """HTML section on the inferred settings and their predictions, with the evidence tables collapsed."""
+def inferred_section(
+    results: Record, predicted: Record, evidence: Record, plant: str
+) -> str:
+    """HTML section on the inferred settings and their predictions, with the evidence
+    tables collapsed.
+    """
     opened = [settings_table(evidence), prediction_table(results, predicted, plant)]
     folded = {
         "Ladder: one setting after the other": [ladder_table(evidence)],
@@ -454,7 +678,12 @@ def inferred_section(results: Record, predicted: Record, evidence: Record, plant
         "Rivals": [rivals_table(evidence)],
     }
     parts = [paragraph(prose.INFERRED)]
-    parts += [] if is_of_this_study(evidence) else [paragraph(prose.OTHER_STUDY, "note")]
+    parts += (
+        [] if is_of_this_study(evidence) else [paragraph(prose.OTHER_STUDY, "note")]
+    )
     parts += [each.html() for each in opened]
-    parts += [details(title, "".join(each.html() for each in tables)) for title, tables in folded.items()]
+    parts += [
+        details(title, "".join(each.html() for each in tables))
+        for title, tables in folded.items()
+    ]
     return "".join([*parts, details("What stays open", bullets(prose.OPEN))])

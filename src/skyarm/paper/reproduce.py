@@ -1,4 +1,6 @@
-"""Reproduction of Barakou et al. 2026: simulate all cases, compute metrics, draw figures, write a report."""
+"""Reproduction of Barakou et al. 2026: simulate all cases, compute metrics, draw
+figures, write a report.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,29 @@ import numpy as np
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import log_from_npz
-from skyarm.paper.flights import STATED, STEADY, WINDOWS, Metrics, flights, results, scenario, settings, work_of
-from skyarm.paper.inference_tables import evidence_tables, inferred_facts, markdown_of, prediction_table
-from skyarm.paper.inferred_settings import INFERRED, PREDICTED, inferred_work, shipped_evidence
+from skyarm.paper.flights import (
+    STATED,
+    STEADY,
+    WINDOWS,
+    Metrics,
+    flights,
+    results,
+    scenario,
+    settings,
+    work_of,
+)
+from skyarm.paper.inference_tables import (
+    evidence_tables,
+    inferred_facts,
+    markdown_of,
+    prediction_table,
+)
+from skyarm.paper.inferred_settings import (
+    INFERRED,
+    PREDICTED,
+    inferred_work,
+    shipped_evidence,
+)
 from skyarm.paper.published import CASES, Record
 from skyarm.paper.report_pages import (
     MAIN,
@@ -29,7 +51,13 @@ from skyarm.paper.report_pages import (
 )
 from skyarm.paper.report_text import LOOK, OVERVIEW
 from skyarm.paper.variations import Variation, variations
-from skyarm.records.files import PathLike, needs_extra, require_replaceable, require_writable, write_atomically
+from skyarm.records.files import (
+    PathLike,
+    needs_extra,
+    require_replaceable,
+    require_writable,
+    write_atomically,
+)
 from skyarm.records.files.writing import one_writer
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.studies.flights import Crew, Rows, Store, Work
@@ -51,7 +79,8 @@ class Campaign:
         logs: plant -> case -> law -> log of the paper's flights.
         files: (plant, case, law) -> content of that log's npz file.
         sensitivity: metrics under variations.
-        found: settings (stated, inferred, predicted, a variation) -> (case, law, plant) -> metrics.
+        found: settings (stated, inferred, predicted, a variation) -> (case, law,
+            plant) -> metrics.
     """
 
     logs: dict[str, dict[str, dict[str, Log]]] = field(default_factory=dict)
@@ -61,7 +90,12 @@ class Campaign:
 
     def all_logs(self) -> list[Log]:
         """Flight logs of all cases of Barakou et al. 2026."""
-        return [log for cases in self.logs.values() for pair in cases.values() for log in pair.values()]
+        return [
+            log
+            for cases in self.logs.values()
+            for pair in cases.values()
+            for log in pair.values()
+        ]
 
     def keep(self, work: Work, rows: Rows) -> None:
         """Store the results of one simulated flight."""
@@ -73,18 +107,25 @@ class Campaign:
         }
         if work.keeps_log:
             content = self.files[plant, case, law] = rows["log"][0]
-            self.logs.setdefault(plant, {}).setdefault(case, {})[law] = log_from_npz(content, work.label)
+            self.logs.setdefault(plant, {}).setdefault(case, {})[law] = log_from_npz(
+                content, work.label
+            )
 
 
 def works(
-    plants: Sequence[str], chosen: Sequence[Variation] = (), evidence: Record | None = None, *, inferred: bool = True
+    plants: Sequence[str],
+    chosen: Sequence[Variation] = (),
+    evidence: Record | None = None,
+    *,
+    inferred: bool = True,
 ) -> list[Work]:
     """All flights of the reproduction, each as a work item.
 
     Args:
         plants: "rigid_body", "mujoco" or both; variations are flown on the first.
         chosen: variations.
-        evidence: results of a search for the inferred settings; the package's own if left out.
+        evidence: results of a search for the inferred settings; the package's own if
+            left out.
         inferred: fly them.
     """
     planned = [work_of(flight, scenario(flight)) for flight in flights(plants)]
@@ -116,23 +157,28 @@ def run_campaign(
     progress: Progress | None = None,
     drawing: Drawing | None = None,
 ) -> Campaign:
-    """Simulate all flights that reproduce Barakou et al. 2026; backend and number of workers change no result.
+    """Simulate all flights that reproduce Barakou et al. 2026; backend and number of
+    workers change no result.
 
     Args:
         plants: "rigid_body", "mujoco" or both; variations are flown on the first.
         sensitivity: fly the variations too.
-        evidence: results of a search for the inferred settings; the package's own if left out.
+        evidence: results of a search for the inferred settings; the package's own if
+            left out.
         inferred: fly them.
         workers: processes or processors.
-        on: "local", "processes", "ray" or "ray:HOST:PORT"; processes if left out, of one worker local.
+        on: "local", "processes", "ray" or "ray:HOST:PORT"; processes if left out, of
+            one worker local.
         store: keeps the flights; those that it holds do not fly again.
         progress: called after every episode.
-        drawing: pictures of the paper's flights on the first plant, one of which is drawn whenever another flight has
-            landed.
+        drawing: pictures of the paper's flights on the first plant, one of which is
+            drawn whenever another flight has landed.
     """
     chosen = variations() if sensitivity else []
     every = works(plants, chosen, evidence, inferred=inferred)
-    pictured = [work for work in every if work.keeps_log and work.fixed["plant"] == plants[0]]
+    pictured = [
+        work for work in every if work.keeps_log and work.fixed["plant"] == plants[0]
+    ]
     landed: dict[str, bytes] = {}
     with Crew(on, workers, store) as crew:
         for work, content in crew.fly(every):
@@ -140,14 +186,20 @@ def run_campaign(
             if progress is not None:
                 progress(len(landed), len(every), work.label)
             # of flights that were kept none flies meanwhile
-            if drawing is not None and crew.flights and all(each.label in landed for each in pictured):
+            if (
+                drawing is not None
+                and crew.flights
+                and all(each.label in landed for each in pictured)
+            ):
                 # what cannot be drawn is said once all have flown
                 with suppress(Exception):
                     drawing.step(lambda: _campaign_of(pictured, landed).logs[plants[0]])
     # in the order of the report, whichever landed first
     campaign = _campaign_of(every, landed)
     for each in chosen:
-        cells = campaign.sensitivity.setdefault(each.group, {}).setdefault(each.value, {})
+        cells = campaign.sensitivity.setdefault(each.group, {}).setdefault(
+            each.value, {}
+        )
         for (case, law, plant), numbers in campaign.found[each.name].items():
             if case in each.cases and plant == plants[0]:
                 cells.setdefault(case, {})[law] = numbers
@@ -184,7 +236,8 @@ class Drawing:
         self._left: list[Callable[[], None]] | None = None
 
     def step(self, logs: Callable[[], Mapping[str, Mapping[str, Log]]]) -> bool:
-        """Draw another figure; False if all are drawn. ``logs`` gives case -> law -> log.
+        """Draw another figure; False if all are drawn. ``logs`` gives case -> law ->
+        log.
 
         What cannot be drawn stays the next one.
         """
@@ -195,11 +248,24 @@ class Drawing:
             del self._left[0]
         return bool(self._left)
 
-    def _drawings(self, logs: Mapping[str, Mapping[str, Log]]) -> list[Callable[[], None]]:
-        figures = {figure_name(number): figure for number, figure in paper_figures(logs, WINDOWS).items()}
+    def _drawings(
+        self, logs: Mapping[str, Mapping[str, Log]]
+    ) -> list[Callable[[], None]]:
+        figures = {
+            figure_name(number): figure
+            for number, figure in paper_figures(logs, WINDOWS).items()
+        }
         figures["overview"] = overview_figure(logs, STEADY)
-        files = (partial(self._draw_file, name, figure) for name, figure in figures.items())
-        return [*files, *(partial(self._draw, name, make) for name, make in flight_figures(logs).items())]
+        files = (
+            partial(self._draw_file, name, figure) for name, figure in figures.items()
+        )
+        return [
+            *files,
+            *(
+                partial(self._draw, name, make)
+                for name, make in flight_figures(logs).items()
+            ),
+        ]
 
     def _draw_file(self, name: str, figure: Picture) -> None:
         self.files[name] = image_bytes(figure, dpi=DPI)
@@ -220,20 +286,24 @@ def reproduce(
     progress: Progress | None = None,
     note: Note | None = None,
 ) -> Facts:
-    """Simulate the five cases of Barakou et al. 2026 with both controllers; write results, figures, report.
+    """Simulate the five cases of Barakou et al. 2026 with both controllers; write
+    results, figures, report.
 
-    Writes ``results.json``, ``sensitivity.json``, ``table2.md``, ``inference.md``, ``report.html`` and a page for each
-    case beside it (``case1.html`` ...), ``figures/figure_03.png`` ... ``figure_18.png`` and ``overview.png`` (first
-    plant), and ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or not at all. Flights are kept in ``rows``
-    (extra: sweep): called again after an interruption it goes on, and ends with the same files.
+    Writes ``results.json``, ``sensitivity.json``, ``table2.md``, ``inference.md``,
+    ``report.html`` and a page for each case beside it (``case1.html`` ...),
+    ``figures/figure_03.png`` ... ``figure_18.png`` and ``overview.png`` (first plant),
+    and ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or not at all.
+    Flights are kept in ``rows`` (extra: sweep): called again after an interruption it
+    goes on, and ends with the same files.
 
     Args:
         out: folder, made if missing.
         plants: "rigid_body", "mujoco" or both.
         workers: processes or processors that fly; no number depends on it.
-        on: "local", "processes", "ray" or "ray:HOST:PORT"; processes if left out, of one worker local.
-        evidence: results of a search for the paper's unstated settings (``research/infer.py`` of the source); those of
-            the package if left out.
+        on: "local", "processes", "ray" or "ray:HOST:PORT"; processes if left out, of
+            one worker local.
+        evidence: results of a search for the paper's unstated settings
+            (``research/infer.py`` of the source); those of the package if left out.
         progress: called after every episode.
         note: called with one line before each stage.
 
@@ -257,15 +327,28 @@ def reproduce(
             say(f"pyarrow is missing, flights are not kept; {needs_extra('sweep')}")
         drawing = Drawing()
         campaign = run_campaign(
-            plants, evidence=evidence, workers=workers, on=on, store=store, progress=progress, drawing=drawing
+            plants,
+            evidence=evidence,
+            workers=workers,
+            on=on,
+            store=store,
+            progress=progress,
+            drawing=drawing,
         )
         return _write(folder, plants, campaign, drawing, evidence, say)
 
 
 def _write(
-    folder: Path, plants: Sequence[str], campaign: Campaign, drawing: Drawing, evidence: Record, say: Note
+    folder: Path,
+    plants: Sequence[str],
+    campaign: Campaign,
+    drawing: Drawing,
+    evidence: Record,
+    say: Note,
 ) -> Facts:
-    """Write tables, logs, figures and pages; returns the content of ``results.json``."""
+    """Write tables, logs, figures and pages; returns the content of
+    ``results.json``.
+    """
     stated = campaign.found[STATED]
     facts = settings(campaign.all_logs()) | inferred_facts(evidence)
     table = results(stated, facts, campaign.found.get(INFERRED))
@@ -279,18 +362,25 @@ def _write(
         pass
     for name, picture in drawing.files.items():
         write_atomically(folder / "figures" / f"{name}.png", picture)
-    inferred = inferred_section(table, predicted, evidence, plants[0]) if INFERRED in campaign.found else ""
+    inferred = (
+        inferred_section(table, predicted, evidence, plants[0])
+        if INFERRED in campaign.found
+        else ""
+    )
     say("writing report.html")
     caption = f"{OVERVIEW} {LOOK.rsplit(', ', 1)[0]}; {plants[0]}."
     opening = image(caption, caption, drawing.shown["overview"], kind="single opening")
-    pages = report_pages(table, campaign.sensitivity, campaign.logs, drawing.shown, inferred, opening)
+    pages = report_pages(
+        table, campaign.sensitivity, campaign.logs, drawing.shown, inferred, opening
+    )
     for name, page in pages.items():
         write_atomically(folder / name, page.encode())
     return table
 
 
 def prepare_folder(out: PathLike, plants: Sequence[str]) -> Path:
-    """Create the output folder, and check that every file of the reproduction can be written.
+    """Create the output folder, and check that every file of the reproduction can be
+    written.
 
     Raises:
         ValueError: an unknown plant.
@@ -298,7 +388,9 @@ def prepare_folder(out: PathLike, plants: Sequence[str]) -> Path:
     """
     for plant in plants:
         if plant not in PLANTS:
-            raise ValueError(f"plants = {list(plants)}: must be some of {', '.join(PLANTS)}")
+            raise ValueError(
+                f"plants = {list(plants)}: must be some of {', '.join(PLANTS)}"
+            )
     if not plants:
         raise ValueError(f"plants = []: must be one of {', '.join(PLANTS)} at least")
     folder = require_writable(out)
@@ -310,9 +402,19 @@ def prepare_folder(out: PathLike, plants: Sequence[str]) -> Path:
 
 def _files(folder: Path, plants: Sequence[str]) -> list[Path]:
     """Paths of all files that the reproduction writes."""
-    names = ["results.json", "sensitivity.json", "table2.md", "inference.md", MAIN, *case_files(CASES).values()]
+    names = [
+        "results.json",
+        "sensitivity.json",
+        "table2.md",
+        "inference.md",
+        MAIN,
+        *case_files(CASES).values(),
+    ]
     names += [f"figures/{name}.png" for name in NAMED]
-    names += [f"logs/{each.plant}/{each.case}_{each.controller}.npz" for each in flights(plants)]
+    names += [
+        f"logs/{each.plant}/{each.case}_{each.controller}.npz"
+        for each in flights(plants)
+    ]
     return [folder / name for name in names]
 
 
@@ -322,7 +424,10 @@ def _json(value: Record) -> bytes:
 
 def _write_data(folder: Path, table: Facts, campaign: Campaign) -> None:
     write_atomically(folder / "results.json", _json(table))
-    write_atomically(folder / "sensitivity.json", _json({"schema": 1, "variations": campaign.sensitivity}))
+    write_atomically(
+        folder / "sensitivity.json",
+        _json({"schema": 1, "variations": campaign.sensitivity}),
+    )
     write_atomically(folder / "table2.md", markdown_tables(table).encode())
     for (plant, case, law), content in campaign.files.items():
         write_atomically(folder / "logs" / plant / f"{case}_{law}.npz", content)

@@ -19,8 +19,9 @@ def reproduce(
 ) -> None:
     """Repeat the flights of the paper by Barakou (2026).
 
-    Five experiments with two controllers on two plants, and the variations behind the reasons: results.json, table2.md,
-    Figures 3-18 and report.html. The same command continues what was interrupted (extra: sweep).
+    Five experiments with two controllers on two plants, and the variations behind the
+    reasons: results.json, table2.md, Figures 3-18 and report.html. The same command
+    continues what was interrupted (extra: sweep).
     """
     from skyarm.paper.reproduce import prepare_folder
     from skyarm.paper.reproduce import reproduce as perform
@@ -29,7 +30,9 @@ def reproduce(
     from skyarm.studies.flights.executor import require_place
 
     if plant not in (*PLANTS, "both"):
-        raise ValueError(f"--plant = {plant!r}: {must_be_one_of((*PLANTS, 'both'), plant)}")
+        raise ValueError(
+            f"--plant = {plant!r}: {must_be_one_of((*PLANTS, 'both'), plant)}"
+        )
     processes = workers(flying)
     if on is not None:
         require_place(on, "--on")
@@ -47,4 +50,7 @@ def reproduce(
     give(table, folder=out)
     for words in verdict(table):
         tell(words)
-    tell(f"results in {out}: report.html, table2.md, inference.md, results.json, figures/")
+    tell(
+        f"results in {out}: report.html, table2.md, inference.md, results.json,"
+        " figures/"
+    )

@@ -1,7 +1,9 @@
-"""Definition of a search for settings that a publication does not state, as plain tables.
+"""Definition of a search for settings that a publication does not state, as plain
+tables.
 
-The grammar is that of ``research/inference/study.py`` of the source, which searches. A study is its file's tables;
-settings are parameter -> number and choice -> option, and what they do not name stays as the scenarios have it.
+The grammar is that of ``research/inference/study.py`` of the source, which searches. A
+study is its file's tables; settings are parameter -> number and choice -> option, and
+what they do not name stays as the scenarios have it.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ Tables = Mapping[str, Any]
 SHARES = (0.05, 0.10, 0.25)
 
 WORST = 1e6
-"""Error |u| of a cell that is missing or has another sign: the loss at its upper bound."""
+"""Error |u| of a cell that is missing or has another sign: the loss at its upper
+bound."""
 
 
 @positional
@@ -32,8 +35,10 @@ class PublishedNumber:
     """Published number of one metric of one flight.
 
     Attributes:
-        flight: name of the flight. name: name in tables. metric: name in :mod:`skyarm.log.metrics.metric_catalogue`.
-        measured: the number. half: half a unit of its last digit: that much of a difference is rounding.
+        flight: name of the flight. name: name in tables. metric: name in
+            :mod:`skyarm.log.metrics.metric_catalogue`.
+        measured: the number. half: half a unit of its last digit: that much of a
+            difference is rounding.
     """
 
     flight: str
@@ -64,19 +69,27 @@ def fits(patterns: Iterable[str], flight: str) -> bool:
 
 
 def laid_over(below: Tables, above: Tables) -> dict[str, Any]:
-    """Merge nested tables, the upper one overriding; an empty upper table removes a field."""
+    """Merge nested tables, the upper one overriding; an empty upper table removes a
+    field.
+    """
     merged = dict(below)
     for name, value in above.items():
         stored = merged.get(name)
         if value == {}:
             merged.pop(name, None)
             continue
-        merged[name] = laid_over(stored, value) if isinstance(stored, Mapping) and isinstance(value, Mapping) else value
+        merged[name] = (
+            laid_over(stored, value)
+            if isinstance(stored, Mapping) and isinstance(value, Mapping)
+            else value
+        )
     return merged
 
 
 def stated_tables(study: Tables, flight: str) -> dict[str, Any]:
-    """Shipped scenario of a flight as nested tables, with the overrides of the search definition."""
+    """Shipped scenario of a flight as nested tables, with the overrides of the search
+    definition.
+    """
     entry = table_by_name(study["flights"], flight)
     tables = dict(read_toml((LIBRARY / f"{entry['scenario']}.toml").read_bytes()))
     for name in entry.get("over", ()):
@@ -84,8 +97,12 @@ def stated_tables(study: Tables, flight: str) -> dict[str, Any]:
     return tables
 
 
-def scenario_tables(study: Tables, stated: Tables, flight: str, settings: Tables) -> dict[str, Any]:
-    """Scenario of a flight as nested tables, with the overrides of the selected discrete options."""
+def scenario_tables(
+    study: Tables, stated: Tables, flight: str, settings: Tables
+) -> dict[str, Any]:
+    """Scenario of a flight as nested tables, with the overrides of the selected
+    discrete options.
+    """
     tables = dict(stated)
     for option in _options(study, settings):
         for each in option.get("tables", ()):
@@ -98,16 +115,28 @@ def numbers(study: Tables, flight: str, settings: Tables) -> dict[str, float]:
     """Parameter values of a flight by path, for given settings of the search."""
 
     def acts(target: Tables) -> bool:
-        chosen = all(settings.get(choice) == option for choice, option in target.get("when", {}).items())
+        chosen = all(
+            settings.get(choice) == option
+            for choice, option in target.get("when", {}).items()
+        )
         return chosen and fits(target["flights"], flight)
 
-    sets = [each for option in _options(study, settings) for each in option.get("sets", ())]
-    values: dict[str, float] = {each["path"]: float(each["value"]) for each in sets if acts(each)}
+    sets = [
+        each for option in _options(study, settings) for each in option.get("sets", ())
+    ]
+    values: dict[str, float] = {
+        each["path"]: float(each["value"]) for each in sets if acts(each)
+    }
     for parameter in study.get("parameters", ()):
         if parameter["name"] in settings:
             value = settings[parameter["name"]]
             acting = [each for each in parameter.get("targets", ()) if acts(each)]
-            values |= {t["path"]: float(t.get("factor", 1.0)) * value + float(t.get("offset", 0.0)) for t in acting}
+            values |= {
+                t["path"]: (
+                    float(t.get("factor", 1.0)) * value + float(t.get("offset", 0.0))
+                )
+                for t in acting
+            }
     return values
 
 
@@ -117,35 +146,51 @@ def _options(study: Tables, settings: Tables) -> list[Tables]:
     return [table_by_name(each["options"], settings[each["name"]]) for each in choices]
 
 
-def group_places(patterns: Iterable[str], cells: Sequence[PublishedNumber]) -> tuple[int, ...]:
-    """Indices of the published numbers that match FLIGHT/METRIC patterns; "!" removes earlier matches."""
+def group_places(
+    patterns: Iterable[str], cells: Sequence[PublishedNumber]
+) -> tuple[int, ...]:
+    """Indices of the published numbers that match FLIGHT/METRIC patterns; "!" removes
+    earlier matches.
+    """
     chosen: set[int] = set()
     for pattern in patterns:
-        matches = {i for i, c in enumerate(cells) if fnmatchcase(f"{c.flight}/{c.name}", pattern.removeprefix("!"))}
+        matches = {
+            i
+            for i, c in enumerate(cells)
+            if fnmatchcase(f"{c.flight}/{c.name}", pattern.removeprefix("!"))
+        }
         chosen = chosen - matches if pattern.startswith("!") else chosen | matches
     return tuple(sorted(chosen))
 
 
 def slack_distance(ours: Array, cells: Sequence[PublishedNumber]) -> Array:
-    """Distances (settings, numbers) of simulated values from published ones beyond their rounding."""
+    """Distances (settings, numbers) of simulated values from published ones beyond
+    their rounding.
+    """
     measured, half = _columns(cells)
     apart = np.maximum(np.abs(ours - measured) - half, 0.0)
     return np.where(np.isfinite(ours), apart, np.inf)
 
 
 def within(ours: Array, cells: Sequence[PublishedNumber], share: float) -> Mask:
-    """True (settings, numbers) where a simulated value is within a relative distance of the published number."""
+    """True (settings, numbers) where a simulated value is within a relative distance of
+    the published number.
+    """
     measured, _ = _columns(cells)
     # 1e-9: a number on the very edge is within
     return slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
 
 
-def losses(ours: Array, cells: Sequence[PublishedNumber], width: float, knee: float) -> Array:
-    """Robust loss (settings, numbers): u^2 / (1 + u^2 / knee^2), u = ln(simulated / published) / width.
+def losses(
+    ours: Array, cells: Sequence[PublishedNumber], width: float, knee: float
+) -> Array:
+    """Robust loss (settings, numbers): u^2 / (1 + u^2 / knee^2), u = ln(simulated /
+    published) / width.
 
-    Quadratic near the measured number, at most knee^2 however far, so that one cell that a model cannot make does not
-    decide over the others (Geman, McClure 1987). The rounding of the measured number is taken off the difference
-    first; another sign and a missing number are as far as can be.
+    Quadratic near the measured number, at most knee^2 however far, so that one cell
+    that a model cannot make does not decide over the others (Geman, McClure 1987). The
+    rounding of the measured number is taken off the difference first; another sign and
+    a missing number are as far as can be.
     """
     measured, half = _columns(cells)
     nearest = np.clip(measured, ours - half, ours + half)
@@ -163,4 +208,6 @@ def _columns(cells: Sequence[PublishedNumber]) -> tuple[Array, Array]:
 def tally(ours: Array, cells: Sequence[PublishedNumber]) -> dict[str, int]:
     """Number of simulated values within 5, 10 and 25 % of the published numbers."""
     lane = doubles(ours).reshape(1, -1)
-    return {"cells": len(cells)} | {f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in SHARES}
+    return {"cells": len(cells)} | {
+        f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in SHARES
+    }

@@ -1,4 +1,5 @@
-"""Sensitivity of metrics to assumptions that Barakou et al. 2026 do not state, each varied alone.
+"""Sensitivity of metrics to assumptions that Barakou et al. 2026 do not state, each
+varied alone.
 
 The report lists their metrics in tables of their own.
 """
@@ -22,7 +23,8 @@ ASSUMED_DAMPING = 0.001
 """Damping of the shipped simulated vehicle, that of the main table."""
 
 STEP_RISE = 1e-3
-"""Rise time (s) of a step; between two samples of a 50 Hz reference such a ramp is a step."""
+"""Rise time (s) of a step; between two samples of a 50 Hz reference such a ramp is a
+step."""
 
 LATENCY = 0.003
 """Command delay (s) of RotorS's chain of about three physics steps of 1 ms."""
@@ -39,12 +41,14 @@ GROUPS = {
 
 @immutable
 class Variation:
-    """One changed assumption about a flight, such as joint damping, with the cases to which it applies.
+    """One changed assumption about a flight, such as joint damping, with the cases to
+    which it applies.
 
     Attributes:
         group, value: names in tables.
         cases: cases to which it applies.
-        change: makes the changed scenario; None for the assumption with which the main table was simulated.
+        change: makes the changed scenario; None for the assumption with which the main
+            table was simulated.
     """
 
     group: str
@@ -54,7 +58,9 @@ class Variation:
 
     @property
     def name(self) -> str:
-        """Name of the changed assumption: its group and value, or the settings as stated if nothing is changed."""
+        """Name of the changed assumption: its group and value, or the settings as
+        stated if nothing is changed.
+        """
         return f"{self.group} {self.value}" if self.change else STATED
 
 
@@ -65,16 +71,22 @@ def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
     segments: list[tuple[float, float]] = []
     for height, seconds in zip(heights, (1.0, 5.0, 1.0, 1.0, 5.0, 1.0), strict=True):
         moving = min(rise, seconds)
-        segments += [(moving, height)] + ([(seconds - moving, height)] if seconds > moving else [])
+        segments += [(moving, height)] + (
+            [(seconds - moving, height)] if seconds > moving else []
+        )
     base = planned.agent.reference
     first = sequence(6.0, segments, shape="quintic" if shape == "quintic" else "linear")
     return planned.with_reference(replace(base, joints=(first, *base.joints[1:])))
 
 
 def damped_first_joint(planned: Scenario) -> Scenario:
-    """Scenario with damping of 0.05 N m s/rad on joint 1 only, as its published torques suggest."""
+    """Scenario with damping of 0.05 N m s/rad on joint 1 only, as its published torques
+    suggest.
+    """
     truth = planned.agent.vehicle
-    first = replace(truth.links[0], joint=replace(truth.links[0].joint, damping=DAMPINGS[-1]))
+    first = replace(
+        truth.links[0], joint=replace(truth.links[0].joint, damping=DAMPINGS[-1])
+    )
     vehicle = replace(truth, links=(first, *truth.links[1:]))
     return planned.with_plant(replace(planned.agent.plant, vehicle=vehicle))
 
@@ -90,11 +102,19 @@ def variations() -> list[Variation]:
         Variation(
             group="joint_damping",
             value=f"{damping:g}",
-            change=None if damping == ASSUMED_DAMPING else partial(with_damping, damping=damping),
+            change=(
+                None
+                if damping == ASSUMED_DAMPING
+                else partial(with_damping, damping=damping)
+            ),
         )
         for damping in DAMPINGS
     ]
-    first = Variation(group="joint_damping_first", value=f"{DAMPINGS[-1]:g}", change=damped_first_joint)
+    first = Variation(
+        group="joint_damping_first",
+        value=f"{DAMPINGS[-1]:g}",
+        change=damped_first_joint,
+    )
     ramps = [
         Variation(
             group="ramp_shape",
@@ -104,5 +124,7 @@ def variations() -> list[Variation]:
         )
         for shape in ("linear", "quintic", "step")
     ]
-    late = Variation(group="command_latency", value=f"{LATENCY:g}", change=delay_commands)
+    late = Variation(
+        group="command_latency", value=f"{LATENCY:g}", change=delay_commands
+    )
     return [*damped, first, *ramps, late]

@@ -1,1 +1,3 @@
-"""Whole-body planning: from a task in phases to a motion of base, arm and rotors within all limits."""
+"""Whole-body planning: from a task in phases to a motion of base, arm and rotors within
+all limits.
+"""

@@ -34,11 +34,14 @@ class Summary:
     """Numbers of a plan.
 
     Attributes:
-        duration: s. phases: their names and lengths, s. speed: largest of the base, m/s. tilt: largest, rad.
-        rotor, torque, joint_rate: what is nearest to its limit. clearance: smallest distance, m; between which bodies.
+        duration: s. phases: their names and lengths, s. speed: largest of the base,
+            m/s. tilt: largest, rad.
+        rotor, torque, joint_rate: what is nearest to its limit. clearance: smallest
+            distance, m; between which bodies.
         short: which bodies come nearer than the task's clearance; empty if none.
-        rotor_lag: largest lag of a rotor, over its speed in hover. fast: the phases where it is above the task's limit:
-            of fixed duration, or free ones without a longer plan within the limits; empty if none.
+        rotor_lag: largest lag of a rotor, over its speed in hover. fast: the phases
+            where it is above the task's limit: of fixed duration, or free ones without
+            a longer plan within the limits; empty if none.
         not_least: why the time is not the least, which was asked for; empty if it is.
         violation, cost, seconds, seeds, iterations: of the solution.
     """
@@ -64,13 +67,19 @@ class Summary:
 
 
 def summary(plan: Plan) -> Summary:
-    """Numbers of a plan: lengths, peaks, what is tight, clearance, and what it cost to find."""
+    """Numbers of a plan: lengths, peaks, what is tight, clearance, and what it cost to
+    find.
+    """
     vehicle, task = plan.task.vehicle, plan.task
     efforts = float_array(joint.effort_limit for joint in vehicle.joints)
     joints = vehicle.joint_names
     torque = rate = None
     if joints:
-        rate = _tightest(plan.t, np.abs(plan.x[:, plan.stage.at.joint_rates]) / task.limits.joint_rate, joints)
+        rate = _tightest(
+            plan.t,
+            np.abs(plan.x[:, plan.stage.at.joint_rates]) / task.limits.joint_rate,
+            joints,
+        )
         torque = _tightest(plan.t, np.abs(plan.torques) / efforts, joints)
     names = [phase.name or phase.kind for phase in task.phases]
     near = plan.nearest
@@ -79,14 +88,20 @@ def summary(plan: Plan) -> Summary:
         phases=tuple(zip(names, plan.durations, strict=True)),
         speed=float(lengths(plan.x[:, 7:10]).max()),
         tilt=float(tilts(plan).max()),
-        rotor=_tightest(plan.t, plan.thrust_shares, tuple(rotor.name for rotor in vehicle.rotors)),
+        rotor=_tightest(
+            plan.t, plan.thrust_shares, tuple(rotor.name for rotor in vehicle.rotors)
+        ),
         torque=torque,
         joint_rate=rate,
         clearance=near.gap if math.isfinite(near.gap) else None,
         nearest=near.words,
         short=f"{task.limits.clearance:g} m: {near.short}" if near.short else "",
         rotor_lag=float(plan.lags.max()),
-        fast=", ".join(name for name, lag in zip(names, plan.lags, strict=True) if lag > task.limits.rotor_lag),
+        fast=", ".join(
+            name
+            for name, lag in zip(names, plan.lags, strict=True)
+            if lag > task.limits.rotor_lag
+        ),
         not_least=plan.not_least,
         violation=plan.solution.violation,
         cost=plan.solution.cost,
@@ -111,14 +126,20 @@ def summary_lines(name: str, found: Summary) -> list[str]:
     """Lines of text of a summary."""
     parts = ", ".join(f"{each} {length:.3g} s" for each, length in found.phases)
     lines = [f"{name}: {found.duration:.3f} s ({parts})"]
-    lines.append(f"base: at most {found.speed:.2f} m/s, tilted by {math.degrees(found.tilt):.1f} degrees")
+    lines.append(
+        f"base: at most {found.speed:.2f} m/s, tilted by {math.degrees(found.tilt):.1f}"
+        " degrees"
+    )
     for words, each in (
         ("rotor thrust", found.rotor),
         ("joint torque", found.torque),
         ("joint rate", found.joint_rate),
     ):
         if each is not None:
-            lines.append(f"{words}: at most {100.0 * each.share:.0f} % of the limit, {each.name} at {each.time:.2f} s")
+            lines.append(
+                f"{words}: at most {100.0 * each.share:.0f} % of the limit, {each.name}"
+                f" at {each.time:.2f} s"
+            )
     if found.clearance is not None:
         lines.append(f"clearance: {found.clearance:.3f} m, {found.nearest}")
     if found.short:
@@ -127,24 +148,32 @@ def summary_lines(name: str, found: Summary) -> list[str]:
         lines.append(f"least time: {found.not_least}")
     if found.fast:
         lag = f"{found.rotor_lag:.2f} of their speed in hover"
-        lines.append(f"fast: rotors lag by {lag} in {found.fast}, more than limits.rotor_lag: fly it first")
+        lines.append(
+            f"fast: rotors lag by {lag} in {found.fast}, more than limits.rotor_lag:"
+            " fly it first"
+        )
     seeds = f"{found.seeds} seed{'s' if found.seeds > 1 else ''}"
-    lines.append(f"found in {found.seconds:.2f} s, {seeds}; violation {found.violation:.1e}")
+    lines.append(
+        f"found in {found.seconds:.2f} s, {seeds}; violation {found.violation:.1e}"
+    )
     return lines
 
 
 SETTLE = 1.0
-"""Time (s) of hover before a plan begins and after it ends, in the scenario that flies it."""
+"""Time (s) of hover before a plan begins and after it ends, in the scenario that flies
+it."""
 
 
 LEANING = math.radians(75.0)
-"""Largest tilt of a plan that the centroidal law follows: its heading is singular at 90 degrees."""
+"""Largest tilt of a plan that the centroidal law follows: its heading is singular at 90
+degrees."""
 
 
 def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
     """Tables of a scenario that flies a plan in the task's world with its obstacles.
 
-    The law is the centroidal one, or the predictive one where the base is tilted by more than :data:`LEANING`.
+    The law is the centroidal one, or the predictive one where the base is tilted by
+    more than :data:`LEANING`.
 
     Args:
         plan: the plan.
@@ -161,8 +190,18 @@ def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
     own = [each for each in task.obstacles if each.name not in stated]
     if own:
         words = ("name", "shape", "size", "position", "angles")
-        rows = [{word: getattr(each, word) for word in words if word == "name" or getattr(each, word)} for each in own]
-        world["surfaces"] = [*world.get("surfaces", []), *({k: entry_of(v) for k, v in row.items()} for row in rows)]
+        rows = [
+            {
+                word: getattr(each, word)
+                for word in words
+                if word == "name" or getattr(each, word)
+            }
+            for each in own
+        ]
+        world["surfaces"] = [
+            *world.get("surfaces", []),
+            *({k: entry_of(v) for k, v in row.items()} for row in rows),
+        ]
     events = gripper_events(plan)
     world["grippers"] = [
         each | ({"closed": events[each["name"]]} if each.get("name") in events else {})
@@ -173,7 +212,9 @@ def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
         "schema": 1,
         "name": task.name,
         # whole control periods
-        "duration": math.ceil(200.0 * (float(plan.t[-1]) + 2.0 * SETTLE) - 1e-6) / 200.0,
+        "duration": (
+            math.ceil(200.0 * (float(plan.t[-1]) + 2.0 * SETTLE) - 1e-6) / 200.0
+        ),
         # the plan is known on board: its reference comes in each control period
         "rates": {"control": 200, "reference": 200},
         "plant": {"vehicle": vehicle, "gravity": task.gravity},
@@ -185,7 +226,9 @@ def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
 
 
 def gripper_events(plan: Plan) -> dict[str, Entry]:
-    """Commands of the grippers that the phases of a task close and open, as signals of the scenario's time."""
+    """Commands of the grippers that the phases of a task close and open, as signals of
+    the scenario's time.
+    """
     times: dict[str, list[tuple[float, bool]]] = {}
     for phase, edge in zip(plan.task.phases, plan.edges[:-1], strict=True):
         at = SETTLE + float(plan.t[edge])
@@ -194,10 +237,16 @@ def gripper_events(plan: Plan) -> dict[str, Entry]:
                 times.setdefault(name, []).append((at, closes))
     commands: dict[str, Entry] = {}
     for name, rows in times.items():
-        pieces: list[Entry] = [] if rows[0][1] else [{"kind": "constant", "value": 1, "stop": rows[0][0]}]
-        for (at, closes), ends in zip(rows, [*(t for t, _ in rows[1:]), None], strict=True):
+        pieces: list[Entry] = (
+            [] if rows[0][1] else [{"kind": "constant", "value": 1, "stop": rows[0][0]}]
+        )
+        for (at, closes), ends in zip(
+            rows, [*(t for t, _ in rows[1:]), None], strict=True
+        ):
             if closes:
                 piece: dict[str, Entry] = {"kind": "constant", "value": 1, "start": at}
                 pieces.append(piece if ends is None else piece | {"stop": ends})
-        commands[name] = {"kind": "sum", "signals": pieces} if len(pieces) > 1 else pieces[0]
+        commands[name] = (
+            {"kind": "sum", "signals": pieces} if len(pieces) > 1 else pieces[0]
+        )
     return commands

@@ -1,4 +1,6 @@
-"""Plan of a task: stages and seeds from its phases, the best of several solutions, and what is tight in it."""
+"""Plan of a task: stages and seeds from its phases, the best of several solutions, and
+what is tight in it.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,23 @@ from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.state import example_state
 from skyarm.planning.seeds import free_distance, ways_around
-from skyarm.planning.solver import ITERATIONS, TOLERANCE, Guess, PlanProblem, Solution, Solver
-from skyarm.planning.stage import SPIN_UNIT, CompiledStage, Limits, Place, Stage, StageData, largest
+from skyarm.planning.solver import (
+    ITERATIONS,
+    TOLERANCE,
+    Guess,
+    PlanProblem,
+    Solution,
+    Solver,
+)
+from skyarm.planning.stage import (
+    SPIN_UNIT,
+    CompiledStage,
+    Limits,
+    Place,
+    Stage,
+    StageData,
+    largest,
+)
 from skyarm.planning.task import Goal, PlanPhase, Start, Task
 from skyarm.records.arrays import Array, doubles, float_array, norm, stack_values
 from skyarm.records.files import shown
@@ -35,27 +52,35 @@ TIME_WEIGHTS = {"effort": 1.0, "time": 30.0}
 """Cost of a second of free time, by what is minimised."""
 
 REACTION = 0.01
-"""Time (s) that a law itself takes, two control periods: rotors lag behind what it asks by this and their own lag."""
+"""Time (s) that a law itself takes, two control periods: rotors lag behind what it asks
+by this and their own lag."""
 
 JOINT_MARGIN = 0.02
-"""Part of a joint's range at each end that a plan leaves to the law, as far as start and goals do."""
+"""Part of a joint's range at each end that a plan leaves to the law, as far as start
+and goals do."""
 
 PENALTIES = (100.0, 10.0, 1000.0)
-"""First penalties that are tried, one after the other, while no seed leads to a plan."""
+"""First penalties that are tried, one after the other, while no seed leads to a
+plan."""
 
 HOLD_STEP = 0.02
-"""Time (s) between nodes while the tip rests: it drifts by less than 0.3 mm in 0.2 s."""
+"""Time (s) between nodes while the tip rests: it drifts by less than 0.3 mm in 0.2
+s."""
 
 
 SMOOTH_STEP = 0.01
-"""Length (s) of the first and the last stage of a free motion between rests, in which no rotor turns faster.
+"""Length (s) of the first and the last stage of a free motion between rests, in which
+no rotor turns faster.
 
-The plan begins and ends smoothly in them, which laws that follow it need; longer ones would cost time by their length.
+The plan begins and ends smoothly in them, which laws that follow it need; longer ones
+would cost time by their length.
 """
 
 
 class PlanError(ValueError):
-    """Error: no plan within the limits was found; one line with the phase, the constraint and how far it is off."""
+    """Error: no plan within the limits was found; one line with the phase, the
+    constraint and how far it is off.
+    """
 
 
 @immutable(eq=False)
@@ -63,9 +88,12 @@ class Nearest:
     """Smallest distance between two bodies along a plan.
 
     Attributes:
-        gap: m, of all. time: s, and words: the bodies. apart: from obstacles, m. pairs: of own bodies that meet.
-        short: which obstacles and own bodies come nearer than the task's clearance, and when; empty if none.
-        missing: distance (m) from obstacles that each node lacks, of what the task says, before and after it.
+        gap: m, of all. time: s, and words: the bodies. apart: from obstacles, m. pairs:
+            of own bodies that meet.
+        short: which obstacles and own bodies come nearer than the task's clearance, and
+            when; empty if none.
+        missing: distance (m) from obstacles that each node lacks, of what the task
+            says, before and after it.
     """
 
     gap: float = math.inf
@@ -82,7 +110,8 @@ class Plan:
     """Planned motion of one vehicle.
 
     Attributes:
-        task: planned task. t: (N + 1,) s. x: (N + 1, nx) states. u: (N, nu) inputs. K: (N, nu, nt) gains.
+        task: planned task. t: (N + 1,) s. x: (N + 1, nx) states. u: (N, nu) inputs. K:
+            (N, nu, nt) gains.
         edges: node at which each phase begins, and the last. solution: of the solver.
         not_least: why its time is not the least, which was asked for; empty if it is.
     """
@@ -117,9 +146,17 @@ class Plan:
     def torques(self) -> Array:
         """Joint torques (N m or N) at the nodes, (N + 1, n)."""
         vehicle, stage = self.task.vehicle, self.stage
-        limits = self.compiled.values(self.x, self.u, self.data)[0][:, self.compiled.limits]
-        columns = [self.compiled.names.index(f"torque of {joint.name}") for joint in vehicle.joints]
-        most = [largest(joint.effort_limit) * stage.limits.torque_share for joint in vehicle.joints]
+        limits = self.compiled.values(self.x, self.u, self.data)[0][
+            :, self.compiled.limits
+        ]
+        columns = [
+            self.compiled.names.index(f"torque of {joint.name}")
+            for joint in vehicle.joints
+        ]
+        most = [
+            largest(joint.effort_limit) * stage.limits.torque_share
+            for joint in vehicle.joints
+        ]
         return np.asarray((limits[:, columns] + 1.0) * most)
 
     @property
@@ -130,11 +167,21 @@ class Plan:
 
     @property
     def lags(self) -> Array:
-        """Largest lag of a rotor behind its command in each phase, over its speed in hover, (phases,)."""
+        """Largest lag of a rotor behind its command in each phase, over its speed in
+        hover, (phases,).
+        """
         rotors = self.task.vehicle.rotors
-        times = np.array([(float(each.time_constant_up), float(each.time_constant_down)) for each in rotors]).T
+        times = np.array(
+            [
+                (float(each.time_constant_up), float(each.time_constant_down))
+                for each in rotors
+            ]
+        ).T
         spins = self.u[:, : len(rotors)] * SPIN_UNIT
-        largest = np.max((np.where(spins > 0.0, times[0], times[1]) + REACTION) * np.abs(spins), axis=1)
+        largest = np.max(
+            (np.where(spins > 0.0, times[0], times[1]) + REACTION) * np.abs(spins),
+            axis=1,
+        )
         return np.array([largest[a:b].max() for a, b in itertools.pairwise(self.edges)])
 
 
@@ -147,20 +194,29 @@ def compiled_stage(**fields: Any) -> CompiledStage:
 def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage:
     """Compiled stage of a task.
 
-    ``met``: pairs of the vehicle's own bodies that count; the plan before went through them.
+    ``met``: pairs of the vehicle's own bodies that count; the plan before went through
+    them.
     """
     own = task.limits
     fields = [each.name for each in dataclasses.fields(Limits) if each.name != "ranges"]
-    near = clearances(task.vehicle, [placeholder(k, each) for k, each in enumerate(task.obstacles)])
+    near = clearances(
+        task.vehicle, [placeholder(k, each) for k, each in enumerate(task.obstacles)]
+    )
     pairs = [
         pair
         for pair in near.pairs
-        if (not pair.volume.startswith("boom/") if pair.surface is not None else (pair.volume, pair.other) in met)
+        if (
+            not pair.volume.startswith("boom/")
+            if pair.surface is not None
+            else (pair.volume, pair.other) in met
+        )
     ]
     close = dataclasses.replace(near, pairs=tuple(pairs)) if pairs else None
     return compiled_stage(
         model=Model(vehicle=task.vehicle, gravity=task.gravity),
-        limits=Limits(ranges=ranges_of(task), **{name: getattr(own, name) for name in fields}),
+        limits=Limits(
+            ranges=ranges_of(task), **{name: getattr(own, name) for name in fields}
+        ),
         contact=any(phase.kind == "contact" for phase in task.phases),
         free=sum(phase.duration is None for phase in task.phases),
         clearances=close,
@@ -169,9 +225,14 @@ def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage
 
 
 def nearer_pairs(task: Task, near: Clearances) -> tuple[float, ...]:
-    """Distances (m) by which own bodies may be nearer than the clearance: where start or goals have them as near."""
+    """Distances (m) by which own bodies may be nearer than the clearance: where start
+    or goals have them as near.
+    """
     level = attitude((0.0, 0.0, 0.0)).rotation()
-    poses = [near.distances(task.start.position, level, joints) for joints in stated_joints(task)]
+    poses = [
+        near.distances(task.start.position, level, joints)
+        for joints in stated_joints(task)
+    ]
     # half of what is there leaves the arm a way out of its pose
     least = [
         0.5 * min(map(float, gaps)) if pair.surface is None else math.inf
@@ -182,21 +243,35 @@ def nearer_pairs(task: Task, near: Clearances) -> tuple[float, ...]:
 
 def stated_joints(task: Task) -> list[tuple[float, ...]]:
     """Joint positions (rad or m) at the start and of the goals that state them."""
-    return [task.start.joints or task.vehicle.zeros, *(each.to.joints for each in task.phases if each.to.joints)]
+    return [
+        task.start.joints or task.vehicle.zeros,
+        *(each.to.joints for each in task.phases if each.to.joints),
+    ]
 
 
 def ranges_of(task: Task) -> tuple[tuple[float, float], ...]:
-    """Range of each joint (rad or m) without :data:`JOINT_MARGIN`; what start and goals say is within it."""
+    """Range of each joint (rad or m) without :data:`JOINT_MARGIN`; what start and goals
+    say is within it.
+    """
     found = []
-    for joint, places in zip(task.vehicle.joints, zip(*stated_joints(task), strict=True), strict=True):
+    for joint, places in zip(
+        task.vehicle.joints, zip(*stated_joints(task), strict=True), strict=True
+    ):
         low, high = joint.ends
         margin = JOINT_MARGIN * (high - low) if math.isfinite(high - low) else 0.0
-        found.append((max(low, min(low + margin, *places)), min(high, max(high - margin, *places))))
+        found.append(
+            (
+                max(low, min(low + margin, *places)),
+                min(high, max(high - margin, *places)),
+            )
+        )
     return tuple(found)
 
 
 def placeholder(k: int, obstacle: Surface) -> Surface:
-    """Obstacle of the same shape, which one compiled stage serves wherever the obstacles stand."""
+    """Obstacle of the same shape, which one compiled stage serves wherever the
+    obstacles stand.
+    """
     return Surface(
         name=f"obstacle{k}",
         shape=obstacle.shape,
@@ -208,7 +283,10 @@ def placeholder(k: int, obstacle: Surface) -> Surface:
 
 def obstacle_places(task: Task, stage: CompiledStage) -> tuple[Place, ...]:
     """Obstacles of a task as the data of a compiled stage."""
-    return tuple(Place.of(task.obstacles[int(each.name.removeprefix("obstacle"))]) for each in stage.stage.obstacles)
+    return tuple(
+        Place.of(task.obstacles[int(each.name.removeprefix("obstacle"))])
+        for each in stage.stage.obstacles
+    )
 
 
 def node_counts(task: Task, lengths: Sequence[float]) -> list[int]:
@@ -223,7 +301,9 @@ def node_counts(task: Task, lengths: Sequence[float]) -> list[int]:
 
 def attitude(angles: Sequence[float]) -> Quaternion:
     """Quaternion of roll, pitch and yaw (rad)."""
-    state = example_state(0, 0).with_views(dict(zip(("roll", "pitch", "yaw"), angles, strict=True)))
+    state = example_state(0, 0).with_views(
+        dict(zip(("roll", "pitch", "yaw"), angles, strict=True))
+    )
     return state.quaternion
 
 
@@ -237,7 +317,8 @@ def tip_below(task: Task, joints: Array) -> Array:
 
 @immutable(eq=False)
 class Outline:
-    """Places of the base at the edges of the phases, and lengths of these: what seeds are made of.
+    """Places of the base at the edges of the phases, and lengths of these: what seeds
+    are made of.
 
     Attributes:
         bases: (phases + 1, 3) m. joints: of each edge. lengths: s.
@@ -249,7 +330,9 @@ class Outline:
 
 
 def outline(task: Task) -> Outline:
-    """Straight outline of a task: the base above or below each tip goal, at rest in its posture."""
+    """Straight outline of a task: the base above or below each tip goal, at rest in its
+    posture.
+    """
     n = task.vehicle.n
     joints = np.array(task.start.joints or (0.0,) * n)
     base = float_array(task.start.position)
@@ -272,8 +355,15 @@ def usual_length(distance: float) -> float:
     return max(0.6, 2.0 * math.sqrt(distance / 6.0))
 
 
-def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearance: Array | float = 0.0) -> PlanProblem:
-    """Goals, limits and data of all stages of a task; ``clearance`` (m) of all nodes or of each."""
+def problem_of(
+    task: Task,
+    stage: CompiledStage,
+    counts: Sequence[int],
+    clearance: Array | float = 0.0,
+) -> PlanProblem:
+    """Goals, limits and data of all stages of a task; ``clearance`` (m) of all nodes or
+    of each.
+    """
     example = dataclasses.replace(
         stage.stage.example(),
         obstacles=obstacle_places(task, stage),
@@ -284,17 +374,32 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
     limits = np.ones((total + 1, len(stage.names)), dtype=bool)
     limits[0, stage.input_limits :], limits[-1, : stage.input_limits] = False, False
     heading = stage.names.index("heading")
-    endless = {f"torque of {each.name}" for each in task.vehicle.joints if math.isinf(float(each.effort_limit))}
+    endless = {
+        f"torque of {each.name}"
+        for each in task.vehicle.joints
+        if math.isinf(float(each.effort_limit))
+    }
     for k, name in enumerate(stage.names):
         limits[0, k] |= name.startswith("length of")
-        # no input is left at the last node, but for a contact its torque follows from the state
-        limits[-1, k] |= name.startswith("torque of") and task.phases[-1].contact is None
+        # no input is left at the last node, but for a contact its torque follows from
+        # the state
+        limits[-1, k] |= (
+            name.startswith("torque of") and task.phases[-1].contact is None
+        )
         limits[:, k] &= name not in endless
     limits[:, heading] = False
     rows: list[StageData] = []
     edge = 0
-    for phase, following, count in zip(task.phases, [*task.phases[1:], None], counts, strict=True):
-        data = _data(example, phase, count, next(free) if phase.duration is None else None, stage.stage.weight)
+    for phase, following, count in zip(
+        task.phases, [*task.phases[1:], None], counts, strict=True
+    ):
+        data = _data(
+            example,
+            phase,
+            count,
+            next(free) if phase.duration is None else None,
+            stage.stage.weight,
+        )
         rows += [data] * count
         last = edge + count
         for name in goal_names(phase.to):
@@ -303,22 +408,36 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
         if phase.resting:
             goals[edge + (edge == 0) : last + 1, stage.goal["tip_velocity"]] = True
         if phase.contact is not None and phase.contact.kind == "plane":
-            # one node is free where the end is stated: else its place would be stated twice
-            goals[edge + (edge == 0) : last - (phase.to.tip is not None), stage.goal["lift"]] = True
+            # one node is free where the end is stated: else its place would be stated
+            # twice
+            goals[
+                edge + (edge == 0) : last - (phase.to.tip is not None),
+                stage.goal["lift"],
+            ] = True
             stops = phase.to.rest or phase.to.tip_velocity is not None
             goals[last, stage.goal["lift"]] = not stops and _leaves(following)
-        cone = [k for k, name in enumerate(stage.names) if name in ("contact force", "friction")]
+        cone = [
+            k
+            for k, name in enumerate(stage.names)
+            if name in ("contact force", "friction")
+        ]
         if cone and (phase.contact is None or phase.contact.kind == "bar"):
             limits[edge:last, cone] = False
         if phase.to.rest:  # the motion ends smoothly
             goals[last - 1, stage.goal["inputs"]] = True
         edge = last
     goals[0, stage.goal["inputs"]] = True
-    # goals at an edge have the numbers of the phase that ends there; its tilt is the smaller one of both phases
-    table, names = doubles([leaves(row) for row in (*rows, rows[-1])]), _columns(example)
+    # goals at an edge have the numbers of the phase that ends there; its tilt is the
+    # smaller one of both phases
+    table, names = (
+        doubles([leaves(row) for row in (*rows, rows[-1])]),
+        _columns(example),
+    )
     table[:, names["upright"]], edge = NO_TILT, 0
     table[:, names["clearance"]] = np.reshape(clearance, (-1, 1))
-    for phase, following, count in zip(task.phases, [*task.phases[1:], None], counts, strict=True):
+    for phase, following, count in zip(
+        task.phases, [*task.phases[1:], None], counts, strict=True
+    ):
         span, most = slice(edge, edge + count + 1), phase.tilt or task.limits.tilt
         least = math.cos(most) if most < math.pi else NO_TILT
         table[span, names["upright"]] = np.maximum(table[span, names["upright"]], least)
@@ -331,7 +450,16 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
         # rest is a velocity, too, which the numbers of the next phase must not replace
         kept = ["velocity"] * phase.to.rest + ["tip_velocity"] * phase.resting
         kept += ["normal"] * (phase.contact is not None and _leaves(following))
-        for field in ("tip", "tip_velocity", "base", "velocity", "attitude", "axis", "joints", "normal"):
+        for field in (
+            "tip",
+            "tip_velocity",
+            "base",
+            "velocity",
+            "attitude",
+            "axis",
+            "joints",
+            "normal",
+        ):
             if field in kept or _states(phase.to, field):
                 table[edge, names[field]] = leaves(getattr(ends, field))
     return PlanProblem(data=table, goals=goals, limits=limits)
@@ -339,7 +467,11 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
 
 def _states(goal: Goal, field: str) -> bool:
     """True if a goal states a field of a stage's data."""
-    given = {"axis": goal.tip_axis, "attitude": goal.attitude or goal.heading, "joints": goal.joints or None}
+    given = {
+        "axis": goal.tip_axis,
+        "attitude": goal.attitude or goal.heading,
+        "joints": goal.joints or None,
+    }
     return given.get(field, getattr(goal, field, None)) not in (None, ())
 
 
@@ -359,11 +491,23 @@ def _columns(example: StageData) -> dict[str, slice]:
 
 
 def goal_names(goal: Goal) -> list[str]:
-    """Names in :data:`skyarm.planning.stage.GOALS` of what the goal of a phase states."""
-    names = [name for name in ("tip", "tip_velocity", "base", "velocity", "axis", "joints") if _states(goal, name)]
-    names += ["attitude"] * bool(goal.attitude) + ["heading"] * (goal.heading is not None)
+    """Names in :data:`skyarm.planning.stage.GOALS` of what the goal of a phase
+    states.
+    """
+    names = [
+        name
+        for name in ("tip", "tip_velocity", "base", "velocity", "axis", "joints")
+        if _states(goal, name)
+    ]
+    names += ["attitude"] * bool(goal.attitude) + ["heading"] * (
+        goal.heading is not None
+    )
     if goal.rest:
-        names += [name for name in ("velocity", "rate", "joint_rates", "still", "arm") if name not in names]
+        names += [
+            name
+            for name in ("velocity", "rate", "joint_rates", "still", "arm")
+            if name not in names
+        ]
     return names
 
 
@@ -371,10 +515,13 @@ NO_TILT = -2.0
 """Least cosine of the tilt where there is no limit."""
 
 LEAST_PRESS = 0.02
-"""Least force along the normal of a contact that presses, over the weight: the cone of friction has no slope at 0."""
+"""Least force along the normal of a contact that presses, over the weight: the cone of
+friction has no slope at 0."""
 
 
-def _data(example: StageData, phase: PlanPhase, count: int, free: int | None, weight: float) -> StageData:
+def _data(
+    example: StageData, phase: PlanPhase, count: int, free: int | None, weight: float
+) -> StageData:
     """Numbers of a stage of a phase; ``weight`` of the vehicle, N."""
     goal, contact, none = phase.to, phase.contact, ZERO3_DATA
     turned = tuple(map(float, goal.attitude or (0.0, 0.0, goal.heading or 0.0)))
@@ -402,7 +549,12 @@ def _data(example: StageData, phase: PlanPhase, count: int, free: int | None, we
 
 
 def guess_from(
-    task: Task, stage: CompiledStage, counts: Sequence[int], ways: Sequence[Array], shape: Outline, sense: float = 1.0
+    task: Task,
+    stage: CompiledStage,
+    counts: Sequence[int],
+    ways: Sequence[Array],
+    shape: Outline,
+    sense: float = 1.0,
 ) -> Guess:
     """Seed along given places of the base.
 
@@ -424,17 +576,32 @@ def guess_from(
         for axis in range(3):
             x[nodes, axis] = np.interp(part, length, way[:, axis])
         for j in range(task.vehicle.n):
-            x[nodes, 13 + j] = np.linspace(shape.joints[k, j], shape.joints[k + 1, j], len(nodes))
+            x[nodes, 13 + j] = np.linspace(
+                shape.joints[k, j], shape.joints[k + 1, j], len(nodes)
+            )
     turned = attitude(task.start.attitude)
     for k, phase in enumerate(task.phases):
         nodes = np.arange(edges[k], edges[k + 1] + 1)
-        after = turned if phase.resting else attitude(phase.to.attitude or (0.0, 0.0, phase.to.heading or 0.0))
+        after = (
+            turned
+            if phase.resting
+            else attitude(phase.to.attitude or (0.0, 0.0, phase.to.heading or 0.0))
+        )
         x[nodes, 3:7] = _turning(turned, after, len(nodes), sense)
-        # the turn may end at the other sign of the same attitude; the next one begins there
-        turned = after if x[nodes[-1], 3:7] @ np.array([*after]) > 0.0 else Quaternion(*(-c for c in after))
+        # the turn may end at the other sign of the same attitude; the next one begins
+        # there
+        turned = (
+            after
+            if x[nodes[-1], 3:7] @ np.array([*after]) > 0.0
+            else Quaternion(*(-c for c in after))
+        )
     x[:, at.speeds] = 1.0
     x[0, at.speeds] = start_speeds(task, stage)
-    free = [length for phase, length in zip(task.phases, shape.lengths, strict=True) if phase.duration is None]
+    free = [
+        length
+        for phase, length in zip(task.phases, shape.lengths, strict=True)
+        if phase.duration is None
+    ]
     x[:, stage.nx - len(free) :] = free
     u = np.zeros((total, stage.nu))
     for k, phase in enumerate(task.phases):
@@ -444,7 +611,9 @@ def guess_from(
 
 
 def _turning(before: Quaternion, after: Quaternion, count: int, sense: float) -> Array:
-    """Attitudes (count, 4) of a turn from one attitude to another at a constant rate."""
+    """Attitudes (count, 4) of a turn from one attitude to another at a constant
+    rate.
+    """
     turn = before.conjugate() * after
     vector = np.array([*turn])
     vector = -vector if vector[0] < -1e-9 else vector
@@ -463,34 +632,52 @@ def is_level(start: Start) -> bool:
 
 
 def start_speeds(task: Task, stage: CompiledStage) -> list[float]:
-    """Rotor speeds at the start over those of hover: the trim of a level start, else a quarter of its thrust."""
+    """Rotor speeds at the start over those of hover: the trim of a level start, else a
+    quarter of its thrust.
+    """
     from skyarm.dynamics.actuators.hover import hover_trim
 
-    trim = hover_trim(task.vehicle, task.start.joints or task.vehicle.zeros, task.gravity)
+    trim = hover_trim(
+        task.vehicle, task.start.joints or task.vehicle.zeros, task.gravity
+    )
     level = is_level(task.start)
-    return [float(speed) / hover if level else 0.5 for speed, hover in zip(trim.speeds, stage.stage.hover, strict=True)]
+    return [
+        float(speed) / hover if level else 0.5
+        for speed, hover in zip(trim.speeds, stage.stage.hover, strict=True)
+    ]
 
 
-def plan(task: Task, *, seconds: float = 600.0, on_progress: Callable[[str], None] | None = None) -> Plan:
-    """Plan a task: solve from several seeds and return the best plan, the same one however long that takes.
+def plan(
+    task: Task,
+    *,
+    seconds: float = 600.0,
+    on_progress: Callable[[str], None] | None = None,
+) -> Plan:
+    """Plan a task: solve from several seeds and return the best plan, the same one
+    however long that takes.
 
-    A phase of free duration becomes longer until no rotor lags behind its command by more than ``limits.rotor_lag``:
-    laws invert a small part of the lag, so what is missing of the thrusts is an error of the motion.
+    A phase of free duration becomes longer until no rotor lags behind its command by
+    more than ``limits.rotor_lag``: laws invert a small part of the lag, so what is
+    missing of the thrusts is an error of the motion.
 
     Args:
         task: see :func:`skyarm.planning.task.load_task`.
-        seconds: longest time of the whole search, s: an emergency end, after which there is no plan.
+        seconds: longest time of the whole search, s: an emergency end, after which
+            there is no plan.
         on_progress: called with a line of text now and then.
 
     Raises:
-        PlanError: no plan within the limits; one line with the phase, the constraint and how far it is off. Or no plan
-            within ``seconds``.
+        PlanError: no plan within the limits; one line with the phase, the constraint
+            and how far it is off. Or no plan within ``seconds``.
     """
     begun, met = time.perf_counter(), set[tuple[str, str]]()
 
     def watch(line: str) -> None:
         if time.perf_counter() - begun > seconds:
-            raise TimeoutError(f"{task.name}: no plan within {seconds:g} s, {line}: take more time, or a larger step")
+            raise TimeoutError(
+                f"{task.name}: no plan within {seconds:g} s, {line}: take more time, or"
+                " a larger step"
+            )
         if on_progress is not None:
             on_progress(line)
 
@@ -504,78 +691,121 @@ def plan(task: Task, *, seconds: float = 600.0, on_progress: Callable[[str], Non
                 break
             coarse = any(coarse_phases(found))
             try:
-                found = _best_plan(longer, watch, met, _slower(found, longer), PENALTIES[: 1 if coarse else None])
+                found = _best_plan(
+                    longer,
+                    watch,
+                    met,
+                    _slower(found, longer),
+                    PENALTIES[: 1 if coarse else None],
+                )
             except PlanError as error:
                 # the limits alone are narrower there; the plan before keeps them
                 if not coarse:
                     break
                 if room > MOST_ROOM:
-                    raise PlanError(f"{error}; state the duration of each phase, or a larger step") from None
+                    raise PlanError(
+                        f"{error}; state the duration of each phase, or a larger step"
+                    ) from None
                 room *= ROOM
     except TimeoutError as error:
         raise PlanError(str(error)) from None
-    return dataclasses.replace(found, task=task, not_least=not_least, seconds=time.perf_counter() - begun)
+    return dataclasses.replace(
+        found, task=task, not_least=not_least, seconds=time.perf_counter() - begun
+    )
 
 
 STRETCHES = 8
-"""Largest number of plans with longer durations: together longer by a sixth at least, 25 times at most."""
+"""Largest number of plans with longer durations: together longer by a sixth at least,
+25 times at most."""
 
 ROOM, MOST_ROOM = 1.1, 1.2
-"""Growth of the factor while a plan with more nodes, of longer durations, is not within the limits; and when it ends.
+"""Growth of the factor while a plan with more nodes, of longer durations, is not within
+the limits; and when it ends.
 
-Between nodes that are too few a limit of speed, for one, holds no longer: then the duration was too short.
+Between nodes that are too few a limit of speed, for one, holds no longer: then the
+duration was too short.
 """
 
 COARSE = 1.1
-"""Number of nodes that the duration of a phase needs, over those of its seed, from which there are too few."""
+"""Number of nodes that the duration of a phase needs, over those of its seed, from
+which there are too few."""
 
 
 def coarse_phases(found: Plan) -> list[bool]:
-    """Phases of a plan with fewer nodes than their durations need: free ones that are longer than their seeds."""
+    """Phases of a plan with fewer nodes than their durations need: free ones that are
+    longer than their seeds.
+    """
     needed = node_counts(found.task, found.durations)
-    return [bool(count > COARSE * few) for count, few in zip(needed, np.diff(found.edges), strict=True)]
+    return [
+        bool(count > COARSE * few)
+        for count, few in zip(needed, np.diff(found.edges), strict=True)
+    ]
 
 
 LENGTHS = (1.02, 1.5)
-"""Least and largest factor by which a duration grows from plan to plan: not for ever, and near to the motion before."""
+"""Least and largest factor by which a duration grows from plan to plan: not for ever,
+and near to the motion before."""
 
 
-def _with_free_lengths(task: Task, watch: Callable[[str], None], met: set[tuple[str, str]]) -> tuple[Plan, str]:
-    """Plan with its free durations as what is minimised has them, and why not; empty if it has.
+def _with_free_lengths(
+    task: Task, watch: Callable[[str], None], met: set[tuple[str, str]]
+) -> tuple[Plan, str]:
+    """Plan with its free durations as what is minimised has them, and why not; empty if
+    it has.
 
-    The least time is looked for beside the plan of least effort. Where rotors lag far in that one already, a still
-    shorter one would have to become nearly as long.
+    The least time is looked for beside the plan of least effort. Where rotors lag far
+    in that one already, a still shorter one would have to become nearly as long.
     """
     gentle = _best_plan(dataclasses.replace(task, minimise="effort"), watch, met)
     free = [phase.duration is None for phase in task.phases]
     if task.minimise == "effort" or not any(free):
         return gentle, ""
     if (gentle.lags[free] > FAR * task.limits.rotor_lag).any():
-        return gentle, f"not looked for, rotors lag by over {FAR:g} of limits.rotor_lag with the least effort"
+        return (
+            gentle,
+            (
+                f"not looked for, rotors lag by over {FAR:g} of limits.rotor_lag with"
+                " the least effort"
+            ),
+        )
     try:
         return _best_plan(task, watch, met, penalties=PENALTIES[:1]), ""
     except PlanError:  # a plan within the limits is worth more than the least time
-        return gentle, "no plan within the limits was found, this one has the least effort"
+        return (
+            gentle,
+            "no plan within the limits was found, this one has the least effort",
+        )
 
 
 FAR = 0.5
-"""Share of ``limits.rotor_lag`` beyond which time cannot be shorter by more than a fifth: a lag goes with its cube."""
+"""Share of ``limits.rotor_lag`` beyond which time cannot be shorter by more than a
+fifth: a lag goes with its cube."""
 
 
 def _longer(task: Task, found: Plan, room: float) -> Task | None:
-    """Task with the durations of a plan, longer where its rotors lag too far or its nodes are too few; None if nowhere.
+    """Task with the durations of a plan, longer where its rotors lag too far or its
+    nodes are too few; None if nowhere.
 
-    A lag goes with the third power of time: thrusts with the second one, and they change in that time. More nodes are
-    more limits, for which durations are longer by the factor ``room``.
+    A lag goes with the third power of time: thrusts with the second one, and they
+    change in that time. More nodes are more limits, for which durations are longer by
+    the factor ``room``.
     """
     over = found.lags / task.limits.rotor_lag
     phases, grows, coarse = [*task.phases], False, coarse_phases(found)
     for k, (phase, length) in enumerate(zip(task.phases, found.durations, strict=True)):
         if phase.duration is None:
             # a phase whose duration is given is as hard as those beside it make it
-            beside = [j for j in (k - 1, k + 1) if 0 <= j < len(over) and task.phases[j].duration is not None]
+            beside = [
+                j
+                for j in (k - 1, k + 1)
+                if 0 <= j < len(over) and task.phases[j].duration is not None
+            ]
             most = max(over[[k, *beside]])
-            lags = min(max(most ** (1.0 / 3.0), LENGTHS[0]), LENGTHS[1]) if most > 1.0 else 1.0
+            lags = (
+                min(max(most ** (1.0 / 3.0), LENGTHS[0]), LENGTHS[1])
+                if most > 1.0
+                else 1.0
+            )
             factor = max(lags, room if coarse[k] else 1.0)
             grows |= factor > 1.0
             phases[k] = dataclasses.replace(phase, duration=float(factor * length))
@@ -594,7 +824,9 @@ def _slower(found: Plan, task: Task) -> Guess:
     x[:, 7:13] *= slow
     x[:, at.joint_rates] *= slow
     x[:, at.arm] *= slow**2
-    u = found.u[np.clip(np.searchsorted(found.t, t[:-1], side="right") - 1, 0, len(found.u) - 1)]
+    u = found.u[
+        np.clip(np.searchsorted(found.t, t[:-1], side="right") - 1, 0, len(found.u) - 1)
+    ]
     return Guess(x, u)
 
 
@@ -607,20 +839,32 @@ def _best_plan(
 ) -> Plan:
     """Best plan of a task from several seeds, or from a first motion alone.
 
-    ``met``: pairs of the vehicle's own bodies that a plan before went through, to which this one adds its own.
+    ``met``: pairs of the vehicle's own bodies that a plan before went through, to which
+    this one adds its own.
 
     Raises:
         PlanError: as :func:`plan`.
     """
     shape = outline(task)
     counts = node_counts(task, shape.lengths)
-    stage, clearance = stage_of(task, met), np.full(sum(counts) + 1, task.limits.clearance)
+    stage, clearance = (
+        stage_of(task, met),
+        np.full(sum(counts) + 1, task.limits.clearance),
+    )
     problem = problem_of(task, stage, counts, clearance)
-    senses = (1.0, -1.0) if abs(task.start.attitude[0]) + abs(task.start.attitude[1]) > 2.0 else (1.0,)
+    senses = (
+        (1.0, -1.0)
+        if abs(task.start.attitude[0]) + abs(task.start.attitude[1]) > 2.0
+        else (1.0,)
+    )
     guesses = (
         [first]
         if first is not None
-        else [guess_from(task, stage, counts, ways, shape, sense) for ways in seeds(task, shape) for sense in senses]
+        else [
+            guess_from(task, stage, counts, ways, shape, sense)
+            for ways in seeds(task, shape)
+            for sense in senses
+        ]
     )
     best, tried = _best_of(stage, problem, guesses, watch, penalties=penalties)
     found: Plan | None = None
@@ -633,23 +877,30 @@ def _best_plan(
             found = dataclasses.replace(plan, nearest=nearest)
             if task.limits.clearance - nearest.apart <= SLACK:
                 return found
-        # between bodies that did not count yet, or between the nodes, which keep off by as much more
+        # between bodies that did not count yet, or between the nodes, which keep off by
+        # as much more
         met |= nearest.pairs
         clearance += nearest.missing
         last, stage = best, stage_of(task, met)
         problem = problem_of(task, stage, counts, clearance)
-        best, more = _best_of(stage, problem, [Guess(last.x, last.u), *guesses], watch, enough=1)
+        best, more = _best_of(
+            stage, problem, [Guess(last.x, last.u), *guesses], watch, enough=1
+        )
         tried += more
     else:
         if found is None:
-            raise PlanError(f"{task.name}: {nearest.words} come within {nearest.gap:.3g} m at {nearest.time:.3g} s")
+            raise PlanError(
+                f"{task.name}: {nearest.words} come within {nearest.gap:.3g} m at"
+                f" {nearest.time:.3g} s"
+            )
     if found is None:
         raise PlanError(f"{task.name}: {cause(task, stage, counts, best)}")
     return found
 
 
 SLACK = 0.005
-"""Distance (m) by which a vehicle may come nearer to an obstacle between nodes than the limit says."""
+"""Distance (m) by which a vehicle may come nearer to an obstacle between nodes than the
+limit says."""
 
 ENOUGH = 2
 """Number of solved seeds after which the best is taken."""
@@ -666,7 +917,9 @@ def _best_of(
     enough: int = ENOUGH,
     penalties: Sequence[float] = PENALTIES,
 ) -> tuple[Solution | None, int]:
-    """Best solution from several seeds, and their number; ``enough`` solved ones end the search."""
+    """Best solution from several seeds, and their number; ``enough`` solved ones end
+    the search.
+    """
     best: Solution | None = None
     tried = solved = 0
     for penalty, guess in itertools.product(penalties, guesses):
@@ -675,7 +928,10 @@ def _best_of(
         last = None
         for last in Solver(stage, penalty).steps(problem, guess, iterations=most):
             if last.iterations % 20 == 0:
-                watch(f"seed {tried + 1}: iteration {last.iterations}, violation {last.violation:.1e}")
+                watch(
+                    f"seed {tried + 1}: iteration {last.iterations}, violation"
+                    f" {last.violation:.1e}"
+                )
         tried += 1
         if last is not None and _better(last, best):
             best = last
@@ -695,11 +951,22 @@ def _plan_of(
 ) -> Plan:
     free, x = stage.stage.free, best.x.copy()
     x[:, 3:7] = same_signs(x[:, 3:7])
-    steps = problem.data[:-1, 0] + problem.data[:-1, 1 : 1 + free] @ best.x[0, stage.nx - free :]
+    steps = (
+        problem.data[:-1, 0]
+        + problem.data[:-1, 1 : 1 + free] @ best.x[0, stage.nx - free :]
+    )
     return Plan(
-        task=task, stage=stage.stage, compiled=stage, data=problem.data, t=np.append(0.0, np.cumsum(steps)),
-        x=x, u=best.u, K=best.K,
-        edges=tuple(map(int, np.cumsum([0, *counts]))), solution=best, seeds=tried,
+        task=task,
+        stage=stage.stage,
+        compiled=stage,
+        data=problem.data,
+        t=np.append(0.0, np.cumsum(steps)),
+        x=x,
+        u=best.u,
+        K=best.K,
+        edges=tuple(map(int, np.cumsum([0, *counts]))),
+        solution=best,
+        seeds=tried,
     )
 
 
@@ -708,7 +975,9 @@ FINE = 1e-3
 
 
 def nearest_of(plan: Plan) -> Nearest:
-    """Smallest distance between the vehicle's bodies and obstacles, and each other, every millisecond of a plan."""
+    """Smallest distance between the vehicle's bodies and obstacles, and each other,
+    every millisecond of a plan.
+    """
     near = clearances(plan.task.vehicle, plan.task.obstacles)
     if not near.pairs:
         return Nearest()
@@ -716,19 +985,33 @@ def nearest_of(plan: Plan) -> Nearest:
     gaps = _gaps(plan, near, t)
     most = max(0.1, float(gaps.min()) + 0.02)
     close = t[gaps.min(axis=0) < most]
-    fine = np.unique(np.clip((close[:, None] + np.arange(-10, 11) * FINE).ravel(), 0.0, plan.t[-1]))
+    fine = np.unique(
+        np.clip((close[:, None] + np.arange(-10, 11) * FINE).ravel(), 0.0, plan.t[-1])
+    )
     if len(fine):
-        pairs = [pair for pair, row in zip(near.pairs, gaps, strict=True) if row.min() < most]
+        pairs = [
+            pair for pair, row in zip(near.pairs, gaps, strict=True) if row.min() < most
+        ]
         near = dataclasses.replace(near, pairs=tuple(pairs))
         t, gaps = fine, _gaps(plan, near, fine)
-    limit, outer = plan.task.limits.clearance, np.array([pair.surface is not None for pair in near.pairs])
+    limit, outer = (
+        plan.task.limits.clearance,
+        np.array([pair.surface is not None for pair in near.pairs]),
+    )
     worst: list[tuple[float, float, str]] = []
     for rows in (np.flatnonzero(outer), np.flatnonzero(~outer)):
         if len(rows):
             i, k = np.unravel_index(int(gaps[rows].argmin()), (len(rows), len(t)))
             pair = near.pairs[int(rows[i])]
-            worst.append((float(gaps[rows[i], k]), float(t[k]), f"{pair.volume} and {pair.other}"))
-    # of each instant, for the nodes before and after it; where phases meet, a goal may say how far off the vehicle is
+            worst.append(
+                (
+                    float(gaps[rows[i], k]),
+                    float(t[k]),
+                    f"{pair.volume} and {pair.other}",
+                )
+            )
+    # of each instant, for the nodes before and after it; where phases meet, a goal may
+    # say how far off the vehicle is
     after = np.searchsorted(plan.t, t[1:])
     lacks = limit - gaps[outer].min(axis=0, initial=limit)[1:]
     missing = np.zeros(len(plan.t))
@@ -742,8 +1025,14 @@ def nearest_of(plan: Plan) -> Nearest:
         apart=worst[0][0] if outer.any() else math.inf,
         time=time,
         words=words,
-        pairs=frozenset((near.pairs[i].volume, near.pairs[i].other) for i in np.flatnonzero(meet)),
-        short="; ".join(f"{who}, {d:.3g} m at {at:.3g} s" for d, at, who in worst if d < limit - SLACK),
+        pairs=frozenset(
+            (near.pairs[i].volume, near.pairs[i].other) for i in np.flatnonzero(meet)
+        ),
+        short="; ".join(
+            f"{who}, {d:.3g} m at {at:.3g} s"
+            for d, at, who in worst
+            if d < limit - SLACK
+        ),
         missing=missing,
     )
 
@@ -757,7 +1046,9 @@ def _gaps(plan: Plan, near: Clearances, t: Array) -> Array:
 
 
 def states_at(plan: Plan, t: Array) -> Array:
-    """States of a plan between its nodes, (instants, nx), by cubic Hermite interpolation of pose and joints."""
+    """States of a plan between its nodes, (instants, nx), by cubic Hermite
+    interpolation of pose and joints.
+    """
     at, nodes = plan.stage.at, plan.t
     k = np.clip(np.searchsorted(nodes, t, side="right") - 1, 0, len(nodes) - 2)
     h = (nodes[k + 1] - nodes[k])[:, None]
@@ -790,10 +1081,18 @@ def _better(one: Solution, other: Solution | None) -> bool:
 
 
 def seeds(task: Task, shape: Outline) -> list[list[Array]]:
-    """Ways of the base for each phase, one list for each seed: straight ones, then ways around the obstacles."""
+    """Ways of the base for each phase, one list for each seed: straight ones, then ways
+    around the obstacles.
+    """
     reach = float(sum(boom_and_disc(task.vehicle)))
-    each = [ways_around(task.obstacles, a, b, reach) for a, b in itertools.pairwise(shape.bases)]
-    return [[ways[min(k, len(ways) - 1)] for ways in each] for k in range(max(map(len, each)))]
+    each = [
+        ways_around(task.obstacles, a, b, reach)
+        for a, b in itertools.pairwise(shape.bases)
+    ]
+    return [
+        [ways[min(k, len(ways) - 1)] for ways in each]
+        for k in range(max(map(len, each)))
+    ]
 
 
 GOAL_WORDS = {
@@ -815,42 +1114,74 @@ SMOOTH = ("arm", "inputs")
 """Goals that make a plan smooth at its ends, and are never why there is none."""
 
 
-def cause(task: Task, stage: CompiledStage, counts: Sequence[int], last: Solution | None) -> str:
+def cause(
+    task: Task, stage: CompiledStage, counts: Sequence[int], last: Solution | None
+) -> str:
     """One line: which constraint of which phase a motion violates most, and how far."""
     if last is None or not np.isfinite(last.violation):
         return "no motion was found"
-    labels = [name for name, part in stage.goal.items() for _ in range(part.stop - part.start)]
+    labels = [
+        name for name, part in stage.goal.items() for _ in range(part.stop - part.start)
+    ]
     # what a violation costs the motion, rather than its size: the units differ
     off = np.abs(last.goals), np.maximum(last.limits, 0.0)
     edges = np.cumsum([0, *counts])
     found: list[tuple[float, int, str]] = []
-    for size, force, names in zip(off, last.forces, (labels, list(stage.names)), strict=True):
+    for size, force, names in zip(
+        off, last.forces, (labels, list(stage.names)), strict=True
+    ):
         cost = size * np.abs(force)
         cost[:, [name in SMOOTH for name in names]] = 0.0
         node, k = map(int, np.unravel_index(int(cost.argmax()), cost.shape))
-        phase = max(min(int(np.searchsorted(edges, node, side="left")), len(counts)) - 1, 0)
+        phase = max(
+            min(int(np.searchsorted(edges, node, side="left")), len(counts)) - 1, 0
+        )
         found.append(
-            (float(cost[node, k]), phase, f"{GOAL_WORDS.get(names[k], names[k])} is off by {size[node, k]:.3g}")
+            (
+                float(cost[node, k]),
+                phase,
+                f"{GOAL_WORDS.get(names[k], names[k])} is off by {size[node, k]:.3g}",
+            )
         )
     # the goal that is missed, and the limit that is in its way
     _, at, lead = max(found)
-    rows = [words for cost, phase, words in found if phase == at and (cost > LEAST_CAUSE or words == lead)]
-    words = rows[0] + "".join(f", {each.replace(' is off by', ' by')}" for each in rows[1:])
+    rows = [
+        words
+        for cost, phase, words in found
+        if phase == at and (cost > LEAST_CAUSE or words == lead)
+    ]
+    words = rows[0] + "".join(
+        f", {each.replace(' is off by', ' by')}" for each in rows[1:]
+    )
     for k, obstacle in enumerate(task.obstacles):
         words = re.sub(rf"\bobstacle{k}\b", obstacle.name, words)
-    return f"phases[{at}] {task.phases[at].name!r}: no motion within the limits was found: {words}"
+    return (
+        f"phases[{at}] {task.phases[at].name!r}: no motion within the limits was found:"
+        f" {words}"
+    )
 
 
 def impossible(task: Task) -> str:
-    """One line: which limit the start or a goal alone is beyond, so that no motion is within; empty if none is."""
+    """One line: which limit the start or a goal alone is beyond, so that no motion is
+    within; empty if none is.
+    """
     vehicle, limits = task.vehicle, task.limits
     near = clearances(vehicle, task.obstacles)
     own, start = attitude(task.start.attitude), task.start.joints or vehicle.zeros
-    for pair, gap in zip(near.pairs, near.distances(task.start.position, own.rotation(), start), strict=True):
+    for pair, gap in zip(
+        near.pairs,
+        near.distances(task.start.position, own.rotation(), start),
+        strict=True,
+    ):
         if float(gap) < 0.0:
-            return f"start: {pair.volume} and {pair.other} overlap by {-float(gap):.3g} m"
+            return (
+                f"start: {pair.volume} and {pair.other} overlap by {-float(gap):.3g} m"
+            )
     tilts = [(f"phases[{k}].tilt", each.tilt) for k, each in enumerate(task.phases)]
-    most = [(word, tilt) if tilt is not None else ("limits.tilt", limits.tilt) for word, tilt in tilts]
+    most = [
+        (word, tilt) if tilt is not None else ("limits.tilt", limits.tilt)
+        for word, tilt in tilts
+    ]
     places = [("start", most[0], Goal(attitude=task.start.attitude, joints=start))]
     for k, phase in enumerate(task.phases):
         places.append((f"phases[{k}] {phase.name!r}: to", most[k], phase.to))
@@ -859,41 +1190,87 @@ def impossible(task: Task) -> str:
         for joint, value in zip(vehicle.joints, goal.joints, strict=False):
             low, high = joint.ends
             if not low <= value <= high:
-                return f"{at}.joints: {joint.name} = {value:.4g} is beyond its range, {low:.4g} to {high:.4g}"
-        lean = math.acos(max(-1.0, min(1.0, float(attitude(goal.attitude or (0.0,) * 3).rotation().rows[2].z))))
+                return (
+                    f"{at}.joints: {joint.name} = {value:.4g} is beyond its range,"
+                    f" {low:.4g} to {high:.4g}"
+                )
+        lean = math.acos(
+            max(
+                -1.0,
+                min(
+                    1.0,
+                    float(attitude(goal.attitude or (0.0,) * 3).rotation().rows[2].z),
+                ),
+            )
+        )
         if lean > tilt + TOLERANCE:
             return f"{at}.attitude: is tilted by {lean:.4g} rad, {stated} is {tilt:.4g}"
         fast = float(goal.velocity.norm()) if goal.velocity else 0.0
         if fast > limits.speed:
-            return f"{at}.velocity: is {fast:.4g} m/s, limits.speed is {limits.speed:.4g}"
+            return (
+                f"{at}.velocity: is {fast:.4g} m/s, limits.speed is {limits.speed:.4g}"
+            )
         if goal.rest and lift < (weight := float(vehicle.mass) * task.gravity):
-            return f"{at}.rest: hovering takes {weight:.4g} N, limits.thrust_share leaves {lift:.4g} N"
-        for word, place, least in (("tip", goal.tip, limits.clearance), ("base", goal.base, 0.0)):
+            return (
+                f"{at}.rest: hovering takes {weight:.4g} N, limits.thrust_share leaves"
+                f" {lift:.4g} N"
+            )
+        for word, place, least in (
+            ("tip", goal.tip, limits.clearance),
+            ("base", goal.base, 0.0),
+        ):
             for each in task.obstacles if place is not None else ():
                 gap = float(free_distance([each], float_array(place or ())))
                 if gap < least:
-                    return f"{at}.{word}: is {gap:.3g} m from {each.name}, at least {least:.3g} m are needed"
+                    return (
+                        f"{at}.{word}: is {gap:.3g} m from {each.name}, at least"
+                        f" {least:.3g} m are needed"
+                    )
     return without_support(task)
 
 
 def without_support(task: Task) -> str:
-    """One line: which plane the tip is off, or that nothing holds a tilted start; empty if neither."""
-    below = tip_below(task, np.array(task.start.joints or task.vehicle.zeros, dtype=float))
-    place = task.start.position + attitude(task.start.attitude).rotation().apply(Vec3(*below))
+    """One line: which plane the tip is off, or that nothing holds a tilted start; empty
+    if neither.
+    """
+    below = tip_below(
+        task, np.array(task.start.joints or task.vehicle.zeros, dtype=float)
+    )
+    place = task.start.position + attitude(task.start.attitude).rotation().apply(
+        Vec3(*below)
+    )
     tip: Array | None = float_array(place) if task.vehicle.end_effector else None
     for k, phase in enumerate(task.phases):
-        after = float_array(phase.to.tip) if phase.to.tip is not None else tip if phase.resting else None
-        if phase.contact is not None and phase.contact.kind == "plane" and tip is not None and after is not None:
+        after = (
+            float_array(phase.to.tip)
+            if phase.to.tip is not None
+            else tip
+            if phase.resting
+            else None
+        )
+        if (
+            phase.contact is not None
+            and phase.contact.kind == "plane"
+            and tip is not None
+            and after is not None
+        ):
             off = float((after - tip) @ float_array(phase.contact.normal))
             if abs(off) > OFF_PLANE:
-                return f"phases[{k}] {phase.name!r}: to.tip: is {off:.3g} m off the plane on which the tip begins"
+                return (
+                    f"phases[{k}] {phase.name!r}: to.tip: is {off:.3g} m off the plane"
+                    " on which the tip begins"
+                )
         tip = after
     held = task.phases[0].contact is not None and task.phases[0].contact.kind != "plane"
     if not (held or is_level(task.start)):
-        fix = "must have roll and pitch 0, for nothing holds it; a first phase in contact, 'point' or 'bar', would"
+        fix = (
+            "must have roll and pitch 0, for nothing holds it; a first phase in"
+            " contact, 'point' or 'bar', would"
+        )
         return f"start.attitude = {shown(list(task.start.attitude))}: {fix}"
     return ""
 
 
 OFF_PLANE = 1e-3
-"""Largest distance (m) of a goal from the plane on which the tip slides: of goals that are rounded to millimetres."""
+"""Largest distance (m) of a goal from the plane on which the tip slides: of goals that
+are rounded to millimetres."""

@@ -1,8 +1,9 @@
-"""Ways of the base that a plan begins from: straight ones, and ways around obstacles found on a grid.
+"""Ways of the base that a plan begins from: straight ones, and ways around obstacles
+found on a grid.
 
-A ball about the base is led from cell to cell by A* and the way is cut short where the straight line is free. A large
-ball keeps away from everything; a smaller one passes where the vehicle must fold, tilt or pass edgewise, which the
-solver then finds.
+A ball about the base is led from cell to cell by A* and the way is cut short where the
+straight line is free. A large ball keeps away from everything; a smaller one passes
+where the vehicle must fold, tilt or pass edgewise, which the solver then finds.
 Source: Hart, Nilsson, Raphael 1968 (A*).
 """
 
@@ -22,16 +23,19 @@ from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Volume, surface_distance
 
 CELL = 0.15
-"""Edge (m) of a cell of the grid; larger where the scene would have more than ``MOST_CELLS``."""
+"""Edge (m) of a cell of the grid; larger where the scene would have more than
+``MOST_CELLS``."""
 
 MOST_CELLS = 60_000
 """Largest number of cells of the grid."""
 
 MARGIN = 1.5
-"""Distance (m) by which the grid is larger than start, goal and obstacles, as far as ``DETOUR`` lets it."""
+"""Distance (m) by which the grid is larger than start, goal and obstacles, as far as
+``DETOUR`` lets it."""
 
 DETOUR = 1.0
-"""Distance that a way may lead away from the straight one, over its length, beside ``MARGIN``."""
+"""Distance that a way may lead away from the straight one, over its length, beside
+``MARGIN``."""
 
 BALLS = (1.0, 0.6, 0.3)
 """Radii of the ball, over the vehicle's reach."""
@@ -42,13 +46,19 @@ def free_distance(obstacles: Sequence[Surface], points: Array) -> Array:
     best = np.full(points.shape[:-1], math.inf)
     for each in obstacles:
         place = Vec3(points[..., 0], points[..., 1], points[..., 2])
-        gap = surface_distance(Volume("ball", BASE, place, place, 0.0, 0, E_Z), each, 0.0)
+        gap = surface_distance(
+            Volume("ball", BASE, place, place, 0.0, 0, E_Z), each, 0.0
+        )
         best = np.minimum(best, np.broadcast_to(doubles(gap), best.shape))
     return best
 
 
-def ways_around(obstacles: Sequence[Surface], start: Array, goal: Array, reach: float) -> list[Array]:
-    """Ways (points, 3) from a start to a goal, m: the straight one, then one for each ball that passes elsewhere."""
+def ways_around(
+    obstacles: Sequence[Surface], start: Array, goal: Array, reach: float
+) -> list[Array]:
+    """Ways (points, 3) from a start to a goal, m: the straight one, then one for each
+    ball that passes elsewhere.
+    """
     ways = [np.array([start, goal])]
     if not obstacles or np.allclose(start, goal):
         return ways
@@ -60,25 +70,44 @@ def ways_around(obstacles: Sequence[Surface], start: Array, goal: Array, reach: 
             break
         way = _search(gaps, points, shape, places, ball)
         if way is not None:
-            ways.append(_cut_short(obstacles, np.array([start, *way[1:-1], goal]), ball))
+            ways.append(
+                _cut_short(obstacles, np.array([start, *way[1:-1], goal]), ball)
+            )
     return ways
 
 
-def _grid(obstacles: Sequence[Surface], start: Array, goal: Array) -> tuple[Array, tuple[int, ...], tuple[int, int]]:
+def _grid(
+    obstacles: Sequence[Surface], start: Array, goal: Array
+) -> tuple[Array, tuple[int, ...], tuple[int, int]]:
     """Points of the grid (cells, 3), its shape, and the cells of start and goal."""
     low, high = np.minimum(start, goal) - MARGIN, np.maximum(start, goal) + MARGIN
     for each in obstacles:
         if each.shape != "plane":
-            middle, far = float_array(each.position), float(each.farthest) + 0.5 * MARGIN
+            middle, far = (
+                float_array(each.position),
+                float(each.farthest) + 0.5 * MARGIN,
+            )
             low, high = np.minimum(low, middle - far), np.maximum(high, middle + far)
     far = MARGIN + DETOUR * norm(goal - start)
-    low, high = np.maximum(low, np.minimum(start, goal) - far), np.minimum(high, np.maximum(start, goal) + far)
+    low, high = (
+        np.maximum(low, np.minimum(start, goal) - far),
+        np.minimum(high, np.maximum(start, goal) + far),
+    )
     cell = max(CELL, float(np.prod(high - low) / MOST_CELLS) ** (1.0 / 3.0))
     axes = [np.arange(a, b + cell, cell) for a, b in zip(low, high, strict=True)]
     shape = tuple(map(len, axes))
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     nearest = [
-        int(np.ravel_multi_index(tuple(np.clip(np.round((p - low) / cell).astype(int), 0, np.array(shape) - 1)), shape))
+        int(
+            np.ravel_multi_index(
+                tuple(
+                    np.clip(
+                        np.round((p - low) / cell).astype(int), 0, np.array(shape) - 1
+                    )
+                ),
+                shape,
+            )
+        )
         for p in (start, goal)
     ]
     return points, shape, (nearest[0], nearest[1])
@@ -87,14 +116,31 @@ def _grid(obstacles: Sequence[Surface], start: Array, goal: Array) -> tuple[Arra
 STEPS = [step for step in itertools.product((-1, 0, 1), repeat=3) if any(step)]
 
 
-def _search(gaps: Array, points: Array, shape: tuple[int, ...], ends: tuple[int, int], ball: float) -> Array | None:
-    """Shortest way (points, 3) of a ball from cell to cell by A*; None if there is none."""
+def _search(
+    gaps: Array,
+    points: Array,
+    shape: tuple[int, ...],
+    ends: tuple[int, int],
+    ball: float,
+) -> Array | None:
+    """Shortest way (points, 3) of a ball from cell to cell by A*; None if there is
+    none.
+    """
     start, goal = ends
     room, ahead = gaps.tolist(), lengths(points - points[goal]).tolist()
     room[start], room[goal] = max(room[start], 2.0 * ball), max(room[goal], 2.0 * ball)
     cell = float(points[1, 2] - points[0, 2])
     rows, columns, layers = shape
-    ways = [(a, b, c, (a * columns + b) * layers + c, cell * math.sqrt(a * a + b * b + c * c)) for a, b, c in STEPS]
+    ways = [
+        (
+            a,
+            b,
+            c,
+            (a * columns + b) * layers + c,
+            cell * math.sqrt(a * a + b * b + c * c),
+        )
+        for a, b, c in STEPS
+    ]
     costs, before, done = {start: 0.0}, {start: start}, set[int]()
     queue = [(ahead[start], start)]
     while queue:
@@ -112,7 +158,8 @@ def _search(gaps: Array, points: Array, shape: tuple[int, ...], ends: tuple[int,
             if not (0 <= i + a < rows and 0 <= j + b < columns and 0 <= k + c < layers):
                 continue
             other = here + offset
-            # no distance falls faster than a point moves: the least one on the way between both
+            # no distance falls faster than a point moves: the least one on the way
+            # between both
             if other in done or room[here] + room[other] - length < 2.0 * ball:
                 continue
             # ways close to obstacles are longer
@@ -136,7 +183,9 @@ def _cut_short(obstacles: Sequence[Surface], way: Array, ball: float) -> Array:
     kept, at = [0], 0
     while at < len(way) - 1:
         ends = range(len(way) - 1, at, -1)
-        ahead = next((k for k in ends if _is_free(obstacles, way[at], way[k], ball)), at + 1)
+        ahead = next(
+            (k for k in ends if _is_free(obstacles, way[at], way[k], ball)), at + 1
+        )
         kept.append(ahead)
         at = ahead
     return way[kept]

@@ -1,9 +1,12 @@
-"""Solver of plans: augmented Lagrangian over multiple shooting, steps by Riccati recursion, a line search by lanes.
+"""Solver of plans: augmented Lagrangian over multiple shooting, steps by Riccati
+recursion, a line search by lanes.
 
-Gaps between stages stay open and close with the step; goals and all limits, those of inputs too, have multipliers. A
-step minimises the Gauss-Newton model of the augmented Lagrangian; no second derivatives of the dynamics are needed.
-Sources: Bertsekas 1982 (method of multipliers); Nocedal, Wright 2006, section 17.4; Mastalli et al. 2020 (gaps that
-close with the step); Howell, Jackson, Manchester 2019 (augmented Lagrangian in trajectory optimisation).
+Gaps between stages stay open and close with the step; goals and all limits, those of
+inputs too, have multipliers. A step minimises the Gauss-Newton model of the augmented
+Lagrangian; no second derivatives of the dynamics are needed.
+Sources: Bertsekas 1982 (method of multipliers); Nocedal, Wright 2006, section 17.4;
+Mastalli et al. 2020 (gaps that close with the step); Howell, Jackson, Manchester 2019
+(augmented Lagrangian in trajectory optimisation).
 """
 
 from __future__ import annotations
@@ -38,19 +41,23 @@ LAX = -1e3
 """Value of a limit that a stage does not have."""
 
 BENDING = 0.1
-"""Least cosine between a step and the change of the slopes for which that change counts as curvature."""
+"""Least cosine between a step and the change of the slopes for which that change counts
+as curvature."""
 
 NOISE = 1e-14
 """Change of a slope along a step that may be rounding."""
 
 SMALLEST_WEIGHT = 1e-9
-"""Number added to the inputs' second derivatives: an input without a cost stays unchanged."""
+"""Number added to the inputs' second derivatives: an input without a cost stays
+unchanged."""
 
 SETTLED = 100.0
-"""Decrease a step may still promise, over what the violation costs, where the penalty grows: else the step is due."""
+"""Decrease a step may still promise, over what the violation costs, where the penalty
+grows: else the step is due."""
 
 STUCK = 60
-"""Number of updates at the largest penalty in which the violation does not fall, after which the search ends."""
+"""Number of updates at the largest penalty in which the violation does not fall, after
+which the search ends."""
 
 
 @positional(eq=False)
@@ -66,7 +73,8 @@ class PlanProblem:
     """Numbers of all stages and which of their goals and limits count.
 
     Attributes:
-        data: (N + 1, leaves of StageData). goals: (N + 1, goals). limits: (N + 1, limits).
+        data: (N + 1, leaves of StageData). goals: (N + 1, goals). limits: (N + 1,
+            limits).
     """
 
     data: Array
@@ -79,8 +87,10 @@ class Solution:
     """Result of a solution.
 
     Attributes:
-        x, u: states (N + 1, nx) and inputs (N, nu). K: gains (N, nu, nt) of the last step.
-        solved: True within the tolerance. cost: of the motion. violation: largest, of gaps, goals and limits.
+        x, u: states (N + 1, nx) and inputs (N, nu). K: gains (N, nu, nt) of the last
+            step.
+        solved: True within the tolerance. cost: of the motion. violation: largest, of
+            gaps, goals and limits.
         iterations: their number. gap, goals, limits: what is left of them, by stage.
         forces: multipliers of goals and limits: what they cost.
     """
@@ -100,7 +110,9 @@ class Solution:
 
 @immutable(eq=False)
 class _Values:
-    """Values of all stages: gaps, cost residuals, goals and limits; what does not count is 0, or far from its limit."""
+    """Values of all stages: gaps, cost residuals, goals and limits; what does not count
+    is 0, or far from its limit.
+    """
 
     gap: Array
     costs: Array
@@ -115,18 +127,28 @@ class _Values:
     @property
     def violation(self) -> float:
         """Largest violation of one motion."""
-        return float(max(np.abs(self.gap).max(), np.abs(self.goals).max(), self.limits.max(), 0.0))
+        return float(
+            max(
+                np.abs(self.gap).max(), np.abs(self.goals).max(), self.limits.max(), 0.0
+            )
+        )
 
     def of(self, lane: int) -> _Values:
         """Values of one motion of several."""
-        return _Values(gap=self.gap[lane], costs=self.costs[lane], goals=self.goals[lane], limits=self.limits[lane])
+        return _Values(
+            gap=self.gap[lane],
+            costs=self.costs[lane],
+            goals=self.goals[lane],
+            limits=self.limits[lane],
+        )
 
 
 class Solver:
     """Augmented-Lagrangian solver for one compiled stage.
 
     Args:
-        stage: compiled. penalty: first one; it grows by 10 while the violation does not fall by 4.
+        stage: compiled. penalty: first one; it grows by 10 while the violation does not
+            fall by 4.
     """
 
     def __init__(self, stage: CompiledStage, penalty: float = 100.0) -> None:
@@ -144,41 +166,67 @@ class Solver:
         )
 
     def solve(self, problem: PlanProblem, guess: Guess) -> Solution:
-        """Solve from a guess; the first state stays but for the lengths of free phases."""
+        """Solve from a guess; the first state stays but for the lengths of free
+        phases.
+        """
         *_, last = self.steps(problem, guess)
         return last
 
-    def steps(self, problem: PlanProblem, guess: Guess, *, iterations: int = ITERATIONS) -> Iterator[Solution]:
-        """Solve from a guess; yields the motion after each iteration, of which no clock decides the number."""
+    def steps(
+        self, problem: PlanProblem, guess: Guess, *, iterations: int = ITERATIONS
+    ) -> Iterator[Solution]:
+        """Solve from a guess; yields the motion after each iteration, of which no clock
+        decides the number.
+        """
         s = self.stage
         x, u = guess.x, guess.u
         y, z = np.zeros(problem.goals.shape), np.zeros(problem.limits.shape)
         penalty, damping, weight, before = self.penalty, 0.0, 1.0, np.inf
         inner, lax, stuck = 0, 1e-2, 0
         now = self._read(s.values(x, u, problem.data)[0], problem)
-        J, taken, bent = np.zeros(0), (np.zeros(0), np.zeros(0), np.zeros(0)), np.zeros((s.nt + s.nu,) * 2)
+        J, taken, bent = (
+            np.zeros(0),
+            (np.zeros(0), np.zeros(0), np.zeros(0)),
+            np.zeros((s.nt + s.nu,) * 2),
+        )
         for k in range(iterations):
-            forces = np.hstack([y + penalty * now.goals, np.maximum(z + penalty * now.limits, 0.0)])
+            forces = np.hstack(
+                [y + penalty * now.goals, np.maximum(z + penalty * now.limits, 0.0)]
+            )
             if not len(J):
                 J = s.jacobians(x, u, problem.data)
                 J[-1, s.costs] = 0.0
                 if k:
-                    bent = curvature(J, np.hstack([now.costs, forces * self._counting(problem, forces)]), *taken)
+                    bent = curvature(
+                        J,
+                        np.hstack(
+                            [now.costs, forces * self._counting(problem, forces)]
+                        ),
+                        *taken,
+                    )
             Q = self._model(problem, J, now.costs, forces, penalty)
             Q[:, :-1, :-1] += bent
             P, gains = recursion(Q, J[:-1, : s.nt], now.gap, damping)
             dx, du = linear_step(P, gains, J[:-1, : s.nt], now.gap, s.stage.free)
-            costates = (P[1:, :-1] @ np.hstack([dx[1:], np.ones((len(u), 1))])[:, :, None])[:, :, 0]
+            costates = (
+                P[1:, :-1] @ np.hstack([dx[1:], np.ones((len(u), 1))])[:, :, None]
+            )[:, :, 0]
             weight = max(0.5 * weight, 1.2 * float(np.abs(costates).max()))
             tried = self._read(s.values(x, u, problem.data, (dx, du), SHARES), problem)
             merit = merit_of(problem, y, z, penalty, weight)
             here, there = float(merit(now)), merit(tried)
             step = np.hstack([np.vstack([du, np.zeros((1, s.nu))]), dx])
             slope = float((Q[:, :-1, -1] * step).sum() - weight * np.abs(now.gap).sum())
-            better = np.flatnonzero(there <= here + 1e-4 * SHARES * min(slope, 0.0) + 1e-12 * abs(here))
+            better = np.flatnonzero(
+                there <= here + 1e-4 * SHARES * min(slope, 0.0) + 1e-12 * abs(here)
+            )
             share = float(SHARES[better[0]]) if len(better) else 0.0
             if share:
-                x, u, now = s.retract(x, share * dx), u + share * du, tried.of(int(better[0]))
+                x, u, now = (
+                    s.retract(x, share * dx),
+                    u + share * du,
+                    tried.of(int(better[0])),
+                )
                 J, taken = np.zeros(0), (J, share * step, costates)
             damping = next_damping(damping, share)
             cost, violation = float(now.cost), now.violation
@@ -186,15 +234,28 @@ class Solver:
             done = -slope < lax * max(1e-3, cost) or damping >= MOST_DAMPING
             solved = violation < TOLERANCE and -slope < 1e-4 * max(1e-2, cost)
             yield Solution(
-                x=x, u=u, K=gains[:, :, :-1], solved=solved, cost=cost, violation=violation, iterations=k + 1,
-                gap=now.gap, goals=now.goals, limits=now.limits,
-                forces=(y + penalty * now.goals, np.maximum(z + penalty * now.limits, 0.0)),
+                x=x,
+                u=u,
+                K=gains[:, :, :-1],
+                solved=solved,
+                cost=cost,
+                violation=violation,
+                iterations=k + 1,
+                gap=now.gap,
+                goals=now.goals,
+                limits=now.limits,
+                forces=(
+                    y + penalty * now.goals,
+                    np.maximum(z + penalty * now.limits, 0.0),
+                ),
             )
             if solved or stuck >= STUCK or not np.isfinite(cost):
                 return
             if done or inner >= PATIENCE:
                 y = y + penalty * now.goals
-                z = np.where(problem.limits, np.maximum(z + penalty * now.limits, 0.0), 0.0)
+                z = np.where(
+                    problem.limits, np.maximum(z + penalty * now.limits, 0.0), 0.0
+                )
                 if violation <= 0.25 * before:
                     stuck = 0
                 elif done and -slope < SETTLED * penalty * violation**2:
@@ -207,26 +268,44 @@ class Solver:
         """Goals that count and limits that act, (N + 1, goals and limits)."""
         return np.hstack([problem.goals, forces[:, problem.goals.shape[1] :] > 0.0])
 
-    def _model(self, problem: PlanProblem, J: Array, costs: Array, forces: Array, penalty: float) -> Array:
-        """Gauss-Newton model of the augmented Lagrangian by inputs, tangents and 1, (N + 1, nu + nt + 1, same)."""
+    def _model(
+        self,
+        problem: PlanProblem,
+        J: Array,
+        costs: Array,
+        forces: Array,
+        penalty: float,
+    ) -> Array:
+        """Gauss-Newton model of the augmented Lagrangian by inputs, tangents and 1,
+        (N + 1, nu + nt + 1, same).
+        """
         s = self.stage
-        rows = np.concatenate([inputs_first(J[:, s.costs], s.nt), costs[:, :, None]], axis=2)
+        rows = np.concatenate(
+            [inputs_first(J[:, s.costs], s.nt), costs[:, :, None]], axis=2
+        )
         Q: Array = rows.transpose(0, 2, 1) @ rows
         counting = self._counting(problem, forces)
         for k in np.flatnonzero(counting.any(axis=1)):
             at = counting[k]
-            rows = np.column_stack([inputs_first(J[k, s.goals.start :][at], s.nt), forces[k, at] / penalty])
+            rows = np.column_stack(
+                [inputs_first(J[k, s.goals.start :][at], s.nt), forces[k, at] / penalty]
+            )
             Q[k] += penalty * (rows.T @ rows)
         return Q
 
 
 def inputs_first(J: Array, nt: int) -> Array:
-    """Derivatives by inputs and tangents from those by tangents (nt) and inputs, in the last axis."""
+    """Derivatives by inputs and tangents from those by tangents (nt) and inputs, in the
+    last axis.
+    """
     return np.concatenate([J[..., nt:], J[..., :nt]], axis=-1)
 
 
-def curvature(J: Array, pulls: Array, old: Array, step: Array, costates: Array) -> Array:
-    """Second derivatives (N + 1, nu + nt, same) of each stage along the step before, which Gauss-Newton leaves out.
+def curvature(
+    J: Array, pulls: Array, old: Array, step: Array, costates: Array
+) -> Array:
+    """Second derivatives (N + 1, nu + nt, same) of each stage along the step before,
+    which Gauss-Newton leaves out.
 
     Args:
         J: derivatives (N + 1, outputs, nt + nu) after the step.
@@ -239,25 +318,36 @@ def curvature(J: Array, pulls: Array, old: Array, step: Array, costates: Array) 
     weights = np.hstack([np.vstack([costates, np.zeros((1, nt))]), pulls])[:, None]
     change = inputs_first((weights @ J - weights @ old)[:, 0], nt)
     along = (step * change).sum(axis=1)
-    sure = along > BENDING * np.sqrt((step**2).sum(axis=1) * (change**2).sum(axis=1)) + NOISE
+    sure = (
+        along
+        > BENDING * np.sqrt((step**2).sum(axis=1) * (change**2).sum(axis=1)) + NOISE
+    )
     share = np.where(sure, 1.0 / np.where(sure, along, 1.0), 0.0)
     return share[:, None, None] * (change[:, :, None] * change[:, None, :])
 
 
-def merit_of(problem: PlanProblem, y: Array, z: Array, penalty: float, weight: float) -> Callable[[_Values], Array]:
+def merit_of(
+    problem: PlanProblem, y: Array, z: Array, penalty: float, weight: float
+) -> Callable[[_Values], Array]:
     """Merit function: augmented Lagrangian plus the weighted sum of the gaps' sizes."""
 
     def merit(at: _Values) -> Array:
         active = np.maximum(z + penalty * at.limits, 0.0)
-        goals = (y * at.goals).sum((-2, -1)) + 0.5 * penalty * (at.goals**2).sum((-2, -1))
+        goals = (y * at.goals).sum((-2, -1)) + 0.5 * penalty * (at.goals**2).sum(
+            (-2, -1)
+        )
         limits = ((active**2 - z**2) * problem.limits).sum((-2, -1)) / (2.0 * penalty)
-        return np.asarray(at.cost + goals + limits + weight * np.abs(at.gap).sum((-2, -1)))
+        return np.asarray(
+            at.cost + goals + limits + weight * np.abs(at.gap).sum((-2, -1))
+        )
 
     return merit
 
 
 def next_damping(damping: float, share: float) -> float:
-    """Number added to all second derivatives for the next step, after a step of which a share was taken."""
+    """Number added to all second derivatives for the next step, after a step of which a
+    share was taken.
+    """
     if share > 0.5:
         return damping / 4.0 if damping > 1e-6 else 0.0
     if share >= 0.2:
@@ -265,8 +355,11 @@ def next_damping(damping: float, share: float) -> float:
     return max(2.0 * damping, 1e-5) if share else max(4.0 * damping, 1e-4)
 
 
-def recursion(Q: Array, AB: Array, gap: Array, damping: float = 0.0) -> tuple[Array, Array]:
-    """Riccati recursion of quadratic models (N + 1, nu + nt + 1, same) of inputs, states and 1 on linear stages.
+def recursion(
+    Q: Array, AB: Array, gap: Array, damping: float = 0.0
+) -> tuple[Array, Array]:
+    """Riccati recursion of quadratic models (N + 1, nu + nt + 1, same) of inputs,
+    states and 1 on linear stages.
 
     Args:
         Q: the models; of the last one the states count.
@@ -282,7 +375,11 @@ def recursion(Q: Array, AB: Array, gap: Array, damping: float = 0.0) -> tuple[Ar
     stages, nt, width = AB.shape
     nu = width - nt
     S = np.zeros((stages, nt + 1, width + 1))
-    S[:, :nt, :width], S[:, :nt, width], S[:, nt, width] = inputs_first(AB, nt), gap, 1.0
+    S[:, :nt, :width], S[:, :nt, width], S[:, nt, width] = (
+        inputs_first(AB, nt),
+        gap,
+        1.0,
+    )
     Q[:, np.arange(width), np.arange(width)] += damping
     Q[:, np.arange(nu), np.arange(nu)] += SMALLEST_WEIGHT
     P, gains = np.empty((stages + 1, nt + 1, nt + 1)), np.empty((stages, nu, nt + 1))
@@ -297,14 +394,22 @@ def recursion(Q: Array, AB: Array, gap: Array, damping: float = 0.0) -> tuple[Ar
     return P, gains
 
 
-def linear_step(P: Array, gains: Array, AB: Array, gap: Array, free: int) -> tuple[Array, Array]:
-    """Changes of states (N + 1, nt) and inputs (N, nu) under gains; of the first state those of its free lengths."""
+def linear_step(
+    P: Array, gains: Array, AB: Array, gap: Array, free: int
+) -> tuple[Array, Array]:
+    """Changes of states (N + 1, nt) and inputs (N, nu) under gains; of the first state
+    those of its free lengths.
+    """
     stages, nt, _ = AB.shape
-    closed = np.concatenate([AB[:, :, :nt], gap[:, :, None]], axis=2) + AB[:, :, nt:] @ gains
+    closed = (
+        np.concatenate([AB[:, :, :nt], gap[:, :, None]], axis=2) + AB[:, :, nt:] @ gains
+    )
     dx = np.zeros((stages + 1, nt))
     if free:
         at = slice(nt - free, nt)
-        dx[0, at] = -np.linalg.solve(P[0, at, at] + SMALLEST_WEIGHT * np.eye(free), P[0, at, nt])
+        dx[0, at] = -np.linalg.solve(
+            P[0, at, at] + SMALLEST_WEIGHT * np.eye(free), P[0, at, nt]
+        )
     for k in range(stages):
         dx[k + 1] = closed[k, :, :nt] @ dx[k] + closed[k, :, nt]
     return dx, (gains[:, :, :nt] @ dx[:-1, :, None])[:, :, 0] + gains[:, :, nt]

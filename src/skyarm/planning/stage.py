@@ -1,13 +1,16 @@
-"""One stage of a plan as a function of scalars: the state after it, costs, goals and limits; compiled for a horizon.
+"""One stage of a plan as a function of scalars: the state after it, costs, goals and
+limits; compiled for a horizon.
 
-The state is that of the predictive law's model with joint accelerations, and the lengths of free phases as constant
-states; inputs are rotor accelerations, joint jerks and the force of a contact on the tip. Joint torques follow by
-inverse dynamics, and are limits. Derivatives are exact: Taylor series of first order serve as dual numbers, one
+The state is that of the predictive law's model with joint accelerations, and the
+lengths of free phases as constant states; inputs are rotor accelerations, joint jerks
+and the force of a contact on the tip. Joint torques follow by inverse dynamics, and are
+limits. Derivatives are exact: Taylor series of first order serve as dual numbers, one
 direction a lane, the stages as rows.
 
-Tangent of a state: position, rotation vector (body axes), velocity, rate, joints, joint rates, rotor speeds, joint
-accelerations, lengths.
-Source: Diehl, Bock, Diedam, Wieber 2006 (multiple shooting); Griewank, Walther 2008, chapter 3 (forward mode).
+Tangent of a state: position, rotation vector (body axes), velocity, rate, joints, joint
+rates, rotor speeds, joint accelerations, lengths.
+Source: Diehl, Bock, Diedam, Wieber 2006 (multiple shooting); Griewank, Walther 2008,
+chapter 3 (forward mode).
 """
 
 from __future__ import annotations
@@ -22,14 +25,28 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Motion, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import (
+    E_Z,
+    ZERO3,
+    ZERO3_DATA,
+    Motion,
+    Quaternion,
+    Scalar,
+    Scalars,
+    Vec3,
+)
 from skyarm.algebra.scalars import sqrt
 from skyarm.algebra.scalars.taylor import Taylor, as_series
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.laws.predictive.prediction import StageInputs, base_accelerations, runge_kutta_step, slope_of
+from skyarm.control.laws.predictive.prediction import (
+    StageInputs,
+    base_accelerations,
+    runge_kutta_step,
+    slope_of,
+)
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.hover import hover_trim
@@ -56,9 +73,11 @@ class Limits:
     """Limits of a plan.
 
     Attributes:
-        thrust_share: of each rotor's highest thrust. torque_share: of each joint's highest effort.
+        thrust_share: of each rotor's highest thrust. torque_share: of each joint's
+            highest effort.
         joint_rate: rad/s or m/s. speed: m/s, of the base. rate: rad/s, of the base.
-        ranges: lowest and highest position of each joint, rad or m; empty: those of the vehicle.
+        ranges: lowest and highest position of each joint, rad or m; empty: those of the
+            vehicle.
     """
 
     thrust_share: float = 0.9
@@ -74,11 +93,14 @@ class Weights:
     """Weights of what a plan minimises beside its limits, per second of the motion.
 
     Attributes:
-        thrust: squared deviation of each rotor's thrust from that in hover, over the latter. torque: squared torque of
-            each joint over its limit. state: squared rates of the base and of the joints and joint positions.
-        spin, arm, jerk: squared rotor accelerations, joint accelerations and jerks, in units of an input or state.
+        thrust: squared deviation of each rotor's thrust from that in hover, over the
+            latter. torque: squared torque of each joint over its limit. state: squared
+            rates of the base and of the joints and joint positions.
+        spin, arm, jerk: squared rotor accelerations, joint accelerations and jerks, in
+            units of an input or state.
         force: squared contact force over the weight.
-        across: squared force of tilted rotors across the base's z axis, over the weight: laws lean by the force alone.
+        across: squared force of tilted rotors across the base's z axis, over the
+            weight: laws lean by the force alone.
     """
 
     thrust: float = 0.2
@@ -93,7 +115,9 @@ class Weights:
 
 @immutable
 class Place:
-    """Size (m), position (m) and angles (rad) of an obstacle as data: none of its zeros is structure."""
+    """Size (m), position (m) and angles (rad) of an obstacle as data: none of its zeros
+    is structure.
+    """
 
     size: Scalars
     position: Vec3
@@ -102,12 +126,19 @@ class Place:
     @classmethod
     def of(cls, surface: Surface) -> Place:
         """Place of a surface."""
-        numbers = [tuple(map(float, each)) for each in (surface.size, surface.position, surface.angles)]
-        return cls(size=numbers[0], position=Vec3(*numbers[1]), angles=Vec3(*numbers[2]))
+        numbers = [
+            tuple(map(float, each))
+            for each in (surface.size, surface.position, surface.angles)
+        ]
+        return cls(
+            size=numbers[0], position=Vec3(*numbers[1]), angles=Vec3(*numbers[2])
+        )
 
 
 class Slices(NamedTuple):
-    """Slices of a state: joints, their rates, rotor speeds over those of hover, and joint accelerations."""
+    """Slices of a state: joints, their rates, rotor speeds over those of hover, and
+    joint accelerations.
+    """
 
     joints: slice
     joint_rates: slice
@@ -121,11 +152,15 @@ class StageData:
 
     Attributes:
         dt: s, the fixed length. free: share of each free phase length that is added.
-        tip, tip_velocity, base, velocity: goals, m and m/s, world axes. attitude: goal of the base.
+        tip, tip_velocity, base, velocity: goals, m and m/s, world axes. attitude: goal
+            of the base.
         axis: goal of the tip frame's z axis, world axes. joints: goal, rad or m.
-        touching: 1 in contact, else 0. normal: unit vector out of the surface. friction: coefficient.
-        press: least normal force over the weight. hurry: root of twice the cost of a second.
-        upright: least cosine of the tilt. clearance: least distance, m. obstacles: shapes of the scene.
+        touching: 1 in contact, else 0. normal: unit vector out of the surface.
+            friction: coefficient.
+        press: least normal force over the weight. hurry: root of twice the cost of a
+            second.
+        upright: least cosine of the tilt. clearance: least distance, m. obstacles:
+            shapes of the scene.
     """
 
     dt: Scalar = 0.0
@@ -148,8 +183,20 @@ class StageData:
 
 
 GOALS = (
-    "tip", "tip_velocity", "lift", "axis", "base", "heading", "attitude", "velocity", "rate", "joints", "joint_rates",
-    "still", "arm", "inputs",
+    "tip",
+    "tip_velocity",
+    "lift",
+    "axis",
+    "base",
+    "heading",
+    "attitude",
+    "velocity",
+    "rate",
+    "joints",
+    "joint_rates",
+    "still",
+    "arm",
+    "inputs",
 )
 """Names of the goals that a stage may have, in the order of their rows."""
 
@@ -159,8 +206,10 @@ class StageValues:
     """Values of one stage.
 
     Attributes:
-        end: state after it, of x. costs: residuals, half of whose squared sum is the cost.
-        goals: errors by name. limits: names and values, of which none may be above 0; those of ``inputs`` first.
+        end: state after it, of x. costs: residuals, half of whose squared sum is the
+            cost.
+        goals: errors by name. limits: names and values, of which none may be above 0;
+            those of ``inputs`` first.
     """
 
     end: list[Scalar]
@@ -175,10 +224,13 @@ class Stage:
     """Function of one stage for one model, its limits and weights.
 
     Attributes:
-        model: of the plan. limits, weights: see there. contact: whether the tip may be in contact.
+        model: of the plan. limits, weights: see there. contact: whether the tip may be
+            in contact.
         free: number of free phase lengths.
-        clearances: pairs of bodies whose distances are limits; its obstacles give the shapes, the data the places.
-        nearer: m, by which each of these pairs may be nearer than the data say; empty: none may.
+        clearances: pairs of bodies whose distances are limits; its obstacles give the
+            shapes, the data the places.
+        nearer: m, by which each of these pairs may be nearer than the data say; empty:
+            none may.
     """
 
     model: Model
@@ -193,7 +245,9 @@ class Stage:
     def __post_init__(self) -> None:
         vehicle = self.model.vehicle
         trim = hover_trim(vehicle, vehicle.zeros, self.model.gravity)
-        mean = math.sqrt(sum(max(float(w), 0.0) for w in trim.squared) / len(trim.squared))
+        mean = math.sqrt(
+            sum(max(float(w), 0.0) for w in trim.squared) / len(trim.squared)
+        )
         object.__setattr__(self, "hover", tuple(mean for _ in vehicle.rotors))
 
     @property
@@ -224,23 +278,36 @@ class Stage:
             rate=Vec3(*x[10:13]),
             joints=tuple(x[self.at.joints]),
             joint_rates=tuple(x[self.at.joint_rates]),
-            rotor_speeds=tuple(a * b for a, b in zip(x[self.at.speeds], self.hover, strict=True)),
+            rotor_speeds=tuple(
+                a * b for a, b in zip(x[self.at.speeds], self.hover, strict=True)
+            ),
         )
 
     @property
     def obstacles(self) -> tuple[Surface, ...]:
         """Obstacles that the clearances name, each once."""
         pairs = self.clearances.pairs if self.clearances is not None else ()
-        return tuple({pair.other: pair.surface for pair in pairs if pair.surface is not None}.values())
+        return tuple(
+            {
+                pair.other: pair.surface for pair in pairs if pair.surface is not None
+            }.values()
+        )
 
     def example(self) -> StageData:
         """Example of a stage's numbers, for tracing."""
         still = self.model.vehicle.zeros
-        return StageData(free=(0.0,) * self.free, joints=still, obstacles=tuple(map(Place.of, self.obstacles)))
+        return StageData(
+            free=(0.0,) * self.free,
+            joints=still,
+            obstacles=tuple(map(Place.of, self.obstacles)),
+        )
 
     def length(self, x: Sequence[Scalar], data: StageData) -> Scalar:
         """Length of the stage, s."""
-        return sum((a * b for a, b in zip(x[len(x) - self.free :], data.free, strict=True)), data.dt)
+        return sum(
+            (a * b for a, b in zip(x[len(x) - self.free :], data.free, strict=True)),
+            data.dt,
+        )
 
     def force(self, u: Sequence[Scalar], data: StageData) -> Vec3:
         """Contact force on the tip, N, world axes."""
@@ -249,13 +316,29 @@ class Stage:
         return Vec3(*(a * (data.touching * self.weight) for a in u[len(u) - 3 :]))
 
     def across(self, state: State) -> list[Scalar]:
-        """Forces (N) of the rotors along x and y of the base; empty where all rotors push along z."""
+        """Forces (N) of the rotors along x and y of the base; empty where all rotors
+        push along z.
+        """
         rows = [*zip(self.model.vehicle.rotors, state.rotor_speeds, strict=True)]
-        sides = [[(float(r.thrust_coefficient) * float(getattr(r.axis, c)), w) for r, w in rows] for c in "xy"]
-        return [sum(k * (w * w) for k, w in side) for side in sides if any(abs(k) > 1e-12 for k, _ in side)]
+        sides = [
+            [
+                (float(r.thrust_coefficient) * float(getattr(r.axis, c)), w)
+                for r, w in rows
+            ]
+            for c in "xy"
+        ]
+        return [
+            sum(k * (w * w) for k, w in side)
+            for side in sides
+            if any(abs(k) > 1e-12 for k, _ in side)
+        ]
 
-    def accelerations(self, state: State, joints: Scalars, push: Vec3) -> tuple[Vec3, Vec3, list[Motion], Vec3]:
-        """Accelerations of the base under given joint accelerations, tip Jacobian and tip position, base axes."""
+    def accelerations(
+        self, state: State, joints: Scalars, push: Vec3
+    ) -> tuple[Vec3, Vec3, list[Motion], Vec3]:
+        """Accelerations of the base under given joint accelerations, tip Jacobian and
+        tip position, base axes.
+        """
         vehicle, R = self.model.vehicle, state.rotation
         pressed, columns, tip = no_disturbance(vehicle.n), list[Motion](), ZERO3
         if vehicle.end_effector:
@@ -263,36 +346,60 @@ class Stage:
             columns = jacobian_columns(vehicle, frame, state.joints)
             tip = dynamics.frame_pose(vehicle, frame, state.joints).p
             if self.contact:
-                pressed = Disturbance(force=push, torque=tip.cross(R.apply_T(push)), efforts=(0,) * vehicle.n)
+                pressed = Disturbance(
+                    force=push,
+                    torque=tip.cross(R.apply_T(push)),
+                    efforts=(0,) * vehicle.n,
+                )
         return *base_accelerations(self.model, state, joints, pressed), columns, tip
 
-    def __call__(self, x: Sequence[Scalar], u: Sequence[Scalar], data: StageData) -> StageValues:
+    def __call__(
+        self, x: Sequence[Scalar], u: Sequence[Scalar], data: StageData
+    ) -> StageValues:
         """Values of the stage from its state, its inputs and its numbers."""
         vehicle, weights = self.model.vehicle, self.weights
         n, m, at = vehicle.n, len(vehicle.rotors), self.at
         state, dt, push = self.state(x), self.length(x, data), self.force(u, data)
-        spins = tuple(a * (SPIN_UNIT * b) for a, b in zip(u[:m], self.hover, strict=True))
+        spins = tuple(
+            a * (SPIN_UNIT * b) for a, b in zip(u[:m], self.hover, strict=True)
+        )
         joints = tuple(a * ARM_UNIT for a in x[at.arm])
         jerks = tuple(a * JERK_UNIT for a in u[m : m + n])
         inputs = StageInputs(rotor_accelerations=spins, efforts=())
 
         def slope(now: State, later: Scalar) -> State:
             turned = tuple(a + later * j for a, j in zip(joints, jerks, strict=True))
-            return slope_of(now, inputs, *self.accelerations(now, turned, push)[:2], turned)
+            return slope_of(
+                now, inputs, *self.accelerations(now, turned, push)[:2], turned
+            )
 
         linear, angular, columns, tip = self.accelerations(state, joints, push)
-        after = runge_kutta_step(state, slope_of(state, inputs, linear, angular, joints), slope, dt)
-        ends = [a + dt * (j * (JERK_UNIT / ARM_UNIT)) for a, j in zip(x[at.arm], u[m : m + n], strict=True)]
+        after = runge_kutta_step(
+            state, slope_of(state, inputs, linear, angular, joints), slope, dt
+        )
+        ends = [
+            a + dt * (j * (JERK_UNIT / ARM_UNIT))
+            for a, j in zip(x[at.arm], u[m : m + n], strict=True)
+        ]
         numbers = list(leaves(after))
-        scaled = [a * (1.0 / b) for a, b in zip(numbers[at.speeds], self.hover, strict=True)]
+        scaled = [
+            a * (1.0 / b) for a, b in zip(numbers[at.speeds], self.hover, strict=True)
+        ]
         end = [*numbers[: at.speeds.start], *scaled, *ends, *x[at.arm.stop :]]
         R = state.rotation
         proper = proper_acceleration(R, linear, angular, self.model.gravity)
-        _, torques = dynamics.inverse_dynamics(vehicle, state.joints, state.rate, state.joint_rates, proper, joints)
+        _, torques = dynamics.inverse_dynamics(
+            vehicle, state.joints, state.rate, state.joint_rates, proper, joints
+        )
         held = R.apply_T(push)
-        efforts = [t - c.linear.dot(held) for t, c in zip(torques, columns or [Motion(ZERO3, ZERO3)] * n, strict=True)]
+        efforts = [
+            t - c.linear.dot(held)
+            for t, c in zip(torques, columns or [Motion(ZERO3, ZERO3)] * n, strict=True)
+        ]
         root = sqrt(dt)
-        costs = [(w * w - 1.0) * (math.sqrt(weights.thrust) * root) for w in x[at.speeds]]
+        costs = [
+            (w * w - 1.0) * (math.sqrt(weights.thrust) * root) for w in x[at.speeds]
+        ]
         costs += [
             t * (math.sqrt(weights.torque) / largest(joint.effort_limit) * root)
             for t, joint in zip(efforts, vehicle.joints, strict=True)
@@ -302,26 +409,41 @@ class Stage:
         costs += [a * (math.sqrt(weights.spin) * root) for a in u[:m]]
         costs += [a * (math.sqrt(weights.arm) * root) for a in x[at.arm]]
         costs += [a * (math.sqrt(weights.jerk) * root) for a in u[m : m + n]]
-        costs += [a * (math.sqrt(weights.force) / self.weight * root) for a in push if self.contact]
-        costs += [a * (math.sqrt(weights.across) / self.weight * root) for a in self.across(state)]
+        costs += [
+            a * (math.sqrt(weights.force) / self.weight * root)
+            for a in push
+            if self.contact
+        ]
+        costs += [
+            a * (math.sqrt(weights.across) / self.weight * root)
+            for a in self.across(state)
+        ]
         if self.free:
             costs.append(root * data.hurry)
         return StageValues(
             end=end,
             costs=costs,
-            goals=self._goals(state, data, columns, tip) | {"inputs": [*u[:m]], "arm": [a * 1.0 for a in x[at.arm]]},
+            goals=self._goals(state, data, columns, tip)
+            | {
+                "inputs": [*u[:m]],
+                "arm": [a * 1.0 for a in x[at.arm]],
+            },
             inputs=self._input_limits(x, u, spins, efforts, data),
             limits=self._state_limits(x, state, data),
         )
 
-    def _goals(self, state: State, data: StageData, columns: list[Motion], tip: Vec3) -> dict[str, Sequence[Scalar]]:
+    def _goals(
+        self, state: State, data: StageData, columns: list[Motion], tip: Vec3
+    ) -> dict[str, Sequence[Scalar]]:
         """Errors of the goals, by name."""
         vehicle, R = self.model.vehicle, state.rotation
         moving, axis = state.rate.cross(tip), E_Z
         for column, rate in zip(columns, state.joint_rates, strict=False):
             moving = moving + column.linear * rate
         if vehicle.end_effector:
-            axis = dynamics.frame_pose(vehicle, vehicle.frame(), state.joints).R.column(2)
+            axis = dynamics.frame_pose(vehicle, vehicle.frame(), state.joints).R.column(
+                2
+            )
         turn = data.attitude.conjugate() * state.quaternion
         # at rest nothing moves and nothing begins to: the rotors balance the weight
         linear, angular = self.accelerations(state, vehicle.zeros, ZERO3)[:2]
@@ -344,74 +466,140 @@ class Stage:
         }
 
     def _input_limits(
-        self, x: Sequence[Scalar], u: Sequence[Scalar], spins: Scalars, efforts: Sequence[Scalar], data: StageData
+        self,
+        x: Sequence[Scalar],
+        u: Sequence[Scalar],
+        spins: Scalars,
+        efforts: Sequence[Scalar],
+        data: StageData,
     ) -> list[tuple[str, Scalar]]:
-        """Limits of rotor accelerations (by the lag), joint torques, joint rates between nodes, the contact force."""
+        """Limits of rotor accelerations (by the lag), joint torques, joint rates
+        between nodes, the contact force.
+        """
         vehicle, limits = self.model.vehicle, self.limits
         n, m, at = vehicle.n, len(vehicle.rotors), self.at
         out = []
-        for rotor, w, spin, hover in zip(vehicle.rotors, x[at.speeds], u[:m], self.hover, strict=True):
+        for rotor, w, spin, hover in zip(
+            vehicle.rotors, x[at.speeds], u[:m], self.hover, strict=True
+        ):
             most = float(rotor.max_speed) / hover
-            for tau, end, sign in ((rotor.time_constant_up, most, 1.0), (rotor.time_constant_down, 0.0, -1.0)):
-                # at the end of the stage, where a speed that goes up or down is nearest to its own end
-                lag = self.length(x, data) * SPIN_UNIT + SPIN_UNIT * max(float(tau), 1e-3)
-                out.append((f"acceleration of {rotor.name}", sign * (spin * lag + w - end) * (1.0 / most)))
+            for tau, end, sign in (
+                (rotor.time_constant_up, most, 1.0),
+                (rotor.time_constant_down, 0.0, -1.0),
+            ):
+                # at the end of the stage, where a speed that goes up or down is nearest
+                # to its own end
+                lag = self.length(x, data) * SPIN_UNIT + SPIN_UNIT * max(
+                    float(tau), 1e-3
+                )
+                out.append(
+                    (
+                        f"acceleration of {rotor.name}",
+                        sign * (spin * lag + w - end) * (1.0 / most),
+                    )
+                )
         for link, effort in zip(vehicle.links, efforts, strict=True):
             most = largest(link.joint.effort_limit) * limits.torque_share
-            out += [(f"torque of {link.joint.name}", sign * effort * (1.0 / most) - 1.0) for sign in (1.0, -1.0)]
-        # a rate between two nodes is within the hull of three control points: both ends, and this one
+            out += [
+                (f"torque of {link.joint.name}", sign * effort * (1.0 / most) - 1.0)
+                for sign in (1.0, -1.0)
+            ]
+        # a rate between two nodes is within the hull of three control points: both
+        # ends, and this one
         half = self.length(x, data) * (0.5 * ARM_UNIT)
-        for link, rate, a in zip(vehicle.links, x[at.joint_rates], x[at.arm], strict=True):
+        for link, rate, a in zip(
+            vehicle.links, x[at.joint_rates], x[at.arm], strict=True
+        ):
             control = (rate + half * a) * (1.0 / limits.joint_rate)
-            out += [(f"rate of {link.joint.name}", sign * control - 1.0) for sign in (1.0, -1.0)]
+            out += [
+                (f"rate of {link.joint.name}", sign * control - 1.0)
+                for sign in (1.0, -1.0)
+            ]
         if self.contact:
             f = Vec3(*u[m + n : m + n + 3])
             along = f.dot(data.normal)
             across = f - data.normal * along
             # the cone's square: smooth at its tip
             out.append(("contact force", data.press - along))
-            out.append(("friction", across.dot(across) - data.friction * data.friction * (along * along)))
+            out.append(
+                (
+                    "friction",
+                    across.dot(across)
+                    - data.friction * data.friction * (along * along),
+                )
+            )
         return out
 
-    def _state_limits(self, x: Sequence[Scalar], state: State, data: StageData) -> list[tuple[str, Scalar]]:
-        """Limits of the state: rotor thrust, joints, tilt, speed, clearance, and lengths of free phases."""
+    def _state_limits(
+        self, x: Sequence[Scalar], state: State, data: StageData
+    ) -> list[tuple[str, Scalar]]:
+        """Limits of the state: rotor thrust, joints, tilt, speed, clearance, and
+        lengths of free phases.
+        """
         vehicle, limits = self.model.vehicle, self.limits
         R, out = state.rotation, list[tuple[str, Scalar]]()
-        for rotor, w, hover in zip(vehicle.rotors, x[self.at.speeds], self.hover, strict=True):
+        for rotor, w, hover in zip(
+            vehicle.rotors, x[self.at.speeds], self.hover, strict=True
+        ):
             share = w * (1.0 / (float(rotor.max_speed) / hover))
             out += [
-                (f"thrust of {rotor.name}", each) for each in (share - math.sqrt(limits.thrust_share), 0.02 - share)
+                (f"thrust of {rotor.name}", each)
+                for each in (share - math.sqrt(limits.thrust_share), 0.02 - share)
             ]
         ranges = limits.ranges or [joint.ends for joint in vehicle.joints]
-        for link, (low, high), q, rate in zip(vehicle.links, ranges, state.joints, state.joint_rates, strict=True):
+        for link, (low, high), q, rate in zip(
+            vehicle.links, ranges, state.joints, state.joint_rates, strict=True
+        ):
             joint = link.joint
             for end, sign in ((high, 1.0), (low, -1.0)):
                 if math.isfinite(end):
                     out.append((f"position of {joint.name}", sign * (q - end)))
-            out += [(f"rate of {joint.name}", sign * rate * (1.0 / limits.joint_rate) - 1.0) for sign in (1.0, -1.0)]
+            out += [
+                (f"rate of {joint.name}", sign * rate * (1.0 / limits.joint_rate) - 1.0)
+                for sign in (1.0, -1.0)
+            ]
         out.append(("tilt", data.upright - R.rows[2].z))
-        # the goal's sine alone is zero for the reversed heading, too; twice the cosine outweighs it on the way round
+        # the goal's sine alone is zero for the reversed heading, too; twice the cosine
+        # outweighs it on the way round
         ahead, nose = data.attitude.rotation().column(0), R.column(0)
         out.append(("heading", -2.0 * (ahead.x * nose.x + ahead.y * nose.y)))
-        for name, vector, most in (("speed", state.velocity, limits.speed), ("rate", state.rate, limits.rate)):
+        for name, vector, most in (
+            ("speed", state.velocity, limits.speed),
+            ("rate", state.rate, limits.rate),
+        ):
             if math.isfinite(most):
                 out.append((name, vector.dot(vector) * (1.0 / most**2) - 1.0))
         if self.clearances is not None:
             here = {
-                each.name: replace(each, size=at.size, position=at.position, angles=at.angles)
+                each.name: replace(
+                    each, size=at.size, position=at.position, angles=at.angles
+                )
                 for each, at in zip(self.obstacles, data.obstacles, strict=True)
             }
             pairs = [
-                pair if pair.surface is None else replace(pair, surface=here[pair.other])
+                (
+                    pair
+                    if pair.surface is None
+                    else replace(pair, surface=here[pair.other])
+                )
                 for pair in self.clearances.pairs
             ]
             near = replace(self.clearances, pairs=tuple(pairs))
-            gaps, nearer = near.distances(state.position, R, state.joints), self.nearer or (0.0,) * len(pairs)
+            gaps, nearer = (
+                near.distances(state.position, R, state.joints),
+                self.nearer or (0.0,) * len(pairs),
+            )
             for pair, gap, less in zip(pairs, gaps, nearer, strict=True):
                 out.append(
-                    (f"clearance of {pair.volume} and {pair.other}", data.clearance - (gap + less if less else gap))
+                    (
+                        f"clearance of {pair.volume} and {pair.other}",
+                        data.clearance - (gap + less if less else gap),
+                    )
                 )
-        out += [(f"length of free phase {k}", 0.05 - length) for k, length in enumerate(x[len(x) - self.free :])]
+        out += [
+            (f"length of free phase {k}", 0.05 - length)
+            for k, length in enumerate(x[len(x) - self.free :])
+        ]
         return out
 
 
@@ -425,13 +613,22 @@ def retraction(x: Sequence[Scalar], d: Sequence[Scalar]) -> list[Scalar]:
     """State moved by a tangent: the quaternion by q (1, d/2), normalised."""
     q = Quaternion(*x[3:7]) * Quaternion(1.0, 0.5 * d[3], 0.5 * d[4], 0.5 * d[5])
     added = [a + b for a, b in zip(x[7:], d[6:], strict=True)]
-    return [*(a + b for a, b in zip(x[:3], d[:3], strict=True)), *q.normalized(), *added]
+    return [
+        *(a + b for a, b in zip(x[:3], d[:3], strict=True)),
+        *q.normalized(),
+        *added,
+    ]
 
 
 def gap(end: Sequence[Scalar], following: Sequence[Scalar]) -> list[Scalar]:
     """Tangent from a state to the end of the stage before it."""
     turn = Quaternion(*following[3:7]).conjugate() * Quaternion(*end[3:7])
-    straight = [a - b for a, b in zip((*end[:3], *end[7:]), (*following[:3], *following[7:]), strict=True)]
+    straight = [
+        a - b
+        for a, b in zip(
+            (*end[:3], *end[7:]), (*following[:3], *following[7:]), strict=True
+        )
+    ]
     return [*straight[:3], 2.0 * turn.x, 2.0 * turn.y, 2.0 * turn.z, *straight[3:]]
 
 
@@ -440,11 +637,14 @@ WHOLE = np.ones(1)
 
 
 class CompiledStage:
-    """Machine code of a stage: values along a step of several lengths, and exact first derivatives.
+    """Machine code of a stage: values along a step of several lengths, and exact first
+    derivatives.
 
     Attributes:
-        costs, goals, limits: slices of the outputs behind the gap. goal: slice of each goal by name, within ``goals``.
-        names: names of the limits. input_limits: number of them that belong to inputs, the first ones.
+        costs, goals, limits: slices of the outputs behind the gap. goal: slice of each
+            goal by name, within ``goals``.
+        names: names of the limits. input_limits: number of them that belong to inputs,
+            the first ones.
     """
 
     def __init__(self, stage: Stage) -> None:
@@ -454,7 +654,10 @@ class CompiledStage:
         parts: dict[str, Any] = {}
 
         def outputs(
-            x: Sequence[Scalar], u: Sequence[Scalar], following: Sequence[Scalar], given: StageData
+            x: Sequence[Scalar],
+            u: Sequence[Scalar],
+            following: Sequence[Scalar],
+            given: StageData,
         ) -> list[Scalar]:
             values = stage(x, u, given)
             parts["values"] = values
@@ -462,33 +665,64 @@ class CompiledStage:
             bounds = [value for _, value in (*values.inputs, *values.limits)]
             return [*gap(values.end, following), *values.costs, *goals, *bounds]
 
-        def along(carry: Tree, par: Any, row: Any, _uniforms: Tree) -> tuple[Tree, Scalars]:
+        def along(
+            carry: Tree, par: Any, row: Any, _uniforms: Tree
+        ) -> tuple[Tree, Scalars]:
             x, u, following, given, dx, du, dnext = row
             scaled = partial(map, lambda d: par[0] * d)
-            near = retraction(x, list(scaled(dx))), [a + b for a, b in zip(u, scaled(du), strict=True)]
-            return carry, numbers(outputs(*near, retraction(following, list(scaled(dnext))), given))
+            near = (
+                retraction(x, list(scaled(dx))),
+                [a + b for a, b in zip(u, scaled(du), strict=True)],
+            )
+            return carry, numbers(
+                outputs(*near, retraction(following, list(scaled(dnext))), given)
+            )
 
-        def slopes(carry: Tree, par: Any, row: Any, _uniforms: Tree) -> tuple[Tree, Scalars]:
+        def slopes(
+            carry: Tree, par: Any, row: Any, _uniforms: Tree
+        ) -> tuple[Tree, Scalars]:
             (dx, du), (x, u, following, given) = par, row
-            turned = Quaternion(*x[3:7]) * Quaternion(0, 0.5 * dx[3], 0.5 * dx[4], 0.5 * dx[5])
+            turned = Quaternion(*x[3:7]) * Quaternion(
+                0, 0.5 * dx[3], 0.5 * dx[4], 0.5 * dx[5]
+            )
             direction = [*dx[:3], *turned, *dx[6:]]
             X = [Taylor(pair) for pair in zip(x, direction, strict=True)]
             U = [Taylor(pair) for pair in zip(u, du, strict=True)]
             fixed = rebuild(given, iter([as_series(a, 1) for a in leaves(given)]))
             after = [as_series(a, 1) for a in following]
-            return carry, numbers([o.c[1] if isinstance(o, Taylor) else 0.0 for o in outputs(X, U, after, fixed)])
+            return carry, numbers(
+                [
+                    o.c[1] if isinstance(o, Taylor) else 0.0
+                    for o in outputs(X, U, after, fixed)
+                ]
+            )
 
         row = ((0.0,) * nx, (0.0,) * nu, (0.0,) * nx, data)
         lanes = Lanes(host_width())
         tangent = ((0.0,) * nt, (0.0,) * nu)
-        self._slopes = Kernel(trace_loop(slopes, (0.0,), tangent, row), lanes, logging=True)
-        self._values = Kernel(trace_loop(along, (0.0,), (0.0,), (*row, *tangent, (0.0,) * nt)), lanes, logging=True)
+        self._slopes = Kernel(
+            trace_loop(slopes, (0.0,), tangent, row), lanes, logging=True
+        )
+        self._values = Kernel(
+            trace_loop(along, (0.0,), (0.0,), (*row, *tangent, (0.0,) * nt)),
+            lanes,
+            logging=True,
+        )
         values = parts["values"]
         self.nx, self.nt, self.nu = nx, nt, nu
         self.names = tuple(name for name, _ in (*values.inputs, *values.limits))
         self.input_limits = len(values.inputs)
-        ends = np.cumsum([nt, len(values.costs), sum(map(len, values.goals.values())), len(self.names)])
-        self.costs, self.goals, self.limits = (slice(int(a), int(b)) for a, b in itertools.pairwise(ends))
+        ends = np.cumsum(
+            [
+                nt,
+                len(values.costs),
+                sum(map(len, values.goals.values())),
+                len(self.names),
+            ]
+        )
+        self.costs, self.goals, self.limits = (
+            slice(int(a), int(b)) for a, b in itertools.pairwise(ends)
+        )
         self.goal, at = {}, 0
         for name in GOALS:
             self.goal[name] = slice(at, at + len(values.goals[name]))
@@ -496,9 +730,15 @@ class CompiledStage:
         self._directions = np.eye(nt + nu)
 
     def values(
-        self, x: Array, u: Array, data: Array, step: tuple[Array, Array] | None = None, shares: Array = WHOLE
+        self,
+        x: Array,
+        u: Array,
+        data: Array,
+        step: tuple[Array, Array] | None = None,
+        shares: Array = WHOLE,
     ) -> Array:
-        """Outputs of all stages at shares of a step: (shares, N + 1, outputs); the last stage has no gap.
+        """Outputs of all stages at shares of a step: (shares, N + 1, outputs); the last
+        stage has no gap.
 
         Args:
             x: (N + 1, nx) states.
@@ -507,16 +747,34 @@ class CompiledStage:
             step: (N + 1, nt) and (N, nu) changes; none if left out.
             shares: (lanes,) of the step.
         """
-        dx, du = step if step is not None else (np.zeros((len(x), self.nt)), np.zeros(u.shape))
+        dx, du = (
+            step
+            if step is not None
+            else (np.zeros((len(x), self.nt)), np.zeros(u.shape))
+        )
         last = np.zeros((1, self.nu))
-        rows = [x, np.vstack([u, last]), after(x), data, dx, np.vstack([du, last]), after(dx)]
-        _, log = self._values.run(np.zeros((1, len(shares))), shares[None, :], np.hstack(rows))
+        rows = [
+            x,
+            np.vstack([u, last]),
+            after(x),
+            data,
+            dx,
+            np.vstack([du, last]),
+            after(dx),
+        ]
+        _, log = self._values.run(
+            np.zeros((1, len(shares))), shares[None, :], np.hstack(rows)
+        )
         return np.ascontiguousarray(log.transpose(2, 0, 1))
 
     def jacobians(self, x: Array, u: Array, data: Array) -> Array:
-        """Derivatives of the outputs by the tangents of state and inputs: (N + 1, outputs, nt + nu)."""
+        """Derivatives of the outputs by the tangents of state and inputs: (N + 1,
+        outputs, nt + nu).
+        """
         rows = np.hstack([x, np.vstack([u, np.zeros((1, self.nu))]), after(x), data])
-        _, log = self._slopes.run(np.zeros((1, self.nt + self.nu)), self._directions, rows)
+        _, log = self._slopes.run(
+            np.zeros((1, self.nt + self.nu)), self._directions, rows
+        )
         return log
 
     def retract(self, x: Array, d: Array) -> Array:

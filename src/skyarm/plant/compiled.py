@@ -8,7 +8,16 @@ from functools import cached_property
 from typing import NamedTuple
 
 from skyarm.algebra import Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import clip, data, divide, floor, logical_and, maximum, minimum, where
+from skyarm.algebra.scalars import (
+    clip,
+    data,
+    divide,
+    floor,
+    logical_and,
+    maximum,
+    minimum,
+    where,
+)
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.lower import repeat, repeat_while
 from skyarm.compile.tracing.program import Flat as FlatFunction
@@ -37,7 +46,13 @@ from skyarm.plant.largest_step import (
     largest_step,
     verlet_step,
 )
-from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, after_impacts, far_step
+from skyarm.plant.rigid_body import (
+    COUPLED_STEP,
+    Moved,
+    accelerate,
+    after_impacts,
+    far_step,
+)
 from skyarm.plant.surroundings import Surroundings, Together, several
 from skyarm.records.coerce import concrete
 from skyarm.vehicle import Vehicle
@@ -46,17 +61,24 @@ from skyarm.world.component import MOST_STEPS
 
 
 class Steps(NamedTuple):
-    """Number of integration steps that a plant takes in an interval, near contacts and far from them.
+    """Number of integration steps that a plant takes in an interval, near contacts and
+    far from them.
 
     Attributes:
-        near: steps. far: fewer steps of the plant's integrator while the coupled components are inactive; 0 for none.
+        near: steps. far: fewer steps of the plant's integrator while the coupled
+            components are inactive; 0 for none.
         rounds: least number of the inactive components' own steps within one of those.
-        verlet: True if active components use the Stoermer-Verlet method instead of the plant's integrator.
+        verlet: True if active components use the Stoermer-Verlet method instead of the
+            plant's integrator.
         most: times ``near``, of the steps in an interval in which something hits.
-        calm: least number of steps while grasps act and no contact does; 0 if these are always ``near``.
-        stops: of each vehicle, what more steps follow from where a joint may meet a stop; empty without stops.
-        slack: least number of steps of a flight whose joint friction is slower; 0 if friction asks for no steps.
-        mobile: of each vehicle, what the friction of a flight's own numbers is judged by; empty without ``slack``.
+        calm: least number of steps while grasps act and no contact does; 0 if these are
+            always ``near``.
+        stops: of each vehicle, what more steps follow from where a joint may meet a
+            stop; empty without stops.
+        slack: least number of steps of a flight whose joint friction is slower; 0 if
+            friction asks for no steps.
+        mobile: of each vehicle, what the friction of a flight's own numbers is judged
+            by; empty without ``slack``.
     """
 
     near: int
@@ -79,7 +101,9 @@ def hold(
     around: Together,
     seconds: Scalar,
 ) -> Moved:
-    """Integrate vehicle and contact states over an interval (s) with constant commands."""
+    """Integrate vehicle and contact states over an interval (s) with constant
+    commands.
+    """
     near = VERLET if count.verlet else integrator
 
     there = around.with_coupled(now[1])
@@ -89,9 +113,12 @@ def hold(
     if count.slack:
         rate = friction_bound(vehicles, count.mobile)
         if not concrete(rate):
-            # the friction of this flight; a hit below needs as many times more steps as it does in a flight alone
+            # the friction of this flight; a hit below needs as many times more steps as
+            # it does in a flight alone
             step_rate = VERLET_FRICTION_STEP if count.verlet else FRICTION_STEP
-            usual = clip(-floor(1e-9 - seconds * rate / step_rate), float(count.slack), steps)
+            usual = clip(
+                -floor(1e-9 - seconds * rate / step_rate), float(count.slack), steps
+            )
     finer: Scalar = usual
     if count.most > 1:
         memories, more = there.hurry(motions, seconds)
@@ -100,15 +127,27 @@ def hold(
         largest = there.largest_calm_step(verlet=count.verlet)
         assert largest is not None
         fewer = clip(-floor(1e-9 - divide(seconds, largest)), float(count.calm), steps)
-        finer = where(there.calm(motions, seconds), fewer if usual is steps else minimum(usual, fewer), finer)
+        finer = where(
+            there.calm(motions, seconds),
+            fewer if usual is steps else minimum(usual, fewer),
+            finer,
+        )
     touch: Scalar = 0.0
     if count.stops:
         held = count.verlet or integrator == "euler"
-        touch = touch_steps(vehicles, count.stops, now[0], seconds, HELD_TOUCH_STEP if held else TOUCH_STEP)
+        touch = touch_steps(
+            vehicles,
+            count.stops,
+            now[0],
+            seconds,
+            HELD_TOUCH_STEP if held else TOUCH_STEP,
+        )
         finer = maximum(finer, touch)
 
     def step(both: Moved) -> Moved:
-        return COUPLED_STEP[near](worlds, both[0], commands, around.with_coupled(both[1]), seconds / finer)
+        return COUPLED_STEP[near](
+            worlds, both[0], commands, around.with_coupled(both[1]), seconds / finer
+        )
 
     far: Scalar = count.far > 0 and there.far(motions, seconds)
     if far is False and finer is steps and not count.stops:
@@ -117,7 +156,15 @@ def hold(
         far = logical_and(far, touch <= float(count.far))
 
     def step_far(both: Moved) -> Moved:
-        return far_step(integrator, worlds, both, commands, around, seconds / count.far, count.rounds)
+        return far_step(
+            integrator,
+            worlds,
+            both,
+            commands,
+            around,
+            seconds / count.far,
+            count.rounds,
+        )
 
     most = max(count.near * count.most, MOST_STEPS if count.stops else 0)
     now = repeat_while(most, where(far, 0.0, finer), step, now)
@@ -127,21 +174,24 @@ def hold(
 
 
 class RigidBodyPlant:
-    """Simulated vehicles by this library's own rigid-body dynamics, compiled once per interval length.
+    """Simulated vehicles by this library's own rigid-body dynamics, compiled once per
+    interval length.
 
     Args:
-        world: true vehicle and gravity, or those of several vehicles. A planar model is refused: no real body has its
-            inertia.
-        around: surroundings of one period as an example, of all vehicles or of the only one; their structural zeros are
-            folded away.
-        integrator: "rk4" takes one step per call, more where joint friction is stiff; "euler" takes ``physics_step``;
-            both divide their step where the surroundings state a largest one. "rk4_staged", which other plants tell
-            from "rk4", is "rk4" here.
+        world: true vehicle and gravity, or those of several vehicles. A planar model is
+            refused: no real body has its inertia.
+        around: surroundings of one period as an example, of all vehicles or of the only
+            one; their structural zeros are folded away.
+        integrator: "rk4" takes one step per call, more where joint friction is stiff;
+            "euler" takes ``physics_step``; both divide their step where the
+            surroundings state a largest one. "rk4_staged", which other plants tell from
+            "rk4", is "rk4" here.
         physics_step: s.
     """
 
     several = True
-    """True of a plant that is made of several vehicles, too; others are made of one, and of its surroundings alone."""
+    """True of a plant that is made of several vehicles, too; others are made of one,
+    and of its surroundings alone."""
 
     def __init__(
         self,
@@ -154,7 +204,9 @@ class RigidBodyPlant:
         for each in self._worlds:
             require_plant(each.vehicle)
         if integrator not in INTEGRATORS:
-            raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
+            raise ValueError(
+                f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}"
+            )
         self._integrator, self._physics_step = integrator, physics_step
         sizes = [each.vehicle.sizes for each in self._worlds]
         states, commands = (
@@ -185,53 +237,98 @@ class RigidBodyPlant:
         return trace(lambda *now: self._of_bases("angular", *now), *self._examples)
 
     def _of_bases(
-        self, part: str, states: tuple[State, ...], commands: tuple[Command, ...], around: Together
+        self,
+        part: str,
+        states: tuple[State, ...],
+        commands: tuple[Command, ...],
+        around: Together,
     ) -> tuple[Vec3, ...]:
         # without rotors, drag and wind nothing pushes: the reading is a structural zero
         accelerations = accelerate(self._worlds, states, commands, around)
         return tuple(Vec3(*map(data, getattr(base, part))) for base, _ in accelerations)
 
     def substeps(self, seconds: float) -> Steps:
-        """Number of integration steps that the plant takes in an interval of ``seconds``."""
+        """Number of integration steps that the plant takes in an interval of
+        ``seconds``.
+        """
         count = self.steps_at_rest(seconds)._replace(stops=self._stops)
         slack = divisions(seconds, self._verlet if count.verlet else self._largest)
         if self._integrator == "euler" or slack >= count.near:
             return count
-        return count._replace(slack=slack, mobile=tuple(joint_numbers(each.vehicle) for each in self._worlds))
+        return count._replace(
+            slack=slack,
+            mobile=tuple(joint_numbers(each.vehicle) for each in self._worlds),
+        )
 
     def steps_at_rest(self, seconds: float) -> Steps:
-        """Number of integration steps in an interval of ``seconds``, of which joints' speeds at stops ask no more."""
+        """Number of integration steps in an interval of ``seconds``, of which joints'
+        speeds at stops ask no more.
+        """
         most = 1
         if self._integrator != "euler":  # whose step is said
-            most = max((component.most_hit_steps for _, component, _ in self.around.coupled), default=1)
-        near, far = (self._count(seconds, largest) for largest in (self._largest, self._largest_far))
+            most = max(
+                (component.most_hit_steps for _, component, _ in self.around.coupled),
+                default=1,
+            )
+        near, far = (
+            self._count(seconds, largest)
+            for largest in (self._largest, self._largest_far)
+        )
         if near == far:
             return Steps(near, most=most)
         rounds = math.ceil(near / far)
         if self._verlet is not None:
-            verlet_steps = max(divisions(seconds, self._verlet), math.ceil(seconds * self._rate / VERLET_FRICTION_STEP))
+            verlet_steps = max(
+                divisions(seconds, self._verlet),
+                math.ceil(seconds * self._rate / VERLET_FRICTION_STEP),
+            )
             if verlet_steps < near * STAGES:
                 return Steps(
-                    verlet_steps, far, rounds, True, most, self._calm(seconds, verlet_steps, STAGES * far, verlet=True)
+                    verlet_steps,
+                    far,
+                    rounds,
+                    True,
+                    most,
+                    self._calm(seconds, verlet_steps, STAGES * far, verlet=True),
                 )
-        return Steps(near, far, rounds, False, most, self._calm(seconds, near, far, verlet=False))
+        return Steps(
+            near, far, rounds, False, most, self._calm(seconds, near, far, verlet=False)
+        )
 
     def _calm(self, seconds: float, near: int, least: int, *, verlet: bool) -> int:
-        """Least number of steps while grasps act and no contact does, ``least`` or more; 0 if that helps nothing."""
-        largest = None if self._integrator == "euler" else self.around.largest_calm_step(verlet=verlet)
+        """Least number of steps while grasps act and no contact does, ``least`` or
+        more; 0 if that helps nothing.
+        """
+        largest = (
+            None
+            if self._integrator == "euler"
+            else self.around.largest_calm_step(verlet=verlet)
+        )
         if largest is None:
             return 0
         held = self._rate / (VERLET_FRICTION_STEP if verlet else FRICTION_STEP)
-        fewest = max(math.ceil(seconds * held), divisions(seconds, self._largest_far), least)
+        fewest = max(
+            math.ceil(seconds * held), divisions(seconds, self._largest_far), least
+        )
         return fewest if max(fewest, divisions(seconds, float(largest))) < near else 0
 
     def _count(self, seconds: float, largest: float | None) -> int:
         if self._integrator != "euler":
-            return max(1, math.ceil(seconds * (self._rate / FRICTION_STEP)), divisions(seconds, largest))
-        return whole_steps(seconds, self._physics_step) * divisions(self._physics_step, largest)
+            return max(
+                1,
+                math.ceil(seconds * (self._rate / FRICTION_STEP)),
+                divisions(seconds, largest),
+            )
+        return whole_steps(seconds, self._physics_step) * divisions(
+            self._physics_step, largest
+        )
 
-    def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """Vehicle state, then contact states, after ``seconds`` with a constant command."""
+    def advance(
+        self, state: Flat, command: Flat, around: Flat, seconds: float
+    ) -> tuple[float, ...]:
+        """Vehicle state, then contact states, after ``seconds`` with a constant
+        command.
+        """
         if seconds not in self._programs:
 
             def interval(
@@ -242,9 +339,19 @@ class RigidBodyPlant:
             ) -> tuple[tuple[()], Moved]:
                 states, commands, around = inputs
                 now, count = (states, around.coupled_memories()), self.substeps(seconds)
-                return (), hold(self._worlds, self._integrator, count, now, commands, around, seconds)
+                return (), hold(
+                    self._worlds,
+                    self._integrator,
+                    count,
+                    now,
+                    commands,
+                    around,
+                    seconds,
+                )
 
-            self._programs[seconds] = trace_loop(interval, (), (), self._examples, loops=True).stepper()
+            self._programs[seconds] = trace_loop(
+                interval, (), (), self._examples, loops=True
+            ).stepper()
         return self._programs[seconds]((*state, *command, *around))
 
     @cached_property
@@ -255,13 +362,23 @@ class RigidBodyPlant:
         return trace(impact, self._examples[0], self.around)
 
     def after_impact(self, state: Flat, around: Flat) -> tuple[float, ...]:
-        """Vehicle state right after the impulse of a grasp or of a joint that gets stuck."""
+        """Vehicle state right after the impulse of a grasp or of a joint that gets
+        stuck.
+        """
         return self._impact.flat((*state, *around))
 
-    def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, ...]:
-        """Proper acceleration of each base origin, base axes, m/s^2: three numbers a vehicle."""
+    def specific_force(
+        self, state: Flat, command: Flat, around: Flat
+    ) -> tuple[float, ...]:
+        """Proper acceleration of each base origin, base axes, m/s^2: three numbers a
+        vehicle.
+        """
         return self._accelerometer.flat((*state, *command, *around))
 
-    def angular_acceleration(self, state: Flat, command: Flat, around: Flat) -> tuple[float, ...]:
-        """Angular acceleration of each base, base axes, rad/s^2: three numbers a vehicle."""
+    def angular_acceleration(
+        self, state: Flat, command: Flat, around: Flat
+    ) -> tuple[float, ...]:
+        """Angular acceleration of each base, base axes, rad/s^2: three numbers a
+        vehicle.
+        """
         return self._turning.flat((*state, *command, *around))

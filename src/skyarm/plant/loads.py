@@ -1,4 +1,6 @@
-"""Loads on the vehicle during a control period: payloads, stuck joints, and all forces except gravity."""
+"""Loads on the vehicle during a control period: payloads, stuck joints, and all forces
+except gravity.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +10,21 @@ from typing import TypeGuard
 
 from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3, sums
 from skyarm.algebra.scalars import add, data, mul, where
-from skyarm.dynamics.actuators import Command, friction_per_rate, joint_force, rotor_forces, speeds_after, stop_force
-from skyarm.dynamics.actuators.rotor import felt_in, has_short_lag, lag_of, short_lag, spin_torque
+from skyarm.dynamics.actuators import (
+    Command,
+    friction_per_rate,
+    joint_force,
+    rotor_forces,
+    speeds_after,
+    stop_force,
+)
+from skyarm.dynamics.actuators.rotor import (
+    felt_in,
+    has_short_lag,
+    lag_of,
+    short_lag,
+    spin_torque,
+)
 from skyarm.dynamics.actuators.tilting import angles_after
 from skyarm.dynamics.body_drag import body_drag
 from skyarm.dynamics.point_motion import PointMotion
@@ -21,27 +36,40 @@ from skyarm.vehicle import BASE, Rotor, Vehicle
 from skyarm.world import Effectiveness, PayloadMemory, TimedPayload, WindSample, Wrench
 
 LOCKED = 1e12
-"""Inertia (kg m^2 or kg) of a stuck joint's motion. A torque of 1 N m moves it by 5e-13 rad in a second, less than
-rounding, and both plants solve for the other accelerations as if the joint were fixed."""
+"""Inertia (kg m^2 or kg) of a stuck joint's motion. A torque of 1 N m moves it by 5e-13
+rad in a second, less than rounding, and both plants solve for the other accelerations
+as if the joint were fixed."""
 
 
 def rigid_loads(around: Surroundings) -> list[tuple[TimedPayload, PayloadMemory]]:
     """Rigid payloads of the scenario, each with its internal state."""
-    return [pair for pair in zip(around.components, around.memories, strict=True) if _is_rigid(pair)]
+    return [
+        pair
+        for pair in zip(around.components, around.memories, strict=True)
+        if _is_rigid(pair)
+    ]
 
 
-def _is_rigid(pair: tuple[AnyComponent, Tree]) -> TypeGuard[tuple[TimedPayload, PayloadMemory]]:
-    """True if a component, given with its internal state, is a rigid load on a body of the vehicle."""
+def _is_rigid(
+    pair: tuple[AnyComponent, Tree],
+) -> TypeGuard[tuple[TimedPayload, PayloadMemory]]:
+    """True if a component, given with its internal state, is a rigid load on a body of
+    the vehicle.
+    """
     return pair[0].rigid
 
 
 def stuck_of(around: Surroundings) -> Sequence[Scalar]:
-    """Flag of each joint, 1 if it is stuck and 0 if not; an empty tuple if no fault can stick a joint."""
+    """Flag of each joint, 1 if it is stuck and 0 if not; an empty tuple if no fault can
+    stick a joint.
+    """
     return () if around.effectiveness is None else around.effectiveness.stuck
 
 
 def changes_inertia(around: Surroundings) -> bool:
-    """True if a payload or a stuck joint may change the vehicle's inertia during the flight."""
+    """True if a payload or a stuck joint may change the vehicle's inertia during the
+    flight.
+    """
     return bool(rigid_loads(around)) or bool(stuck_of(around))
 
 
@@ -52,22 +80,35 @@ def loaded_vehicle(vehicle: Vehicle, around: Surroundings) -> Vehicle:
     return with_armature(vehicle, [mul(LOCKED, share) for share in stuck_of(around)])
 
 
-def applied_force(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Force, Scalars]:
-    """Force and torque on the base (about its origin, base axes) and joint torques, without gravity.
+def applied_force(
+    motion: PointMotion, command: Command, around: Surroundings
+) -> tuple[Force, Scalars]:
+    """Force and torque on the base (about its origin, base axes) and joint torques,
+    without gravity.
 
     Args:
-        motion: motion of the true vehicle, whose rotors are turned to the angles of its state.
-        command: setpoints of the joints' drives, torques or forces unless the drive defines another quantity, and
-            rotor speeds that the rotors accelerate to, rad/s; empty for rotors at constant speed.
+        motion: motion of the true vehicle, whose rotors are turned to the angles of its
+            state.
+        command: setpoints of the joints' drives, torques or forces unless the drive
+            defines another quantity, and rotor speeds that the rotors accelerate to,
+            rad/s; empty for rotors at constant speed.
         around: air, forces, faults and drives of the period.
     """
     vehicle, state = motion.vehicle, motion.state
     speeds = state.rotor_speeds
     total, pushed = _outside(around.wrenches(motion), motion)
-    left = around.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
+    left = around.effectiveness or Effectiveness(
+        (1,) * len(vehicle.rotors), (1,) * vehicle.n
+    )
     total = _with_aerodynamics(total, motion, around.air_velocity(state.position), left)
-    turning = around.rotor_commands(vehicle.rotors, command.rotor_speeds) if command.rotor_speeds else ()
-    total = total + Force(spin_torque(vehicle.rotors, speeds, turning, state.rate), ZERO3)
+    turning = (
+        around.rotor_commands(vehicle.rotors, command.rotor_speeds)
+        if command.rotor_speeds
+        else ()
+    )
+    total = total + Force(
+        spin_torque(vehicle.rotors, speeds, turning, state.rate), ZERO3
+    )
     torques = []
     for i, (link, setpoint, share, push) in enumerate(
         zip(vehicle.links, command.efforts, left.joints, pushed, strict=True)
@@ -75,49 +116,77 @@ def applied_force(motion: PointMotion, command: Command, around: Surroundings) -
         rate = state.joint_rates[i]
         effort = around.effort(i, setpoint, state.joints[i], rate)
         stop = stop_force(link.joint, state.joints[i], rate)
-        torques.append(add(add(joint_force(link.joint, effort, rate, share), stop), push))
+        torques.append(
+            add(add(joint_force(link.joint, effort, rate, share), stop), push)
+        )
     return total, tuple(torques)
 
 
-def _with_aerodynamics(total: Force, motion: PointMotion, air_W: Vec3, left: Effectiveness) -> Force:
-    """Sum of a force on the base, the drag of the airframe and the forces of the rotors in moving air."""
+def _with_aerodynamics(
+    total: Force, motion: PointMotion, air_W: Vec3, left: Effectiveness
+) -> Force:
+    """Sum of a force on the base, the drag of the airframe and the forces of the rotors
+    in moving air.
+    """
     vehicle, state = motion.vehicle, motion.state
     v_air = motion.rotation.apply_T(state.velocity - air_W)
     total = total + Force(ZERO3, body_drag(vehicle.drag, v_air))
-    return total + rotor_forces(vehicle.rotors, state.rotor_speeds, v_air, state.rate, left.rotors)
+    return total + rotor_forces(
+        vehicle.rotors, state.rotor_speeds, v_air, state.rate, left.rotors
+    )
 
 
 def wind_at(around: Surroundings, motion: PointMotion) -> WindSample:
-    """Force on the base and air velocity at its origin, with all logged numbers of the environment models.
+    """Force on the base and air velocity at its origin, with all logged numbers of the
+    environment models.
 
-    The force is that of the environment models on the base, and what the motion of the air changes of the forces of
-    rotors and airframe: their sum less that in calm air.
+    The force is that of the environment models on the base, and what the motion of the
+    air changes of the forces of rotors and airframe: their sum less that in calm air.
     """
     vehicle, state = motion.vehicle, motion.state
     force = ZERO3
     for component, memory in zip(around.components, around.memories, strict=True):
         if component.coupled:
             continue  # has columns of its own
-        for wrench in component.wrenches(memory, around.time, motion, state.rotor_speeds):
+        for wrench in component.wrenches(
+            memory, around.time, motion, state.rotor_speeds
+        ):
             if wrench.body == BASE and wrench.agent in ("", motion.name):
                 force = force + wrench.force_W
     air = around.air_velocity(state.position)
     if any(type(c) is not int for c in air):
-        left = around.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
+        left = around.effectiveness or Effectiveness(
+            (1,) * len(vehicle.rotors), (1,) * vehicle.n
+        )
         none = Force(ZERO3, ZERO3)
-        moved, calm = (_with_aerodynamics(none, motion, each, left).force for each in (air, ZERO3))
+        moved, calm = (
+            _with_aerodynamics(none, motion, each, left).force for each in (air, ZERO3)
+        )
         force = force + motion.to_world(moved - calm)
     pairs = zip(around.components, around.memories, strict=True)
-    own = tuple(data(c) for each, memory in pairs if each.columns for c in each.logged(memory, motion))
-    return WindSample(Vec3(*map(data, force)), ZERO3, Vec3(*map(data, air)), numbers=own)
+    own = tuple(
+        data(c)
+        for each, memory in pairs
+        if each.columns
+        for c in each.logged(memory, motion)
+    )
+    return WindSample(
+        Vec3(*map(data, force)), ZERO3, Vec3(*map(data, air)), numbers=own
+    )
 
 
-def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Sequence[Scalar]]:
-    """Sum of wrenches on bodies, as a force and torque on the base and torques of the joints."""
+def _outside(
+    wrenches: Sequence[Wrench], motion: PointMotion
+) -> tuple[Force, Sequence[Scalar]]:
+    """Sum of wrenches on bodies, as a force and torque on the base and torques of the
+    joints.
+    """
     total = Force(ZERO3, ZERO3)
     pushed: Scalars = (0,) * motion.vehicle.n
     for wrench in wrenches:
-        force, efforts = motion.generalized_force(wrench.force_W, wrench.torque_W, wrench.point, wrench.body)
+        force, efforts = motion.generalized_force(
+            wrench.force_W, wrench.torque_W, wrench.point, wrench.body
+        )
         total = total + force
         pushed = sums(pushed, efforts)
     return total, pushed
@@ -127,22 +196,43 @@ STEADY = Surroundings()
 """Plant inputs without any environment model."""
 
 
-def with_lag(vehicle: Vehicle, state: State, command: Command, dt: Scalar, around: Surroundings = STEADY) -> State:
-    """Vehicle state whose rotor speeds and tilt angles have followed a constant command for ``dt`` seconds."""
+def with_lag(
+    vehicle: Vehicle,
+    state: State,
+    command: Command,
+    dt: Scalar,
+    around: Surroundings = STEADY,
+) -> State:
+    """Vehicle state whose rotor speeds and tilt angles have followed a constant command
+    for ``dt`` seconds.
+    """
     commands = around.rotor_commands(vehicle.rotors, command.rotor_speeds)
     return replace(
         state,
         rotor_speeds=speeds_after(vehicle.rotors, state.rotor_speeds, commands, dt),
-        tilts=angles_after(vehicle, state.tilts, command.tilts, dt) if vehicle.tilts else (),
+        tilts=(
+            angles_after(vehicle, state.tilts, command.tilts, dt)
+            if vehicle.tilts
+            else ()
+        ),
     )
 
 
 def follow_commands(
-    worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together, dt: Scalar
+    worlds: Sequence[Truth],
+    states: Sequence[State],
+    commands: Sequence[Command],
+    around: Together,
+    dt: Scalar,
 ) -> tuple[State, ...]:
-    """States of the vehicles, whose rotor speeds and tilt angles have followed constant commands for ``dt`` (s)."""
+    """States of the vehicles, whose rotor speeds and tilt angles have followed constant
+    commands for ``dt`` (s).
+    """
     rows = enumerate(zip(worlds, states, commands, strict=True))
-    return tuple(with_lag(world.vehicle, state, command, dt, around.of(i)) for i, (world, state, command) in rows)
+    return tuple(
+        with_lag(world.vehicle, state, command, dt, around.of(i))
+        for i, (world, state, command) in rows
+    )
 
 
 def felt_in_step(
@@ -154,7 +244,8 @@ def felt_in_step(
     *,
     held: bool = False,
 ) -> tuple[Sequence[Truth], Sequence[Sequence[State]]]:
-    """Vehicles and states by which the rotors' forces have their impulse of a step of ``dt`` (s).
+    """Vehicles and states by which the rotors' forces have their impulse of a step of
+    ``dt`` (s).
 
     Args:
         worlds: true vehicles and gravity.
@@ -164,13 +255,23 @@ def felt_in_step(
         dt: s.
         held: True if forces are held for the step; else only short lags need it.
     """
-    if not held and not any(has_short_lag(rotor) for world in worlds for rotor in world.vehicle.rotors):
+    if not held and not any(
+        has_short_lag(rotor) for world in worlds for rotor in world.vehicle.rotors
+    ):
         return worlds, stages
     made, felt = list[Truth](), list[list[State]]()
     # angles of tilting rotors are those of the middle of a step
-    moved = [follow_commands(worlds, stages[0], commands, around, 0.5 * dt)] if held else stages
+    moved = (
+        [follow_commands(worlds, stages[0], commands, around, 0.5 * dt)]
+        if held
+        else stages
+    )
     for i, (world, command) in enumerate(zip(worlds, commands, strict=True)):
-        rotors, turned, columns = world.vehicle.rotors, list[Rotor](), list[Sequence[Scalar]]()
+        rotors, turned, columns = (
+            world.vehicle.rotors,
+            list[Rotor](),
+            list[Sequence[Scalar]](),
+        )
         heard = around.of(i).rotor_commands(rotors, command.rotor_speeds)
         within = (stage[i].rotor_speeds for stage in stages)
         for rotor, asked, *there in zip(rotors, heard, *within, strict=True):
@@ -178,20 +279,32 @@ def felt_in_step(
             if held or has_short_lag(rotor):
                 mean, until = felt_in(rotor, speeds[0], asked, dt)
                 short = held or lag < short_lag(rotor)
-                speeds, lag = [where(short, mean, each) for each in speeds], where(short, until, lag)
+                speeds, lag = (
+                    [where(short, mean, each) for each in speeds],
+                    where(short, until, lag),
+                )
             turned.append(replace(rotor, time_constant_up=lag, time_constant_down=lag))
             columns.append(speeds)
-        made.append(replace(world, vehicle=world.vehicle.with_checked(rotors=tuple(turned))))
+        made.append(
+            replace(world, vehicle=world.vehicle.with_checked(rotors=tuple(turned)))
+        )
         rows = [tuple(column[k] for column in columns) for k in range(len(stages))]
-        felt.append([replace(s[i], rotor_speeds=row) for s, row in zip(moved, rows, strict=True)])
+        felt.append(
+            [
+                replace(s[i], rotor_speeds=row)
+                for s, row in zip(moved, rows, strict=True)
+            ]
+        )
     return made, [*zip(*felt, strict=True)]
 
 
 def held_frictions(vehicle: Vehicle, state: State, dt: Scalar) -> Scalars:
-    """Armature (kg m^2 or kg) by which a semi-implicit Euler step of ``dt`` (s) takes each joint's friction at its end.
+    """Armature (kg m^2 or kg) by which a semi-implicit Euler step of ``dt`` (s) takes
+    each joint's friction at its end.
 
-    With r the friction per rate at the begin, (M + dt r) (v' - v) = dt (F - r v) is M (v' - v) = dt (F - r v'): no
-    friction turns a joint round within a step, however stiff, and it rests where it would.
+    With r the friction per rate at the begin, (M + dt r) (v' - v) = dt (F - r v) is M
+    (v' - v) = dt (F - r v'): no friction turns a joint round within a step, however
+    stiff, and it rests where it would.
     Source: Hairer, Wanner 1996, Solving Ordinary Differential Equations II, IV.15.
     """
     pairs = zip(vehicle.joints, state.joint_rates, strict=True)
@@ -199,7 +312,9 @@ def held_frictions(vehicle: Vehicle, state: State, dt: Scalar) -> Scalars:
 
 
 def with_armature(vehicle: Vehicle, added: Sequence[Scalar]) -> Vehicle:
-    """Vehicle with more armature (kg m^2 or kg) at its joints: an int 0 adds nothing, () none at any."""
+    """Vehicle with more armature (kg m^2 or kg) at its joints: an int 0 adds nothing,
+    () none at any.
+    """
     if all(type(more) is int for more in added):
         return vehicle
     links = list(vehicle.links)
@@ -210,6 +325,14 @@ def with_armature(vehicle: Vehicle, added: Sequence[Scalar]) -> Vehicle:
     return vehicle.with_checked(links=tuple(links))
 
 
-def before_euler_step(worlds: Sequence[Truth], states: Sequence[State], around: Together, dt: Scalar) -> Together:
-    """Surroundings from which a semi-implicit Euler step evaluates forces: friction bristles are advanced."""
-    return around.bend(around.slopes(around.motions(worlds, states)), dt) if around.coupled else around
+def before_euler_step(
+    worlds: Sequence[Truth], states: Sequence[State], around: Together, dt: Scalar
+) -> Together:
+    """Surroundings from which a semi-implicit Euler step evaluates forces: friction
+    bristles are advanced.
+    """
+    return (
+        around.bend(around.slopes(around.motions(worlds, states)), dt)
+        if around.coupled
+        else around
+    )

@@ -1,4 +1,5 @@
-"""MuJoCo plant: MuJoCo's rigid-body dynamics with this library's rotors, wind and joint drives.
+"""MuJoCo plant: MuJoCo's rigid-body dynamics with this library's rotors, wind and joint
+drives.
 
 Only the length of a step where joint friction is stiff comes from our own mass matrix
 (:mod:`skyarm.plant.joint_rate`).
@@ -22,7 +23,13 @@ from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State, example_state
 from skyarm.plant.interface import Flat, Truth, example_command, whole_steps
-from skyarm.plant.joint_rate import HELD_TOUCH_STEP, TOUCH_STEP, joint_rate, stop_numbers, touch_steps
+from skyarm.plant.joint_rate import (
+    HELD_TOUCH_STEP,
+    TOUCH_STEP,
+    joint_rate,
+    stop_numbers,
+    touch_steps,
+)
 from skyarm.plant.largest_step import (
     FRICTION_STEP,
     HELD_FRICTION_STEP,
@@ -55,7 +62,8 @@ LARGEST_FRICTION_STEP = {"rk4": HELD_FRICTION_STEP, "rk4_staged": FRICTION_STEP}
 class _Quiet:
     """Context manager that suppresses MuJoCo's warnings.
 
-    An episode's own checks report divergence. MuJoCo has one handler for all threads; the caller's comes back.
+    An episode's own checks report divergence. MuJoCo has one handler for all threads;
+    the caller's comes back.
     """
 
     def __init__(self) -> None:
@@ -82,14 +90,21 @@ def _ignore(_message: str) -> None:
 QUIET = _Quiet()
 
 
-def _with_loads_at_stages(integrator: str, vehicles: Sequence[Vehicle], around: Together) -> str:
+def _with_loads_at_stages(
+    integrator: str, vehicles: Sequence[Vehicle], around: Together
+) -> str:
     """Integrator name, with "rk4" replaced by "rk4_staged" where forces are stiff.
 
-    With its force held for a step h an undamped oscillator of frequency w grows by sqrt(1 + (w h)^2 / 2) each step of
-    "rk4"; in "euler", which moves positions with the new velocities, it does not grow.
+    With its force held for a step h an undamped oscillator of frequency w grows by
+    sqrt(1 + (w h)^2 / 2) each step of "rk4"; in "euler", which moves positions with the
+    new velocities, it does not grow.
     """
-    springs = any(link.joint.has_stops for each in vehicles for link in each.links) or bool(around.coupled)
-    springs = springs or any(drive.largest_step is not None for drive in around.drives_of_all)
+    springs = any(
+        link.joint.has_stops for each in vehicles for link in each.links
+    ) or bool(around.coupled)
+    springs = springs or any(
+        drive.largest_step is not None for drive in around.drives_of_all
+    )
     return "rk4_staged" if integrator == "rk4" and springs else integrator
 
 
@@ -100,27 +115,32 @@ NOTHING: Written = (None, None)
 
 
 class MujocoPlant:
-    """Simulated vehicle whose rigid bodies MuJoCo integrates; this library computes the forces.
+    """Simulated vehicle whose rigid bodies MuJoCo integrates; this library computes the
+    forces.
 
-    MuJoCo's own integrators hold forces for each physics step, which makes both methods of first order in it. With
-    "rk4_staged" forces are evaluated at each stage, and the method is of fourth order. A spring whose force is held for
-    a step of "rk4" gains energy, so "rk4" is "rk4_staged" where joints have stops, a drive states a largest step or
-    there are coupled components. Grasps that the plant closes are constraints (:mod:`skyarm.plant.mujoco_welds`), which
-    are solved at the stages alone. Not for two threads at once: each call works in the same MuJoCo data, though nothing
-    in it outlives the call.
+    MuJoCo's own integrators hold forces for each physics step, which makes both methods
+    of first order in it. With "rk4_staged" forces are evaluated at each stage, and the
+    method is of fourth order. A spring whose force is held for a step of "rk4" gains
+    energy, so "rk4" is "rk4_staged" where joints have stops, a drive states a largest
+    step or there are coupled components. Grasps that the plant closes are constraints
+    (:mod:`skyarm.plant.mujoco_welds`), which are solved at the stages alone. Not for
+    two threads at once: each call works in the same MuJoCo data, though nothing in it
+    outlives the call.
 
     Args:
-        world: true vehicle and gravity, or those of several vehicles. A planar model is refused: no real body has its
-            inertia.
-        around: surroundings of one period as an example, of all vehicles or of the only one; their structural zeros are
-            folded away.
-        integrator: MuJoCo's "rk4" or (semi-implicit) "euler"; "rk4_staged" of :mod:`skyarm.plant.mujoco_stages`.
-        physics_step: s; all but "euler" take shorter steps where joint friction would be stiff; all do where the
-            surroundings state a largest step.
+        world: true vehicle and gravity, or those of several vehicles. A planar model is
+            refused: no real body has its inertia.
+        around: surroundings of one period as an example, of all vehicles or of the only
+            one; their structural zeros are folded away.
+        integrator: MuJoCo's "rk4" or (semi-implicit) "euler"; "rk4_staged" of
+            :mod:`skyarm.plant.mujoco_stages`.
+        physics_step: s; all but "euler" take shorter steps where joint friction would
+            be stiff; all do where the surroundings state a largest step.
     """
 
     several = True
-    """True of a plant that is made of several vehicles, too, as of :class:`skyarm.plant.compiled.RigidBodyPlant`."""
+    """True of a plant that is made of several vehicles, too, as of
+    :class:`skyarm.plant.compiled.RigidBodyPlant`."""
 
     def __init__(
         self,
@@ -134,48 +154,81 @@ class MujocoPlant:
         for vehicle in vehicles:
             require_plant(vehicle)
         if integrator not in INTEGRATORS:
-            raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
+            raise ValueError(
+                f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}"
+            )
         self.vehicle = vehicles[0]
         integrator = _with_loads_at_stages(integrator, vehicles, around)
         if integrator in LARGEST_FRICTION_STEP:
             rate = max(map(joint_rate, vehicles))
-            physics_step /= max(1, math.ceil(rate * physics_step / LARGEST_FRICTION_STEP[integrator]))
+            physics_step /= max(
+                1, math.ceil(rate * physics_step / LARGEST_FRICTION_STEP[integrator])
+            )
         self._euler = integrator == "euler"
         physics_step /= divisions(physics_step, largest_step(around, euler=self._euler))
-        loads = [[load for load, _ in rigid_loads(around.of(i))] for i in range(len(vehicles))]
+        loads = [
+            [load for load, _ in rigid_loads(around.of(i))]
+            for i in range(len(vehicles))
+        ]
         prefixes = ("", *(f"{name}/" for name in around.names[1:]))
         spec = build_spec(
-            vehicles[0], float(self._worlds[0].gravity), timestep=physics_step, integrator=integrator, loads=loads[0]
+            vehicles[0],
+            float(self._worlds[0].gravity),
+            timestep=physics_step,
+            integrator=integrator,
+            loads=loads[0],
         )
-        for vehicle, held, prefix in list(zip(vehicles, loads, prefixes, strict=True))[1:]:
+        for vehicle, held, prefix in list(zip(vehicles, loads, prefixes, strict=True))[
+            1:
+        ]:
             add_vehicle(spec, vehicle, held, prefix)
-        self._welds = [Welds(spec, vehicles, prefixes, around) for _ in closed_contacts(around)]
+        self._welds = [
+            Welds(spec, vehicles, prefixes, around) for _ in closed_contacts(around)
+        ]
         with QUIET, warnings.catch_warnings():
             # of masses beyond measure, whose flight ends as diverged
             warnings.simplefilter("ignore")
             self.model = spec.compile()
         self._physics_step, self._rk4 = physics_step, integrator == "rk4"
         self._data = mujoco.MjData(self.model)
-        # views of MuJoCo's numbers: to ask its records for them costs a microsecond each time
+        # views of MuJoCo's numbers: to ask its records for them costs a microsecond
+        # each time
         self._layout = layout = Layout(self._worlds, self.model, prefixes)
-        self._qpos, self._qvel = self._data.qpos[: layout.nq], self._data.qvel[: layout.nv]
+        self._qpos, self._qvel = (
+            self._data.qpos[: layout.nq],
+            self._data.qvel[: layout.nv],
+        )
         self._force = self._data.qfrc_applied
         for each in self._welds:
             each.bind(self.model, self._data)
         self._gravity = self.model.opt.gravity
-        bodies = [self.model.body(prefix + body_name(v, BASE)).id for v, prefix in zip(vehicles, prefixes, strict=True)]
+        bodies = [
+            self.model.body(prefix + body_name(v, BASE)).id
+            for v, prefix in zip(vehicles, prefixes, strict=True)
+        ]
         self._bases = [
             (self._data.qacc[at : at + 6], self._data.xmat[body].reshape(3, 3).T)
             for at, body in zip(layout.bases, bodies, strict=True)
         ]
-        zeros, commands = (0.0,) * layout.end, tuple(example_command(*each.sizes) for each in vehicles)
-        self._loads = Quick(self._forces_and_speeds, zeros, commands, around, physics_step)
+        zeros, commands = (
+            (0.0,) * layout.end,
+            tuple(example_command(*each.sizes) for each in vehicles),
+        )
+        self._loads = Quick(
+            self._forces_and_speeds, zeros, commands, around, physics_step
+        )
         pieces = pairwise((0, layout.nq, layout.nq + layout.nv, layout.end))
         self._parts = tuple(self._loads.inputs[a:b] for a, b in pieces)
         self._coupled = [*coupled_places(around)]
         commanded, outputs = len(leaves(commands)), self._loads.outputs
-        ends = (0, *accumulate((len(self._force), layout.driven, len(self._coupled))), len(outputs))
-        self._pushed, self._turned, self._remembered, self._held = (outputs[a:b] for a, b in pairwise(ends))
+        ends = (
+            0,
+            *accumulate((len(self._force), layout.driven, len(self._coupled))),
+            len(outputs),
+        )
+        self._pushed, self._turned, self._remembered, self._held = (
+            outputs[a:b] for a, b in pairwise(ends)
+        )
         self._around = self._loads.inputs[layout.end + commanded : -1]
         self._commanded = self._loads.inputs[layout.end :][:commanded]
         self._written = NOTHING
@@ -184,42 +237,74 @@ class MujocoPlant:
         if any(each.followers for each in vehicles):
             self._forward = Coupling(layout, self._data).forward
         changes = any(changes_inertia(around.of(i)) for i in range(len(vehicles)))
-        self._carried = Loads(layout, self.model, self._data, around, prefixes) if changes else None
+        self._carried = (
+            Loads(layout, self.model, self._data, around, prefixes) if changes else None
+        )
         self._touch = self._program_of_touches(vehicles)
         self._staged: StagedRungeKutta | None = None
         if integrator == "rk4_staged":
             solver = self._forward, self._welds
-            self._staged = StagedRungeKutta(layout, self.model, self._data, around, *solver)
+            self._staged = StagedRungeKutta(
+                layout, self.model, self._data, around, *solver
+            )
 
     def _program_of_touches(self, vehicles: Sequence[Vehicle]) -> Program | None:
-        """Program for the number of steps that joints need at their stops in an interval (s); None without stops."""
-        stops, largest = [stop_numbers(each) for each in vehicles], HELD_TOUCH_STEP if self._euler else TOUCH_STEP
+        """Program for the number of steps that joints need at their stops in an
+        interval (s); None without stops.
+        """
+        stops, largest = (
+            [stop_numbers(each) for each in vehicles],
+            (HELD_TOUCH_STEP if self._euler else TOUCH_STEP),
+        )
         states = tuple(example_state(*each.sizes) for each in vehicles)
 
         def steps(now: Sequence[State], seconds: Scalar) -> Scalar:
-            return touch_steps([each.vehicle for each in self._worlds], stops, now, seconds, largest)
+            return touch_steps(
+                [each.vehicle for each in self._worlds], stops, now, seconds, largest
+            )
 
         return trace(steps, states, 0.0) if any(stops) else None
 
-    def _forces_and_speeds(self, x: Scalars, commands: tuple[Command, ...], around: Together, dt: Scalar) -> Scalars:
-        """Generalised forces for MuJoCo, and rotor, tilt and contact states after an integration step of ``dt`` (s)."""
+    def _forces_and_speeds(
+        self, x: Scalars, commands: tuple[Command, ...], around: Together, dt: Scalar
+    ) -> Scalars:
+        """Generalised forces for MuJoCo, and rotor, tilt and contact states after an
+        integration step of ``dt`` (s).
+        """
         states = self._layout.states(x)
         if self._euler:
             around = before_euler_step(self._worlds, states, around, dt)
         held = self._euler or self._rk4
-        worlds, (felt,) = felt_in_step(self._worlds, (states,), commands, around, dt, held=held)
+        worlds, (felt,) = felt_in_step(
+            self._worlds, (states,), commands, around, dt, held=held
+        )
         forces = self._layout.generalized_forces(worlds, felt, commands, around)
         after = follow_commands(self._worlds, states, commands, around, dt)
         slopes = around.slopes(around.motions(self._worlds, states))
-        driven = [number for each in after for number in (*each.rotor_speeds, *each.tilts)]
+        driven = [
+            number for each in after for number in (*each.rotor_speeds, *each.tilts)
+        ]
         frictions: list[Scalar] = []
         if self._euler:
             for world, state in zip(worlds, states, strict=True):
                 frictions += held_frictions(world.vehicle, state, dt)
-        return tuple(map(data, (*forces, *driven, *leaves(around.after_euler_step(slopes, dt)), *frictions)))
+        return tuple(
+            map(
+                data,
+                (
+                    *forces,
+                    *driven,
+                    *leaves(around.after_euler_step(slopes, dt)),
+                    *frictions,
+                ),
+            )
+        )
 
-    def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """Vehicle state, then contact states, after ``seconds`` (whole integration steps) with constant inputs.
+    def advance(
+        self, state: Flat, command: Flat, around: Flat, seconds: float
+    ) -> tuple[float, ...]:
+        """Vehicle state, then contact states, after ``seconds`` (whole integration
+        steps) with constant inputs.
 
         A diverged state stays diverged.
         """
@@ -234,9 +319,18 @@ class MujocoPlant:
             return self._in_stages(self._staged, state, command, around, count, dt)
         model, data, step, rk4 = self.model, self._data, self._loads.step, self._rk4
         qpos, qvel, speeds = self._parts
-        force, forces, turned, forward = self._force, self._pushed, self._turned, self._forward
+        force, forces, turned, forward = (
+            self._force,
+            self._pushed,
+            self._turned,
+            self._forward,
+        )
         given, coupled, remembered = self._around, self._coupled, self._remembered
-        armature, own, joints = model.dof_armature, model.dof_armature.copy(), [*chain(*self._layout.joints)]
+        armature, own, joints = (
+            model.dof_armature,
+            model.dof_armature.copy(),
+            [*chain(*self._layout.joints)],
+        )
         try:
             with QUIET:
                 for _ in range(count):
@@ -244,7 +338,8 @@ class MujocoPlant:
                     force[:] = forces
                     if not rk4:
                         armature[joints] = own[joints] + self._held
-                    # mj_step without its checks: the monitor of the episode says what went wrong
+                    # mj_step without its checks: the monitor of the episode says what
+                    # went wrong
                     forward(model, data)
                     if rk4:
                         mujoco.mj_RungeKutta(model, data, 4)
@@ -259,27 +354,42 @@ class MujocoPlant:
         return (*ours, *given[coupled].tolist()) if coupled else ours
 
     def _in_stages(
-        self, staged: StagedRungeKutta, state: Flat, command: Flat, around: Flat, count: int, dt: float
+        self,
+        staged: StagedRungeKutta,
+        state: Flat,
+        command: Flat,
+        around: Flat,
+        count: int,
+        dt: float,
     ) -> tuple[float, ...]:
-        """Vehicle and contact state after several Runge-Kutta steps with forces evaluated at each stage."""
+        """Vehicle and contact state after several Runge-Kutta steps with forces
+        evaluated at each stage.
+        """
         self._loads.step()
         with QUIET:
             memory = self._around[self._coupled]
             start, given = self._layout.to_mujoco(state), (*command, *around)
-            x, coupled = staged.advance(start, memory.tolist(), self._pushed, given, count, dt)
+            x, coupled = staged.advance(
+                start, memory.tolist(), self._pushed, given, count, dt
+            )
         return (*self._layout.to_ours(x), *coupled)
 
     def _set(self, state: Flat, command: Flat, around: Flat) -> None:
         """Write vehicle state, command and environment inputs into MuJoCo's data.
 
-        A step begins where the accelerometer was read: of the same tuples only the command is written again.
+        A step begins where the accelerometer was read: of the same tuples only the
+        command is written again.
         """
         if state is self._written[0] and around is self._written[1]:
             self._commanded[:] = command
             return
         if self._carried is not None:
             self._carried.carry(around)
-        self._written = (state, around) if type(state) is tuple and type(around) is tuple else NOTHING
+        self._written = (
+            (state, around)
+            if type(state) is tuple and type(around) is tuple
+            else NOTHING
+        )
         x, nq = self._layout.to_mujoco(state), self._layout.nq
         self._qpos[:], self._qvel[:] = x[:nq], x[nq : nq + self._layout.nv]
         self._loads.inputs[:-1] = (*x, *command, *around)
@@ -287,7 +397,9 @@ class MujocoPlant:
             each.begin(self._around)
 
     def after_impact(self, state: Flat, around: Flat) -> tuple[float, ...]:
-        """Vehicle state right after the impulse of a grasp or of a joint that gets stuck."""
+        """Vehicle state right after the impulse of a grasp or of a joint that gets
+        stuck.
+        """
         if self._carried is None:
             return tuple(state)
         x, nq, nv = self._layout.to_mujoco(state), self._layout.nq, self._layout.nv
@@ -298,13 +410,25 @@ class MujocoPlant:
         self._written = NOTHING
         return ours
 
-    def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, ...]:
-        """Reading of an ideal accelerometer at each base origin, base axes, m/s^2: three numbers a vehicle."""
+    def specific_force(
+        self, state: Flat, command: Flat, around: Flat
+    ) -> tuple[float, ...]:
+        """Reading of an ideal accelerometer at each base origin, base axes, m/s^2:
+        three numbers a vehicle.
+        """
         self._solve(state, command, around)
-        return tuple(value for at, R in self._bases for value in (R @ (at[:3] - self._gravity)).tolist())
+        return tuple(
+            value
+            for at, R in self._bases
+            for value in (R @ (at[:3] - self._gravity)).tolist()
+        )
 
-    def angular_acceleration(self, state: Flat, command: Flat, around: Flat) -> tuple[float, ...]:
-        """Angular acceleration of each base, base axes, rad/s^2: three numbers a vehicle."""
+    def angular_acceleration(
+        self, state: Flat, command: Flat, around: Flat
+    ) -> tuple[float, ...]:
+        """Angular acceleration of each base, base axes, rad/s^2: three numbers a
+        vehicle.
+        """
         self._solve(state, command, around)
         return tuple(value for at, _ in self._bases for value in at[3:].tolist())
 

@@ -1,10 +1,13 @@
-"""Export of a vehicle as a self-contained MuJoCo model with actuators, limits, lights and a camera.
+"""Export of a vehicle as a self-contained MuJoCo model with actuators, limits, lights
+and a camera.
 
-Bodies, joints and looks are those of the plant (:mod:`skyarm.plant.mujoco_model`). Within the joints' limits, in still
-air, at steady rotor speeds and without Coulomb friction the model moves as the plant does: thrust and drag torque of a
-rotor are one actuator in N, joint efforts motors, viscous friction is MuJoCo's own; a rotor's thrust follows its
-control as a first-order lag. Limits, Coulomb friction and followers are MuJoCo's soft constraints. What is left out or
-changed stands in the first lines of the file. Numbers have all their digits: MuJoCo's own writer keeps six.
+Bodies, joints and looks are those of the plant (:mod:`skyarm.plant.mujoco_model`).
+Within the joints' limits, in still air, at steady rotor speeds and without Coulomb
+friction the model moves as the plant does: thrust and drag torque of a rotor are one
+actuator in N, joint efforts motors, viscous friction is MuJoCo's own; a rotor's thrust
+follows its control as a first-order lag. Limits, Coulomb friction and followers are
+MuJoCo's soft constraints. What is left out or changed stands in the first lines of the
+file. Numbers have all their digits: MuJoCo's own writer keeps six.
 """
 
 from __future__ import annotations
@@ -54,7 +57,8 @@ def mjcf_text(
     Args:
         vehicle: vehicle with concrete numbers; a planar model is refused.
         gravity: m/s^2.
-        start: state of the keyframe ``start``; None for level, 1 m up, joints at zero or at the limit next to it.
+        start: state of the keyframe ``start``; None for level, 1 m up, joints at zero
+            or at the limit next to it.
         timestep: s.
         inertial: frames of the vehicle with a gyroscope and an accelerometer.
         collisions: the shapes touch the floor and other bodies, not each other.
@@ -74,12 +78,18 @@ def mjcf_text(
         "rotor_at": dict(zip(site_of_rotor(vehicle), vehicle.rotors, strict=True)),
         "actuators": actuator_names(vehicle),
         "tilts": {
-            each.name: unused_name(f"{each.name}_tilt", taken) for each in vehicle.rotors if each.tilt is not None
+            each.name: unused_name(f"{each.name}_tilt", taken)
+            for each in vehicle.rotors
+            if each.tilt is not None
         },
         "thrust": _thrust,
     }
-    model = mujoco.MjModel.from_xml_string(render_vehicle("mjcf", vehicle, key=None, **values))
-    return render_vehicle("mjcf", vehicle, key=_start(vehicle, model, start, gravity), **values)
+    model = mujoco.MjModel.from_xml_string(
+        render_vehicle("mjcf", vehicle, key=None, **values)
+    )
+    return render_vehicle(
+        "mjcf", vehicle, key=_start(vehicle, model, start, gravity), **values
+    )
 
 
 def _thrust(rotor: Rotor, speed: Scalar) -> float:
@@ -88,25 +98,41 @@ def _thrust(rotor: Rotor, speed: Scalar) -> float:
     return float(rotor.thrust_coefficient) * float(push(rotor, within))
 
 
-def _start(vehicle: Vehicle, model: mujoco.MjModel, start: State | None, gravity: float) -> dict[str, str | Array]:
+def _start(
+    vehicle: Vehicle, model: mujoco.MjModel, start: State | None, gravity: float
+) -> dict[str, str | Array]:
     """Keyframe of the initial state with hover thrusts."""
     if start is None:
         joints = tuple(nearest_to_zero(link.joint) for link in vehicle.links)
         speeds = _hover_speeds(vehicle, joints, gravity)
         level = example_state(*vehicle.sizes)
-        start = replace(level, position=Vec3(0.0, 0.0, HEIGHT), joints=joints, rotor_speeds=speeds)
+        start = replace(
+            level, position=Vec3(0.0, 0.0, HEIGHT), joints=joints, rotor_speeds=speeds
+        )
     qpos, qvel, ctrl = np.array(model.qpos0), np.zeros(model.nv), np.zeros(model.nu)
     at, rates = joint_addresses(vehicle, model)
-    qpos[:3], qpos[3:7], qpos[at] = start.position, start.quaternion, every_joint(vehicle, start.joints)
-    qvel[:3], qvel[3:6], qvel[rates] = start.velocity, start.rate, every_rate(vehicle, start.joint_rates)
+    qpos[:3], qpos[3:7], qpos[at] = (
+        start.position,
+        start.quaternion,
+        every_joint(vehicle, start.joints),
+    )
+    qvel[:3], qvel[3:6], qvel[rates] = (
+        start.velocity,
+        start.rate,
+        every_rate(vehicle, start.joint_rates),
+    )
     thrusts = np.array([*map(_thrust, vehicle.rotors, start.rotor_speeds)])
-    tilts = model.jnt_qposadr[model.actuator_trnid[model.nactuator - len(vehicle.tilts) :, 0]]
+    tilts = model.jnt_qposadr[
+        model.actuator_trnid[model.nactuator - len(vehicle.tilts) :, 0]
+    ]
     qpos[tilts] = start.tilts
     ctrl[: thrusts.size], ctrl[ctrl.size - len(tilts) :] = thrusts, start.tilts
     return {"name": START, "qpos": qpos, "qvel": qvel, "act": thrusts, "ctrl": ctrl}
 
 
-def _hover_speeds(vehicle: Vehicle, joints: tuple[float, ...], gravity: float) -> Scalars:
+def _hover_speeds(
+    vehicle: Vehicle, joints: tuple[float, ...], gravity: float
+) -> Scalars:
     """Rotor speeds for level hover, rad/s; zeros if hover is impossible."""
     still = (0.0,) * len(vehicle.rotors)
     try:

@@ -1,4 +1,6 @@
-"""Conversion of states and generalised forces between the library's order and MuJoCo's."""
+"""Conversion of states and generalised forces between the library's order and
+MuJoCo's.
+"""
 
 from __future__ import annotations
 
@@ -22,30 +24,43 @@ Number = TypeVar("Number")
 
 
 class Reordering(Protocol):
-    """Type of functions that rearrange state variables between this library's order and MuJoCo's."""
+    """Type of functions that rearrange state variables between this library's order and
+    MuJoCo's.
+    """
 
     def __call__(self, numbers: Sequence[Number], /) -> tuple[Number, ...]:
         """Rearrange state variables between this library's order and MuJoCo's."""
 
 
 class Layout:
-    """Index maps between this library's and MuJoCo's orders of the state variables of all vehicles.
+    """Index maps between this library's and MuJoCo's orders of the state variables of
+    all vehicles.
 
     Args:
-        worlds: true vehicles and gravity. model: MuJoCo's, of a tree for each. prefixes: of the names in each tree.
+        worlds: true vehicles and gravity. model: MuJoCo's, of a tree for each.
+            prefixes: of the names in each tree.
 
     Attributes:
-        nq, nv: count of MuJoCo's positions and velocities of the vehicles, before those of objects.
+        nq, nv: count of MuJoCo's positions and velocities of the vehicles, before those
+            of objects.
         end: count of all numbers.
         driven: count of rotor speeds and tilt angles together.
-        bases: address of each vehicle's first velocity. dofs: addresses of its links' and followers' velocities.
+        bases: address of each vehicle's first velocity. dofs: addresses of its links'
+            and followers' velocities.
         joints: those of its links alone.
         to_mujoco, to_ours: reordering of the states' numbers, as tuples.
     """
 
-    def __init__(self, worlds: Sequence[Truth], model: Any, prefixes: Sequence[str] = ("",)) -> None:
-        self.worlds, self.vehicles = tuple(worlds), tuple(world.vehicle for world in worlds)
-        self.nq, self.nv = (sum(size + len(each.moving) for each in self.vehicles) for size in (7, 6))
+    def __init__(
+        self, worlds: Sequence[Truth], model: Any, prefixes: Sequence[str] = ("",)
+    ) -> None:
+        self.worlds, self.vehicles = (
+            tuple(worlds),
+            tuple(world.vehicle for world in worlds),
+        )
+        self.nq, self.nv = (
+            sum(size + len(each.moving) for each in self.vehicles) for size in (7, 6)
+        )
         self.driven = sum(len(each.rotors) + len(each.tilts) for each in self.vehicles)
         self.end = self.nq + self.nv + self.driven
         self.bases, self.dofs = list[int](), list[list[int]]()
@@ -58,7 +73,8 @@ class Layout:
             )
             place, base = int(free.qposadr[0]), int(free.dofadr[0])
             count = len(vehicle.rotors) + len(vehicle.tilts)
-            # ours is position, quaternion, velocity, rate, joints, joint rates, rotor speeds, tilt angles
+            # ours is position, quaternion, velocity, rate, joints, joint rates, rotor
+            # speeds, tilt angles
             pose, speeds = range(place, place + 7), range(first, first + count)
             moving = range(self.nq + base, self.nq + base + 6)
             ours += [*pose, *moving, *q[:n], *(self.nq + i for i in v[:n]), *speeds]
@@ -66,8 +82,12 @@ class Layout:
             self.bases.append(base)
             self.dofs.append(v)
             first += count
-        self.joints = [v[: vehicle.n] for vehicle, v in zip(self.vehicles, self.dofs, strict=True)]
-        self._theirs: Reordering = itemgetter(*sorted(range(len(whole)), key=whole.__getitem__))
+        self.joints = [
+            v[: vehicle.n] for vehicle, v in zip(self.vehicles, self.dofs, strict=True)
+        ]
+        self._theirs: Reordering = itemgetter(
+            *sorted(range(len(whole)), key=whole.__getitem__)
+        )
         followed = any(each.followers for each in self.vehicles)
         self.to_mujoco: Reordering = self._with_followers if followed else self._theirs
         self.to_ours: Reordering = itemgetter(*ours)
@@ -77,34 +97,69 @@ class Layout:
         given, every = iter(numbers), list[Any]()
         for vehicle in self.vehicles:
             n, driven = vehicle.n, len(vehicle.rotors) + len(vehicle.tilts)
-            base, joints, rates, speeds = (list(islice(given, count)) for count in (13, n, n, driven))
-            every += [*base, *every_joint(vehicle, joints), *every_rate(vehicle, rates), *speeds]
+            base, joints, rates, speeds = (
+                list(islice(given, count)) for count in (13, n, n, driven)
+            )
+            every += [
+                *base,
+                *every_joint(vehicle, joints),
+                *every_rate(vehicle, rates),
+                *speeds,
+            ]
         return self._theirs(every)
 
     def states(self, x: Sequence[Scalar]) -> tuple[State, ...]:
-        """Vehicle states in this library's order, from state variables in MuJoCo's order."""
-        return rebuild(tuple(example_state(*each.sizes) for each in self.vehicles), iter(self.to_ours(x)))
+        """Vehicle states in this library's order, from state variables in MuJoCo's
+        order.
+        """
+        return rebuild(
+            tuple(example_state(*each.sizes) for each in self.vehicles),
+            iter(self.to_ours(x)),
+        )
 
     def accelerations(self, qacc: Sequence[Scalar]) -> list[tuple[Vec3, Vec3, Scalars]]:
-        """Accelerations of each base (world axes) and of its joints, from MuJoCo's generalised accelerations."""
+        """Accelerations of each base (world axes) and of its joints, from MuJoCo's
+        generalised accelerations.
+        """
         return [
-            (Vec3(*qacc[at : at + 3]), Vec3(*qacc[at + 3 : at + 6]), tuple(qacc[i] for i in dofs))
+            (
+                Vec3(*qacc[at : at + 3]),
+                Vec3(*qacc[at + 3 : at + 6]),
+                tuple(qacc[i] for i in dofs),
+            )
             for at, dofs in zip(self.bases, self.joints, strict=True)
         ]
 
     def generalized_forces(
-        self, worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together
+        self,
+        worlds: Sequence[Truth],
+        states: Sequence[State],
+        commands: Sequence[Command],
+        around: Together,
     ) -> list[Scalar]:
-        """Generalised forces at states without gravity, in MuJoCo's order: of the vehicles, then of held objects.
+        """Generalised forces at states without gravity, in MuJoCo's order: of the
+        vehicles, then of held objects.
 
-        The dual of a free joint's velocity is the force at the base origin in world axes and the torque in base axes.
+        The dual of a free joint's velocity is the force at the base origin in world
+        axes and the torque in base axes.
         """
-        generalized, place, motions = list[Scalar](), list[int](), around.motions(worlds, states)
+        generalized, place, motions = (
+            list[Scalar](),
+            list[int](),
+            around.motions(worlds, states),
+        )
         for i, (motion, command) in enumerate(zip(motions, commands, strict=True)):
             force, torques = applied_force(motion, command, around.of(i))
             # what acts on a follower acts on its leader already
             still = [0] * len(motion.vehicle.followers)
-            generalized += [*motion.rotation.apply(force.force), *force.torque, *torques, *still]
+            generalized += [
+                *motion.rotation.apply(force.force),
+                *force.torque,
+                *torques,
+                *still,
+            ]
             place += [*range(self.bases[i], self.bases[i] + 6), *self.dofs[i]]
-        ordered = [generalized[i] for i in sorted(range(self.nv), key=place.__getitem__)]
+        ordered = [
+            generalized[i] for i in sorted(range(self.nv), key=place.__getitem__)
+        ]
         return ordered + object_forces(around, motions)

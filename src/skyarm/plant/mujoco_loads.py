@@ -1,13 +1,15 @@
 """Follower joints, payloads and stuck joints of the MuJoCo plant.
 
-Joints that follow others are held by forces that are found exactly, not by soft constraints. MuJoCo moves every joint
-by itself. With M and h its mass matrix and bias, G q the joints by the leaders' and f the forces applied, the leaders'
-acceleration is a = (G^T M G)^-1 G^T (f - h), and the force M G a + h makes MuJoCo's own solution G a. No mass matrix
-but MuJoCo's enters.
+Joints that follow others are held by forces that are found exactly, not by soft
+constraints. MuJoCo moves every joint by itself. With M and h its mass matrix and bias,
+G q the joints by the leaders' and f the forces applied, the leaders' acceleration is
+a = (G^T M G)^-1 G^T (f - h), and the force M G a + h makes MuJoCo's own solution G a.
+No mass matrix but MuJoCo's enters.
 
-Each load is a body of MuJoCo's own, welded to the link that may hold it, at its centre of mass and along its
-principal axes; only its mass and its moments change. A stuck joint has a large armature. Velocities after a grasp, or
-when a joint gets stuck, come from MuJoCo's mass matrices before and after.
+Each load is a body of MuJoCo's own, welded to the link that may hold it, at its centre
+of mass and along its principal axes; only its mass and its moments change. A stuck
+joint has a large armature. Velocities after a grasp, or when a joint gets stuck, come
+from MuJoCo's mass matrices before and after.
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ from skyarm.records.arrays import Array
 
 
 def own_to_mujoco(layout: Layout) -> Array:
-    """Matrix (nv, 6 + joints of each vehicle) that maps base and joint velocities to MuJoCo's velocities."""
+    """Matrix (nv, 6 + joints of each vehicle) that maps base and joint velocities to
+    MuJoCo's velocities.
+    """
     vehicles = layout.vehicles
     G, first = np.zeros((layout.nv, sum(6 + each.n for each in vehicles))), 0
     for vehicle, base, dofs in zip(vehicles, layout.bases, layout.dofs, strict=True):
@@ -43,7 +47,8 @@ def own_to_mujoco(layout: Layout) -> Array:
 
 
 class Coupling:
-    """Constraint in MuJoCo's data by which a vehicle's follower joints move with their leader joints.
+    """Constraint in MuJoCo's data by which a vehicle's follower joints move with their
+    leader joints.
 
     Args:
         layout: layout of vehicles with followers. data: MuJoCo's.
@@ -56,7 +61,9 @@ class Coupling:
         self._force, self._bias = data.qfrc_applied, data.qfrc_bias
 
     def forward(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Compute MuJoCo's forward dynamics including the constraint forces of follower joints."""
+        """Compute MuJoCo's forward dynamics including the constraint forces of follower
+        joints.
+        """
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
         for column, moved in zip(self._columns, self._moved, strict=True):
@@ -68,15 +75,18 @@ class Coupling:
 
 
 OF_A_LOAD = 5
-"""Numbers of a load in a period: mass, three moments, and 1 in the period in which it is grasped."""
+"""Numbers of a load in a period: mass, three moments, and 1 in the period in which it
+is grasped."""
 
 
 class Loads:
     """Payloads and stuck joints in a MuJoCo model, updated every control period.
 
     Args:
-        layout: layout of the vehicles. model, data: MuJoCo's, made with bodies for the loads of ``around``.
-        around: surroundings as an example. prefixes: of the names in each vehicle's tree.
+        layout: layout of the vehicles. model, data: MuJoCo's, made with bodies for the
+            loads of ``around``.
+        around: surroundings as an example. prefixes: of the names in each vehicle's
+            tree.
     """
 
     def __init__(
@@ -95,9 +105,16 @@ class Loads:
             for i in range(len(rigid_loads(own)))
         ]
         self._bodies = [model.body(name).id for name in names]
-        stuck = [dofs for dofs, own in zip(layout.joints, beside, strict=True) if stuck_of(own)]
+        stuck = [
+            dofs
+            for dofs, own in zip(layout.joints, beside, strict=True)
+            if stuck_of(own)
+        ]
         self._dofs = np.array([dof for dofs in stuck for dof in dofs], dtype=int)
-        own_dofs = [(*range(base, base + 6), *dofs) for base, dofs in zip(layout.bases, layout.joints, strict=True)]
+        own_dofs = [
+            (*range(base, base + 6), *dofs)
+            for base, dofs in zip(layout.bases, layout.joints, strict=True)
+        ]
         self._own = np.array([dof for dofs in own_dofs for dof in dofs], dtype=int)
         self._armature = model.dof_armature.copy()
         self._numbers = Quick(_numbers, around)
@@ -105,7 +122,9 @@ class Loads:
         self._G = own_to_mujoco(layout)
 
     def _of(self, around: Flat) -> tuple[Array, Array]:
-        """Mass, moments of inertia and grasp flag of each payload, and stuck flags of the joints."""
+        """Mass, moments of inertia and grasp flag of each payload, and stuck flags of
+        the joints.
+        """
         self._numbers.inputs[:] = around
         self._numbers.step()
         numbers = np.array(self._numbers.outputs)
@@ -113,7 +132,9 @@ class Loads:
         return numbers[:ends].reshape(-1, OF_A_LOAD), numbers[ends:]
 
     def carry(self, around: Flat) -> None:
-        """Set payload inertias and stuck joints in MuJoCo's model for a control period."""
+        """Set payload inertias and stuck joints in MuJoCo's model for a control
+        period.
+        """
         loads, stuck = self._of(around)
         self._put(loads[:, :4], stuck)
 
@@ -122,7 +143,8 @@ class Loads:
         if key == self._set:
             return
         self._set, model = key, self._model
-        # MuJoCo's masses of whole trees only choose the point about which it sums: they stay
+        # MuJoCo's masses of whole trees only choose the point about which it sums: they
+        # stay
         for body, (mass, *moments) in zip(self._bodies, loads, strict=True):
             model.body_mass[body], model.body_inertia[body] = mass, moments
         model.dof_armature[:] = self._armature
@@ -130,12 +152,16 @@ class Loads:
             model.dof_armature[self._dofs] += LOCKED * stuck
 
     def velocity_after(self, qvel: Array, around: Flat) -> Array:
-        """Generalised velocities right after the impulse of a grasp or of a joint that gets stuck."""
+        """Generalised velocities right after the impulse of a grasp or of a joint that
+        gets stuck.
+        """
         loads, stuck = self._of(around)
         if not (loads[:, 4].any() or stuck.any()):
             return qvel
         # what is grasped now was at rest, and no brake has acted yet
-        before = self._mass_matrix(loads[:, :4] * (1.0 - loads[:, 4:]), np.zeros_like(stuck))
+        before = self._mass_matrix(
+            loads[:, :4] * (1.0 - loads[:, 4:]), np.zeros_like(stuck)
+        )
         after = self._mass_matrix(loads[:, :4], stuck)
         return self._G @ np.linalg.solve(after, before @ qvel[self._own])
 
@@ -151,8 +177,16 @@ class Loads:
 
 
 def _numbers(around: Together) -> Scalars:
-    """Mass, moments of inertia and grasp flag of each payload, then the stuck flags of the joints."""
+    """Mass, moments of inertia and grasp flag of each payload, then the stuck flags of
+    the joints.
+    """
     numbers, beside = list[Scalar](), [around.of(i) for i in range(len(around.each))]
     for load, memory in (pair for own in beside for pair in rigid_loads(own)):
-        numbers += [load.mass * memory.held, *(each * memory.held for each in load.inertia), memory.caught]
-    return tuple(map(data, (*numbers, *(share for own in beside for share in stuck_of(own)))))
+        numbers += [
+            load.mass * memory.held,
+            *(each * memory.held for each in load.inertia),
+            memory.caught,
+        ]
+    return tuple(
+        map(data, (*numbers, *(share for own in beside for share in stuck_of(own))))
+    )

@@ -1,4 +1,6 @@
-"""MuJoCo model of a vehicle: bodies, joints, sites and visual shapes, without any forces."""
+"""MuJoCo model of a vehicle: bodies, joints, sites and visual shapes, without any
+forces.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,8 @@ BASE_NAME = "base"
 """Name of the airframe's body and free joint; no link may have it."""
 
 LEAST = 2e-15
-"""Least mass (kg) and inertia (kg m^2) in MuJoCo, which refuses a moving body below 1e-15; used for massless links
-and point masses."""
+"""Least mass (kg) and inertia (kg m^2) in MuJoCo, which refuses a moving body below
+1e-15; used for massless links and point masses."""
 
 KINDS = {
     "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
@@ -36,7 +38,11 @@ KINDS = {
 }
 """Kind of a shape -> MuJoCo's geometry, which takes half lengths."""
 
-_GREY, _DARK, _BLUE = (0.6, 0.6, 0.62, 1.0), (0.2, 0.2, 0.22, 1.0), (0.25, 0.45, 0.75, 1.0)
+_GREY, _DARK, _BLUE = (
+    (0.6, 0.6, 0.62, 1.0),
+    (0.2, 0.2, 0.22, 1.0),
+    (0.25, 0.45, 0.75, 1.0),
+)
 
 COLORS = {
     "hull": _GREY,
@@ -59,8 +65,9 @@ def build_spec(
 ) -> mujoco.MjSpec:
     """MuJoCo model specification (``mujoco.MjSpec``) of a vehicle.
 
-    Contacts, constraints, implicit damping and MuJoCo's own reset of a diverged state are off; joints have neither
-    damping, friction nor limits: everything that pushes is applied from outside, and followers have joints of their own
+    Contacts, constraints, implicit damping and MuJoCo's own reset of a diverged state
+    are off; joints have neither damping, friction nor limits: everything that pushes is
+    applied from outside, and followers have joints of their own
     (:mod:`skyarm.plant.mujoco_loads`).
 
     Args:
@@ -68,7 +75,8 @@ def build_spec(
         gravity: m/s^2, positive downwards.
         timestep: s.
         integrator: "rk4", "euler" or "rk4_staged".
-        loads: timed rigid payloads, each a body without mass, welded to the link that may hold it.
+        loads: timed rigid payloads, each a body without mass, welded to the link that
+            may hold it.
     """
     spec = mujoco.MjSpec()
     spec.modelname = vehicle.name
@@ -79,35 +87,53 @@ def build_spec(
     spec.option.integrator = INTEGRATORS[integrator]
     off = mujoco.mjtDisableBit
     spec.option.disableflags = int(
-        off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT | off.mjDSBL_EULERDAMP | off.mjDSBL_AUTORESET
+        off.mjDSBL_CONTACT
+        | off.mjDSBL_CONSTRAINT
+        | off.mjDSBL_EULERDAMP
+        | off.mjDSBL_AUTORESET
     )
     add_vehicle(spec, vehicle, loads)
     return spec
 
 
-def add_vehicle(spec: mujoco.MjSpec, vehicle: Vehicle, loads: Sequence[TimedPayload] = (), prefix: str = "") -> None:
+def add_vehicle(
+    spec: mujoco.MjSpec,
+    vehicle: Vehicle,
+    loads: Sequence[TimedPayload] = (),
+    prefix: str = "",
+) -> None:
     """Add the tree of a vehicle to a MuJoCo model specification.
 
     Args:
         spec: specification of :func:`build_spec`.
         vehicle: vehicle with concrete numbers.
         loads: loads of :func:`build_spec`.
-        prefix: prefix of all names in the tree, which tells those of several vehicles apart.
+        prefix: prefix of all names in the tree, which tells those of several vehicles
+            apart.
     """
     bodies = {BASE: spec.worldbody.add_body(name=prefix + body_name(vehicle, BASE))}
-    bodies[BASE].add_freejoint(name=prefix + free_name(vehicle), align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
+    bodies[BASE].add_freejoint(
+        name=prefix + free_name(vehicle), align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE
+    )
     _give_inertia(bodies[BASE], vehicle.base)
     for i, link in enumerate(vehicle.moving):
         at = link.joint
         bodies[i] = bodies[link.parent].add_body(
-            name=prefix + body_name(vehicle, i), pos=float_array(at.position), quat=_quaternion(at.rotation)
+            name=prefix + body_name(vehicle, i),
+            pos=float_array(at.position),
+            quat=_quaternion(at.rotation),
         )
         _add_joint(bodies[i], at, prefix)
         _give_inertia(bodies[i], link.body)
     for i, load in enumerate(loads):
         grasp = vehicle.frame(load.frame or None)
-        place, name = grasp.position + grasp.rotation.apply(load.com), prefix + load_name(i)
-        body = bodies[grasp.link].add_body(name=name, pos=float_array(place), quat=_quaternion(grasp.rotation))
+        place, name = (
+            grasp.position + grasp.rotation.apply(load.com),
+            prefix + load_name(i),
+        )
+        body = bodies[grasp.link].add_body(
+            name=name, pos=float_array(place), quat=_quaternion(grasp.rotation)
+        )
         body.explicitinertial = True
         body.mass, body.inertia = 0.0, np.zeros(3)
         body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
@@ -125,10 +151,16 @@ def load_name(index: int) -> str:
     return f"load {index}"
 
 
-def joint_addresses(vehicle: Vehicle, model: mujoco.MjModel, prefix: str = "") -> tuple[list[int], list[int]]:
-    """Addresses of a tree's joints in MuJoCo's qpos and qvel, in the order of the vehicle's links."""
+def joint_addresses(
+    vehicle: Vehicle, model: mujoco.MjModel, prefix: str = ""
+) -> tuple[list[int], list[int]]:
+    """Addresses of a tree's joints in MuJoCo's qpos and qvel, in the order of the
+    vehicle's links.
+    """
     joints = [model.joint(prefix + link.joint.name) for link in vehicle.moving]
-    return [int(joint.qposadr[0]) for joint in joints], [int(joint.dofadr[0]) for joint in joints]
+    return [int(joint.qposadr[0]) for joint in joints], [
+        int(joint.dofadr[0]) for joint in joints
+    ]
 
 
 def site_of_rotor(vehicle: Vehicle) -> list[str]:
@@ -147,15 +179,25 @@ def body_name(vehicle: Vehicle, link: int) -> str:
 
 def _add_joint(body: mujoco.MjsBody, joint: Joint, prefix: str) -> None:
     """Add a joint without friction, limits or springs."""
-    kinds = {"revolute": mujoco.mjtJoint.mjJNT_HINGE, "prismatic": mujoco.mjtJoint.mjJNT_SLIDE}
+    kinds = {
+        "revolute": mujoco.mjtJoint.mjJNT_HINGE,
+        "prismatic": mujoco.mjtJoint.mjJNT_SLIDE,
+    }
     name, armature = prefix + joint.name, float(joint.armature)
-    body.add_joint(name=name, type=kinds[joint.kind], axis=float_array(joint.axis), armature=armature)
+    body.add_joint(
+        name=name,
+        type=kinds[joint.kind],
+        axis=float_array(joint.axis),
+        armature=armature,
+    )
 
 
 def _give_inertia(body: mujoco.MjsBody, source: Body) -> None:
-    """Set the inertia of a body about its centre of mass, as principal moments and axes.
+    """Set the inertia of a body about its centre of mass, as principal moments and
+    axes.
 
-    MuJoCo's own diagonalisation of ``fullinertia`` stops at an absolute 1e-12 kg m^2, which small links would feel.
+    MuJoCo's own diagonalisation of ``fullinertia`` stops at an absolute 1e-12 kg m^2,
+    which small links would feel.
     """
     moments, axes = np.linalg.eigh(np.array(source.inertia.full()))
     if np.linalg.det(axes) < 0.0:
@@ -165,10 +207,16 @@ def _give_inertia(body: mujoco.MjsBody, source: Body) -> None:
     moments[2] = min(moments[2], moments[0] + moments[1])
     body.explicitinertial = True
     body.mass = max(float(source.mass), LEAST)
-    body.ipos, body.inertia, body.iquat = float_array(source.com), moments, _mat2quat(axes)
+    body.ipos, body.inertia, body.iquat = (
+        float_array(source.com),
+        moments,
+        _mat2quat(axes),
+    )
 
 
-def _add_sites(vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody], prefix: str) -> None:
+def _add_sites(
+    vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody], prefix: str
+) -> None:
     """Add a site for each frame and each rotor hub (z along the thrust)."""
     for frame in vehicle.frames:
         bodies[frame.link].add_site(

@@ -1,7 +1,9 @@
-"""Fourth-order Runge-Kutta step for MuJoCo's bodies, with forces evaluated at each stage.
+"""Fourth-order Runge-Kutta step for MuJoCo's bodies, with forces evaluated at each
+stage.
 
-The attitude of a step is its first one times the exponential of a rotation vector u, and it is u that the method
-integrates: du/dt = w + 1/2 u x w + 1/12 u x (u x w), the rest of the series being of fifth order.
+The attitude of a step is its first one times the exponential of a rotation vector u,
+and it is u that the method integrates: du/dt = w + 1/2 u x w + 1/12 u x (u x w), the
+rest of the series being of fifth order.
 Source: Munthe-Kaas 1999, Runge-Kutta methods on Lie groups; tableau of Kutta 1901.
 """
 
@@ -34,8 +36,9 @@ STAGES = (
     (1.0, 1.0 / 3.0, 0.0, 1.0),
     (1.0 / 6.0, 0.0, 1.0, 1.0),
 )
-"""Coefficients of each stage, in steps: of its slope in the next state, and in the sum of slopes; of the sum in the
-next state; time of the next state. The state after the last stage is that after the step."""
+"""Coefficients of each stage, in steps: of its slope in the next state, and in the sum
+of slopes; of the sum in the next state; time of the next state. The state after the
+last stage is that after the step."""
 
 
 Numbers = Scalars
@@ -44,14 +47,18 @@ Numbers = Scalars
 
 @immutable
 class RungeKuttaInputs:
-    """Numerical inputs of one Runge-Kutta stage, apart from command and environment; states in MuJoCo's order.
+    """Numerical inputs of one Runge-Kutta stage, apart from command and environment;
+    states in MuJoCo's order.
 
     Attributes:
-        start, first: state and memories of the coupled components at the beginning of the step.
+        start, first: state and memories of the coupled components at the beginning of
+            the step.
         now, memory: state and memories of the stage.
         turn: rotation vector of the stage from the first attitude.
-        total, rates: sums of the slopes of earlier stages, of the state and of the memories.
-        acceleration: MuJoCo's generalised acceleration. weights: row of ``STAGES``, and the step (s).
+        total, rates: sums of the slopes of earlier stages, of the state and of the
+            memories.
+        acceleration: MuJoCo's generalised acceleration. weights: row of ``STAGES``, and
+            the step (s).
     """
 
     start: Numbers
@@ -66,7 +73,8 @@ class RungeKuttaInputs:
 
 
 class StagedRungeKutta:
-    """Fourth-order Runge-Kutta integrator that takes accelerations from MuJoCo and forces from this library.
+    """Fourth-order Runge-Kutta integrator that takes accelerations from MuJoCo and
+    forces from this library.
 
     Args:
         layout: layout of the vehicles. model, data: MuJoCo's; a step works in ``data``.
@@ -85,7 +93,12 @@ class StagedRungeKutta:
         welds: Sequence[Welds] = (),
     ) -> None:
         self._welds = welds
-        self._layout, self._model, self._data, self._forward = layout, model, data, forward
+        self._layout, self._model, self._data, self._forward = (
+            layout,
+            model,
+            data,
+            forward,
+        )
         nq, nv = layout.nq, layout.nv
         self._qpos, self._qvel = data.qpos[:nq], data.qvel[:nv]
         self._force, self._qacc = data.qfrc_applied, data.qacc
@@ -94,25 +107,48 @@ class StagedRungeKutta:
         state, slopes = (0.0,) * layout.end, (0.0,) * (2 * own)
         self._coupled = (0.0,) * len(coupled_places(around))
         inputs = RungeKuttaInputs(
-            start=state, first=self._coupled, now=state, memory=self._coupled, turn=(0.0,) * (3 * len(vehicles)),
-            total=slopes, rates=self._coupled, acceleration=(0.0,) * len(self._qacc), weights=(0.0,) * 5,
+            start=state,
+            first=self._coupled,
+            now=state,
+            memory=self._coupled,
+            turn=(0.0,) * (3 * len(vehicles)),
+            total=slopes,
+            rates=self._coupled,
+            acceleration=(0.0,) * len(self._qacc),
+            weights=(0.0,) * 5,
         )
         commands = tuple(example_command(*each.sizes) for each in vehicles)
         self._program = Quick(self._stage, inputs, commands, around)
         ends = accumulate((len(part) for part in parts(inputs).values()), initial=0)
         views = [self._program.inputs[a:b] for a, b in pairwise(ends)]
-        self._start, self._first, self._now, self._memory, self._turn, self._sum, self._rates = views[:7]
+        (
+            self._start,
+            self._first,
+            self._now,
+            self._memory,
+            self._turn,
+            self._sum,
+            self._rates,
+        ) = views[:7]
         self._acceleration, self._weights = views[7:]
         self._given = self._program.inputs[len(leaves(inputs)) :]
-        # state, memories, rotation vector and sums stand side by side among inputs and outputs: one copy
+        # state, memories, rotation vector and sums stand side by side among inputs and
+        # outputs: one copy
         before = layout.end + len(self._coupled)
         width = before + len(inputs.turn) + 2 * own + len(self._coupled)
-        self._moving, self._move_state = self._program.inputs[before:][:width], self._program.outputs[:width]
+        self._moving, self._move_state = (
+            self._program.inputs[before:][:width],
+            self._program.outputs[:width],
+        )
         self._loads = self._program.outputs[width:]
         self._positions, self._velocities = self._now[:nq], self._now[nq : nq + nv]
 
-    def _stage(self, inputs: RungeKuttaInputs, commands: tuple[Command, ...], around: Together) -> Numbers:
-        """Compute one Runge-Kutta stage: the next states, their rotation vectors, sums of slopes and forces."""
+    def _stage(
+        self, inputs: RungeKuttaInputs, commands: tuple[Command, ...], around: Together
+    ) -> Numbers:
+        """Compute one Runge-Kutta stage: the next states, their rotation vectors, sums
+        of slopes and forces.
+        """
         layout = self._layout
         first, now = layout.states(inputs.start), layout.states(inputs.now)
         own, share, earlier, time, step = inputs.weights
@@ -120,7 +156,9 @@ class StagedRungeKutta:
         there = around.with_coupled(rebuild(shape, iter(inputs.memory)))
         faster = leaves(there.slopes(there.motions(layout.worlds, now)))
         for each in self._welds:
-            for place, rate in zip(each.moving, inputs.acceleration[layout.nv :], strict=True):
+            for place, rate in zip(
+                each.moving, inputs.acceleration[layout.nv :], strict=True
+            ):
                 faster[place] = rate
         rows = list(zip(inputs.first, inputs.rates, faster, strict=True))
         memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in rows]
@@ -129,24 +167,39 @@ class StagedRungeKutta:
         slopes, turns, total = list[Scalar](), iter(inputs.turn), iter(inputs.total)
         turned, following = list[Scalar](), list[State]()
         lags = follow_commands(layout.worlds, first, commands, around, time)
-        for x, lag, acceleration in zip(now, lags, layout.accelerations(inputs.acceleration), strict=True):
-            slope = _slope(x, Vec3(next(turns), next(turns), next(turns)), *acceleration)
+        for x, lag, acceleration in zip(
+            now, lags, layout.accelerations(inputs.acceleration), strict=True
+        ):
+            slope = _slope(
+                x, Vec3(next(turns), next(turns), next(turns)), *acceleration
+            )
             change = [add(mul(earlier, next(total)), mul(own, k)) for k in slope]
             following.append(_move_state(lag, change))
             turned += change[3:6]
             slopes += slope
-        sums = [add(s, mul(share, k)) for s, k in zip(inputs.total, slopes, strict=True)]
+        sums = [
+            add(s, mul(share, k)) for s, k in zip(inputs.total, slopes, strict=True)
+        ]
         # the state after the last stage is the begin of the next step
         begun = follow_commands(layout.worlds, first, commands, around, earlier * step)
-        worlds, (_, felt) = felt_in_step(layout.worlds, (begun, following), commands, around, step)
+        worlds, (_, felt) = felt_in_step(
+            layout.worlds, (begun, following), commands, around, step
+        )
         loads = layout.generalized_forces(worlds, felt, commands, around)
         numbers = layout.to_mujoco(leaves(tuple(following)))
         return tuple(map(data, (*numbers, *memory, *turned, *sums, *rates, *loads)))
 
     def advance(
-        self, x: Sequence[float], memory: Sequence[float], forces: Array, given: Sequence[float], steps: int, dt: float
+        self,
+        x: Sequence[float],
+        memory: Sequence[float],
+        forces: Array,
+        given: Sequence[float],
+        steps: int,
+        dt: float,
     ) -> tuple[list[float], list[float]]:
-        """Vehicle state in MuJoCo's order and contact states after several Runge-Kutta steps.
+        """Vehicle state in MuJoCo's order and contact states after several Runge-Kutta
+        steps.
 
         Args:
             x: state now, in MuJoCo's order.
@@ -160,7 +213,12 @@ class StagedRungeKutta:
         # a share of a sum of slopes that hold a step's length already
         tableau[:, 2] = [row[2] for row in STAGES]
         program = self._program.step
-        self._now[:], self._memory[:], self._given[:], self._loads[:] = x, memory, given, forces
+        self._now[:], self._memory[:], self._given[:], self._loads[:] = (
+            x,
+            memory,
+            given,
+            forces,
+        )
         for _ in range(steps):
             self._start[:], self._first[:] = self._now, self._memory
             self._turn[:], self._sum[:], self._rates[:] = 0.0, 0.0, 0.0
@@ -175,22 +233,34 @@ class StagedRungeKutta:
         return self._now.tolist(), self._memory.tolist()
 
     def _solve(self) -> None:
-        """Compute MuJoCo's accelerations and constraint forces at the stage's state under its forces."""
-        self._qpos[:], self._qvel[:], self._force[:] = self._positions, self._velocities, self._loads
+        """Compute MuJoCo's accelerations and constraint forces at the stage's state
+        under its forces.
+        """
+        self._qpos[:], self._qvel[:], self._force[:] = (
+            self._positions,
+            self._velocities,
+            self._loads,
+        )
         for each in self._welds:
             each.put(self._memory)
         self._forward(self._model, self._data)
 
 
-def _slope(x: State, u: Vec3, linear: Vec3, angular: Vec3, joints: Sequence[Scalar]) -> list[Scalar]:
-    """Time derivatives of position, rotation vector, joint positions and velocities of one vehicle."""
+def _slope(
+    x: State, u: Vec3, linear: Vec3, angular: Vec3, joints: Sequence[Scalar]
+) -> list[Scalar]:
+    """Time derivatives of position, rotation vector, joint positions and velocities of
+    one vehicle.
+    """
     across = u.cross(x.rate)
     turning = x.rate + across * 0.5 + u.cross(across) * (1.0 / 12.0)
     return [*x.velocity, *turning, *x.joint_rates, *linear, *angular, *joints]
 
 
 def _move_state(first: State, change: Sequence[Scalar]) -> State:
-    """Vehicle state after increments of position, rotation, joint positions and velocities."""
+    """Vehicle state after increments of position, rotation, joint positions and
+    velocities.
+    """
     n = len(first.joints)
 
     def line(values: Sequence[Scalar], more: Sequence[Scalar]) -> Scalars:

@@ -1,25 +1,30 @@
-"""Grasps as equality constraints of MuJoCo: ``connect`` for a ball grasp, ``weld`` for a fixed one.
+"""Grasps as equality constraints of MuJoCo: ``connect`` for a ball grasp, ``weld`` for
+a fixed one.
 
-A constraint of MuJoCo is soft. With its impedance d, its residual r, velocity v and acceleration a, and the sum A of
-both bodies' inverse weights, its force is
+A constraint of MuJoCo is soft. With its impedance d, its residual r, velocity v and
+acceleration a, and the sum A of both bodies' inverse weights, its force is
 
-    f = -(k r + b v + a) / R,    R = A (1 - d) / d,    k = stiffness / d,    b = damping / d
+    f = -(k r + b v + a) / R,
+    R = A (1 - d) / d,    k = stiffness / d,    b = damping / d
 
-for a ``solref`` of (-stiffness, -damping). That is a spring of K = stiffness / (A (1 - d)), the same K as that of
-1 / ((1 - d) tc^2 zeta^2 A) of a positive one, a damper of D = damping / (A (1 - d)), and an inertia 1 / R against
-relative acceleration. At the least d that MuJoCo takes this inertia is a ten-thousandth of the bodies' own: the
+for a ``solref`` of (-stiffness, -damping). That is a spring of K = stiffness / (A (1 -
+d)), the same K as that of 1 / ((1 - d) tc^2 zeta^2 A) of a positive one, a damper of
+D = damping / (A (1 - d)), and an inertia 1 / R against relative acceleration. At the
+least d that MuJoCo takes this inertia is a ten-thousandth of the bodies' own: the
 constraint has the stiffness and the damping of the grasp.
 
-The rotation of a weld has the residual s sin(angle / 2), with s its ``torquescale``, and in place of A the sum A_r of
-inverse weights in rotation. Its stiffness is s^2 / 4 K A / A_r: s = 2 radius sqrt(A_r / A) makes it K radius^2, and the
-damping D radius^2.
+The rotation of a weld has the residual s sin(angle / 2), with s its ``torquescale``,
+and in place of A the sum A_r of inverse weights in rotation. Its stiffness is s^2 / 4 K
+A / A_r: s = 2 radius sqrt(A_r / A) makes it K radius^2, and the damping D radius^2.
 
-Where this ends: inverse weights are those of the configuration of zeros. K and D hold in any other one, since MuJoCo
-makes R of the same A, but 1 / R is another share of the inertia there. A negative ``solref`` is not clamped at two
-steps, so the plant's step has to be stable with the spring. A spring acts on both bodies at the object's place, a
+Where this ends: inverse weights are those of the configuration of zeros. K and D hold
+in any other one, since MuJoCo makes R of the same A, but 1 / R is another share of the
+inertia there. A negative ``solref`` is not clamped at two steps, so the plant's step
+has to be stable with the spring. A spring acts on both bodies at the object's place, a
 constraint on each at its own; the two are apart by the stretch.
 
-Source: MuJoCo documentation, Computation, "Constraint model", and Modeling, "Solver parameters"; MuJoCo 4.0.
+Source: MuJoCo documentation, Computation, "Constraint model", and Modeling, "Solver
+parameters"; MuJoCo 4.0.
 """
 
 from __future__ import annotations
@@ -50,17 +55,28 @@ TORQUE_SCALE = 10
 
 
 def closed_contacts(around: Together) -> list[tuple[ClosedContact, ContactMemory]]:
-    """Contact model whose grasps the plant closes, with its internal state; empty without any."""
+    """Contact model whose grasps the plant closes, with its internal state; empty
+    without any.
+    """
     pairs = zip(around.components, around.memories, strict=True)
     return [pair for pair in pairs if getattr(pair[1], "constraints", ())]  # type: ignore[misc]
 
 
 def object_forces(around: Together, motions: Sequence[PointMotion]) -> list[Scalar]:
-    """Force (N, world axes) and torque (N m, about its centre of mass, its axes) on each object of a closed contact."""
+    """Force (N, world axes) and torque (N m, about its centre of mass, its axes) on
+    each object of a closed contact.
+    """
     numbers = list[Scalar]()
     for contact, memory in closed_contacts(around):
-        loads = contact.on_carriers(memory, motions[0], contact.meetings(memory, motions[0]), around.each[0].time)
-        for each, body, (force, torque) in zip(contact.objects, memory.carried, loads, strict=False):
+        loads = contact.on_carriers(
+            memory,
+            motions[0],
+            contact.meetings(memory, motions[0]),
+            around.each[0].time,
+        )
+        for each, body, (force, torque) in zip(
+            contact.objects, memory.carried, loads, strict=False
+        ):
             R = body.attitude.rotation()
             numbers += [*force, *R.apply_T(torque - R.apply(each.com).cross(force))]
     return numbers
@@ -70,17 +86,23 @@ class Welds:
     """Objects and constraints of grasps in a MuJoCo model.
 
     Args:
-        spec: specification with the vehicles' trees, to which objects and constraints are added.
+        spec: specification with the vehicles' trees, to which objects and constraints
+            are added.
         vehicles: vehicles of the trees. prefixes: of the names in each tree.
-        around: surroundings with a closed contact model, whose numbers of objects and grasps become those of MuJoCo.
+        around: surroundings with a closed contact model, whose numbers of objects and
+            grasps become those of MuJoCo.
 
     Attributes:
-        poses, moving, forces: indices of the objects' poses and velocities, and of the constraints' forces, among the
-            numbers of the coupled memories.
+        poses, moving, forces: indices of the objects' poses and velocities, and of the
+            constraints' forces, among the numbers of the coupled memories.
     """
 
     def __init__(
-        self, spec: mujoco.MjSpec, vehicles: Sequence[Vehicle], prefixes: Sequence[str], around: Together
+        self,
+        spec: mujoco.MjSpec,
+        vehicles: Sequence[Vehicle],
+        prefixes: Sequence[str],
+        around: Together,
     ) -> None:
         numbered = rebuild(around.coupled_memories(), iter(map(float, count())))
         ((contact, ours),) = closed_contacts(around.with_coupled(numbered))
@@ -89,36 +111,66 @@ class Welds:
         poses = tuple((each.position, each.attitude) for each in bodies)
         moving = tuple((each.velocity, each.rate) for each in bodies)
         parts = poses, moving, ours.constraints, ours.turns
-        self.poses, self.moving, self.forces, self._turns = (np.array(leaves(part), dtype=int) for part in parts)
-        self._places, self._time = np.array(coupled_places(around)), len(leaves((first.components, first.memories)))
+        self.poses, self.moving, self.forces, self._turns = (
+            np.array(leaves(part), dtype=int) for part in parts
+        )
+        self._places, self._time = (
+            np.array(coupled_places(around)),
+            len(leaves((first.components, first.memories))),
+        )
         off = mujoco.mjtDisableBit
         # a warm start would outlive a call
-        spec.option.disableflags += int(off.mjDSBL_WARMSTART) - int(off.mjDSBL_CONSTRAINT)
+        spec.option.disableflags += int(off.mjDSBL_WARMSTART) - int(
+            off.mjDSBL_CONSTRAINT
+        )
         spec.option.tolerance = 0.0
-        coms, at = {each.name: each.com for each in objects}, dict[str, mujoco.MjsBody]()
+        coms, at = (
+            {each.name: each.com for each in objects},
+            dict[str, mujoco.MjsBody](),
+        )
         for each in objects:
-            at[each.name] = body = spec.worldbody.add_body(name=f"object {each.name}", mass=each.mass)
+            at[each.name] = body = spec.worldbody.add_body(
+                name=f"object {each.name}", mass=each.mass
+            )
             body.add_freejoint(align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
             # of a flat body a + b = c up to rounding, and MuJoCo refuses a + b < c
             body.inertia = np.minimum([*each.moments], 0.5 * sum(each.moments))
-            body.explicitinertial, body.ipos, body.iquat = True, np.zeros(3), [1.0, 0.0, 0.0, 0.0]
+            body.explicitinertial, body.ipos, body.iquat = (
+                True,
+                np.zeros(3),
+                [1.0, 0.0, 0.0, 0.0],
+            )
         kinds = {"ball": mujoco.mjtEq.mjEQ_CONNECT, "fixed": mujoco.mjtEq.mjEQ_WELD}
         for i, grasp in enumerate(self._grasps):
-            agent, name = around.names.index(grasp.agent or around.names[0]), f"grasp {i}"
+            agent, name = (
+                around.names.index(grasp.agent or around.names[0]),
+                f"grasp {i}",
+            )
             frame = prefixes[agent] + vehicles[agent].frame(grasp.frame or None).name
             at[grasp.body].add_site(name=name, pos=[*(grasp.place - coms[grasp.body])])
-            constraint = spec.add_equality(type=kinds[grasp.kind], objtype=mujoco.mjtObj.mjOBJ_SITE)
+            constraint = spec.add_equality(
+                type=kinds[grasp.kind], objtype=mujoco.mjtObj.mjOBJ_SITE
+            )
             constraint.name1, constraint.name2 = frame, name
             constraint.solimp[:2] = IMPEDANCE
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Set the stiffness of the constraints in the compiled model, in whose data the other methods work."""
+        """Set the stiffness of the constraints in the compiled model, in whose data the
+        other methods work.
+        """
         self._model, self._data, self._sites = model, data, model.eq_obj2id
         model.site_sameframe[self._sites] = 0  # their attitudes change
         self._bodies = model.site_bodyid[self._sites]
-        A, turning = (model.body_invweight0[self._bodies] + model.body_invweight0[model.site_bodyid[model.eq_obj1id]]).T
+        A, turning = (
+            model.body_invweight0[self._bodies]
+            + model.body_invweight0[model.site_bodyid[model.eq_obj1id]]
+        ).T
         K, D, radius, self._release = np.array(
-            [(each.stiffness, each.damping, each.radius, each.release) for each in self._grasps], dtype=float
+            [
+                (each.stiffness, each.damping, each.radius, each.release)
+                for each in self._grasps
+            ],
+            dtype=float,
         ).T
         model.eq_solref[:] = -(1.0 - IMPEDANCE) * (A * (K, D)).T
         model.eq_data[:, TORQUE_SCALE] = 2.0 * radius * np.sqrt(turning / A)
@@ -127,27 +179,47 @@ class Welds:
         """Set constraints and objects at the beginning of a control period.
 
         Args:
-            around: numbers of the surroundings; forces of constraints among them become zero, since MuJoCo exerts them.
+            around: numbers of the surroundings; forces of constraints among them become
+                zero, since MuJoCo exerts them.
         """
         memory = around[self._places]
         around[self._places[self.forces]] = 0.0
         self._data.eq_active[:] = around[self._time] < self._release
         fixed = self._sites[self._model.eq_type == mujoco.mjtEq.mjEQ_WELD]
-        for site, turn in zip(fixed, memory[self._turns].reshape(-1, 3, 3), strict=True):
+        for site, turn in zip(
+            fixed, memory[self._turns].reshape(-1, 3, 3), strict=True
+        ):
             mujoco.mju_mat2Quat(self._model.site_quat[site], turn.T.ravel())
         self.put(memory)
 
     def put(self, memory: Array) -> None:
-        """Write the objects' states, given the numbers of the coupled memories, into MuJoCo's data."""
+        """Write the objects' states, given the numbers of the coupled memories, into
+        MuJoCo's data.
+        """
         self._data.qpos[-len(self.poses) :] = memory[self.poses]
         self._data.qvel[-len(self.moving) :] = memory[self.moving]
 
     def wrenches(self) -> list[float]:
-        """Torque (N m) and force (N) of each constraint on its object at the grasp, world axes, from MuJoCo's rows."""
-        model, data, numbers, generalized = self._model, self._data, list[float](), np.zeros(self._model.nv)
+        """Torque (N m) and force (N) of each constraint on its object at the grasp,
+        world axes, from MuJoCo's rows.
+        """
+        model, data, numbers, generalized = (
+            self._model,
+            self._data,
+            list[float](),
+            np.zeros(self._model.nv),
+        )
         for i, (site, body) in enumerate(zip(self._sites, self._bodies, strict=True)):
-            mujoco.mj_mulJacTVec(model, data, generalized, np.where(data.efc_id == i, data.efc_force, 0.0))
+            mujoco.mj_mulJacTVec(
+                model,
+                data,
+                generalized,
+                np.where(data.efc_id == i, data.efc_force, 0.0),
+            )
             force, torque = generalized[model.body_dofadr[body] :][:6].reshape(2, 3)
             lever = data.site_xpos[site] - data.xpos[body]
-            numbers += [*(data.xmat[body].reshape(3, 3) @ torque - np.cross(lever, force)), *force]
+            numbers += [
+                *(data.xmat[body].reshape(3, 3) @ torque - np.cross(lever, force)),
+                *force,
+            ]
         return numbers

@@ -1,7 +1,8 @@
-"""Rigid-body plant: the equations of motion of the kinematic tree and their integrators.
+"""Rigid-body plant: the equations of motion of the kinematic tree and their
+integrators.
 
-RK4 takes one step per control period, the rotor lag solved exactly inside it; semi-implicit Euler at 1 kHz steps as
-MuJoCo and Gazebo do.
+RK4 takes one step per control period, the rotor lag solved exactly inside it;
+semi-implicit Euler at 1 kHz steps as MuJoCo and Gazebo do.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ from skyarm.world.component import moved_by
 
 @immutable
 class Rate:
-    """Time derivative of the vehicle state, without rotor speeds and tilt angles, which are solved exactly."""
+    """Time derivative of the vehicle state, without rotor speeds and tilt angles, which
+    are solved exactly.
+    """
 
     position: Vec3
     quaternion: Quaternion
@@ -51,17 +54,27 @@ class Rate:
 
 
 def accelerate(
-    worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together
+    worlds: Sequence[Truth],
+    states: Sequence[State],
+    commands: Sequence[Command],
+    around: Together,
 ) -> list[tuple[Motion, Scalars]]:
-    """Proper acceleration of the base (base axes) and joint accelerations of each vehicle."""
+    """Proper acceleration of the base (base axes) and joint accelerations of each
+    vehicle.
+    """
     return [
         accelerate_one(motion, command, around.of(i))
-        for i, (motion, command) in enumerate(zip(around.motions(worlds, states), commands, strict=True))
+        for i, (motion, command) in enumerate(
+            zip(around.motions(worlds, states), commands, strict=True)
+        )
     ]
 
 
-def accelerate_one(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Motion, Scalars]:
-    """Proper acceleration of the base (base axes) and joint accelerations of one vehicle.
+def accelerate_one(
+    motion: PointMotion, command: Command, around: Surroundings
+) -> tuple[Motion, Scalars]:
+    """Proper acceleration of the base (base axes) and joint accelerations of one
+    vehicle.
 
     Several of equal bodies share the code of their forward dynamics.
     """
@@ -73,16 +86,28 @@ def accelerate_one(motion: PointMotion, command: Command, around: Surroundings) 
         return dynamics.forward_dynamics(moving, *given)
 
     given = state.joints, state.rate, state.joint_rates, force, torques
-    return compiled_once("forward dynamics", solve, given, moving) if len(motion.agents) > 1 else solve(given)
+    return (
+        compiled_once("forward dynamics", solve, given, moving)
+        if len(motion.agents) > 1
+        else solve(given)
+    )
 
 
 def derivative(
-    worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together
+    worlds: Sequence[Truth],
+    states: Sequence[State],
+    commands: Sequence[Command],
+    around: Together,
 ) -> tuple[tuple[Rate, ...], Memories]:
-    """Time derivatives of the vehicle states by the equations of motion, and of the coupled models' memories."""
+    """Time derivatives of the vehicle states by the equations of motion, and of the
+    coupled models' memories.
+    """
     motions, rates = around.motions(worlds, states), list[Rate]()
     for i, (motion, command) in enumerate(zip(motions, commands, strict=True)):
-        state, (base, joint_accelerations) = motion.state, accelerate_one(motion, command, around.of(i))
+        state, (base, joint_accelerations) = (
+            motion.state,
+            accelerate_one(motion, command, around.of(i)),
+        )
         linear, angular = coordinate_acceleration(motion.rotation, base, motion.gravity)
         rates.append(
             Rate(
@@ -102,20 +127,31 @@ Moved = tuple[tuple[State, ...], Memories]
 
 
 def coupled_rk4(
-    worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together, dt: Scalar
+    worlds: Sequence[Truth],
+    states: Sequence[State],
+    commands: Sequence[Command],
+    around: Together,
+    dt: Scalar,
 ) -> Moved:
     """Vehicle and contact states after one classical fourth-order Runge-Kutta step.
 
-    The attitude is integrated as four numbers and normalised after the step, which keeps the order. The memories of
-    coupled components are integrated with the states.
+    The attitude is integrated as four numbers and normalised after the step, which
+    keeps the order. The memories of coupled components are integrated with the states.
     Source: Kutta 1901; Hairer, Norsett, Wanner 1993, II.1.
     """
-    half, whole = (follow_commands(worlds, states, commands, around, part) for part in (0.5 * dt, dt))
+    half, whole = (
+        follow_commands(worlds, states, commands, around, part)
+        for part in (0.5 * dt, dt)
+    )
     first = around.coupled_memories()
 
-    turning, (begin, middle, end) = felt_in_step(worlds, (states, half, whole), commands, around, dt)
+    turning, (begin, middle, end) = felt_in_step(
+        worlds, (states, half, whole), commands, around, dt
+    )
 
-    def slope(at: Sequence[State], memories: Memories) -> tuple[tuple[Rate, ...], Memories]:
+    def slope(
+        at: Sequence[State], memories: Memories
+    ) -> tuple[tuple[Rate, ...], Memories]:
         return derivative(turning, at, commands, around.with_coupled(memories))
 
     k1, m1 = slope(begin, first)
@@ -123,23 +159,41 @@ def coupled_rk4(
     k3, m3 = slope(_move(middle, k2, 0.5 * dt), moved_by(first, m2, 0.5 * dt))
     k4, m4 = slope(_move(end, k3, dt), moved_by(first, m3, dt))
     after, memories = whole, first
-    for k, m, part in ((k1, m1, dt / 6.0), (k2, m2, dt / 3.0), (k3, m3, dt / 3.0), (k4, m4, dt / 6.0)):
+    for k, m, part in (
+        (k1, m1, dt / 6.0),
+        (k2, m2, dt / 3.0),
+        (k3, m3, dt / 3.0),
+        (k4, m4, dt / 6.0),
+    ):
         after, memories = _move(after, k, part), moved_by(memories, m, part)
-    return tuple(replace(each, quaternion=each.quaternion.normalized()) for each in after), memories
+    return (
+        tuple(replace(each, quaternion=each.quaternion.normalized()) for each in after),
+        memories,
+    )
 
 
-def _move(states: Sequence[State], rates: Sequence[Rate], dt: Scalar) -> tuple[State, ...]:
-    """Vehicle states after an explicit Euler increment: ``dt`` times a time derivative."""
-    return tuple(_move_state(state, rate, dt) for state, rate in zip(states, rates, strict=True))
+def _move(
+    states: Sequence[State], rates: Sequence[Rate], dt: Scalar
+) -> tuple[State, ...]:
+    """Vehicle states after an explicit Euler increment: ``dt`` times a time
+    derivative.
+    """
+    return tuple(
+        _move_state(state, rate, dt) for state, rate in zip(states, rates, strict=True)
+    )
 
 
 def _along(values: Sequence[Scalar], slopes: Sequence[Scalar], dt: Scalar) -> Scalars:
-    """Values after an explicit Euler step: each plus ``dt`` times its time derivative."""
+    """Values after an explicit Euler step: each plus ``dt`` times its time
+    derivative.
+    """
     return tuple(add(x, mul(dx, dt)) for x, dx in zip(values, slopes, strict=True))
 
 
 def _move_state(state: State, rate: Rate, dt: Scalar) -> State:
-    """Vehicle state after an explicit Euler increment: ``dt`` times a time derivative."""
+    """Vehicle state after an explicit Euler increment: ``dt`` times a time
+    derivative.
+    """
     return replace(
         state,
         position=state.position + rate.position * dt,
@@ -152,31 +206,49 @@ def _move_state(state: State, rate: Rate, dt: Scalar) -> State:
 
 
 def coupled_euler(
-    worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together, dt: Scalar
+    worlds: Sequence[Truth],
+    states: Sequence[State],
+    commands: Sequence[Command],
+    around: Together,
+    dt: Scalar,
 ) -> Moved:
-    """Vehicle and contact states after one semi-implicit Euler step: velocities first, then positions.
+    """Vehicle and contact states after one semi-implicit Euler step: velocities first,
+    then positions.
 
-    The attitude moves by the exponential of the new rate, as MuJoCo's manifold update does, so that both plants make
-    the same step; its length is corrected before it turns, when nothing waits for it. Memories of coupled components
-    move by their rates before the step, bodies among them as the vehicle; bristles move before forces are taken, so
-    that they follow the new velocities, too. Joint friction is implicit. First order.
+    The attitude moves by the exponential of the new rate, as MuJoCo's manifold update
+    does, so that both plants make the same step; its length is corrected before it
+    turns, when nothing waits for it. Memories of coupled components move by their rates
+    before the step, bodies among them as the vehicle; bristles move before forces are
+    taken, so that they follow the new velocities, too. Joint friction is implicit.
+    First order.
     """
     around = before_euler_step(worlds, states, around, dt)
     turning, (felt,) = felt_in_step(worlds, (states,), commands, around, dt, held=True)
     held = [
-        replace(world, vehicle=with_armature(world.vehicle, held_frictions(world.vehicle, state, dt)))
+        replace(
+            world,
+            vehicle=with_armature(
+                world.vehicle, held_frictions(world.vehicle, state, dt)
+            ),
+        )
         for world, state in zip(turning, states, strict=True)
     ]
     rates, slopes = derivative(held, felt, commands, around)
     after = []
-    for before, rate, state in zip(states, rates, follow_commands(worlds, states, commands, around, dt), strict=True):
+    for before, rate, state in zip(
+        states,
+        rates,
+        follow_commands(worlds, states, commands, around, dt),
+        strict=True,
+    ):
         velocity = before.velocity + rate.velocity * dt
         w = before.rate + rate.rate * dt
         joint_rates = _along(before.joint_rates, rate.joint_rates, dt)
         moved = replace(
             state,
             position=before.position + velocity * dt,
-            quaternion=before.quaternion.renormalized() * Quaternion.of_small_rotation(w, dt),
+            quaternion=before.quaternion.renormalized()
+            * Quaternion.of_small_rotation(w, dt),
             velocity=velocity,
             rate=w,
             joints=_along(before.joints, joint_rates, dt),
@@ -187,32 +259,58 @@ def coupled_euler(
 
 
 def coupled_verlet(
-    worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together, dt: Scalar
+    worlds: Sequence[Truth],
+    states: Sequence[State],
+    commands: Sequence[Command],
+    around: Together,
+    dt: Scalar,
 ) -> Moved:
-    """Vehicle and contact states after a Stoermer-Verlet step: positions half-way, velocities, positions to the end.
+    """Vehicle and contact states after a Stoermer-Verlet step: positions half-way,
+    velocities, positions to the end.
 
-    Forces are taken in the middle of the step, with velocities half-way through the push: of second order for springs,
-    without a drift of the energy, and for joint friction; the damping of contacts is of first order. The gyroscopic and
-    centrifugal terms are those of the middle of the push, by one iteration of the implicit midpoint rule. Rotors lag
-    exactly. Bristles are where the last push found them, and go on to this one first.
-    Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by the Stoermer-Verlet method, 1.5.
+    Forces are taken in the middle of the step, with velocities half-way through the
+    push: of second order for springs, without a drift of the energy, and for joint
+    friction; the damping of contacts is of first order. The gyroscopic and centrifugal
+    terms are those of the middle of the push, by one iteration of the implicit midpoint
+    rule. Rotors lag exactly. Bristles are where the last push found them, and go on to
+    this one first.
+    Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by
+    the Stoermer-Verlet method, 1.5.
     """
-    half, lags = 0.5 * dt, [follow_commands(worlds, states, commands, around, part) for part in (0.5 * dt, dt)]
+    half, lags = (
+        0.5 * dt,
+        [
+            follow_commands(worlds, states, commands, around, part)
+            for part in (0.5 * dt, dt)
+        ],
+    )
     worlds, (_, begun, _) = felt_in_step(worlds, (states, *lags), commands, around, dt)
     middle = tuple(_drift(each, half) for each in begun)
     there = around.drift(half)
     motions = there.motions(worlds, middle, step=dt)
     there = there.bend(there.slopes(motions), dt)
-    moving = [loaded_vehicle(world.vehicle, there.of(i)) for i, world in enumerate(worlds)]
+    moving = [
+        loaded_vehicle(world.vehicle, there.of(i)) for i, world in enumerate(worlds)
+    ]
 
-    def push(at: Sequence[PointMotion], beside: Together, seconds: Scalar) -> tuple[State, ...]:
-        """Vehicle states at mid-step, accelerated for ``seconds`` by the forces evaluated at given velocities."""
+    def push(
+        at: Sequence[PointMotion], beside: Together, seconds: Scalar
+    ) -> tuple[State, ...]:
+        """Vehicle states at mid-step, accelerated for ``seconds`` by the forces
+        evaluated at given velocities.
+        """
         after = []
-        for i, (motion, command, still) in enumerate(zip(at, commands, middle, strict=True)):
+        for i, (motion, command, still) in enumerate(
+            zip(at, commands, middle, strict=True)
+        ):
             now, applied = motion.state, applied_force(motion, command, beside.of(i))
             # written out, as what depends on the positions alone is that of both pushes
-            base, joints = dynamics.forward_dynamics(moving[i], now.joints, now.rate, now.joint_rates, *applied)
-            linear, angular = coordinate_acceleration(motions[i].rotation, base, motion.gravity)
+            base, joints = dynamics.forward_dynamics(
+                moving[i], now.joints, now.rate, now.joint_rates, *applied
+            )
+            linear, angular = coordinate_acceleration(
+                motions[i].rotation, base, motion.gravity
+            )
             moved = replace(
                 still,
                 velocity=still.velocity + linear * seconds,
@@ -227,10 +325,18 @@ def coupled_verlet(
     after = [_drift(each, half) for each in push(felt, beside, dt)]
     memories = there.push(beside, felt, dt).drift(half).coupled_memories()
     ends = zip(after, lags[1], strict=True)
-    return tuple(
-        replace(each, quaternion=each.quaternion.renormalized(), rotor_speeds=end.rotor_speeds, tilts=end.tilts)
-        for each, end in ends
-    ), memories
+    return (
+        tuple(
+            replace(
+                each,
+                quaternion=each.quaternion.renormalized(),
+                rotor_speeds=end.rotor_speeds,
+                tilts=end.tilts,
+            )
+            for each, end in ends
+        ),
+        memories,
+    )
 
 
 def _drift(state: State, dt: Scalar) -> State:
@@ -268,24 +374,39 @@ def far_step(
     return after, there.alone(dt, rounds, worlds[0].gravity)
 
 
-COUPLED_STEP = {"rk4": coupled_rk4, "euler": coupled_euler, "rk4_staged": coupled_rk4, VERLET: coupled_verlet}
+COUPLED_STEP = {
+    "rk4": coupled_rk4,
+    "euler": coupled_euler,
+    "rk4_staged": coupled_rk4,
+    VERLET: coupled_verlet,
+}
 
 
-def after_impacts(worlds: Sequence[Truth], states: Sequence[State], around: Together) -> tuple[State, ...]:
-    """States of the vehicles right after the impulses of grasps or of joints that get stuck."""
+def after_impacts(
+    worlds: Sequence[Truth], states: Sequence[State], around: Together
+) -> tuple[State, ...]:
+    """States of the vehicles right after the impulses of grasps or of joints that get
+    stuck.
+    """
     rows = enumerate(zip(worlds, states, strict=True))
-    return tuple(after_impact(world.vehicle, state, around.of(i)) for i, (world, state) in rows)
+    return tuple(
+        after_impact(world.vehicle, state, around.of(i)) for i, (world, state) in rows
+    )
 
 
 def after_impact(vehicle: Vehicle, state: State, around: Surroundings) -> State:
-    """Vehicle state right after the impulse of a grasp or of a joint that gets stuck; unchanged without either.
+    """Vehicle state right after the impulse of a grasp or of a joint that gets stuck;
+    unchanged without either.
 
-    Both are inelastic impacts. With M the mass matrix before and M' the one after, the generalised momentum of vehicle
-    and load does not change while the grasp or the brake acts for an instant: its forces are internal, and joint
-    torques have no time to act. A load at rest brings none, hence M' v' = M v: linear and angular momentum of the whole
-    are kept, kinetic energy is lost. Of a stuck joint M' holds it, and the others' momentum is kept. Only the change is
-    computed, M' (v' - v) = -(momentum that the new parts lack): where nothing is grasped it is zero to the last bit.
-    Source: Featherstone 2008, section 11.7 (impulsive dynamics), the load being part of the body that grasps it.
+    Both are inelastic impacts. With M the mass matrix before and M' the one after, the
+    generalised momentum of vehicle and load does not change while the grasp or the
+    brake acts for an instant: its forces are internal, and joint torques have no time
+    to act. A load at rest brings none, hence M' v' = M v: linear and angular momentum
+    of the whole are kept, kinetic energy is lost. Of a stuck joint M' holds it, and the
+    others' momentum is kept. Only the change is computed, M' (v' - v) = -(momentum that
+    the new parts lack): where nothing is grasped it is zero to the last bit.
+    Source: Featherstone 2008, section 11.7 (impulsive dynamics), the load being part of
+    the body that grasps it.
 
     Args:
         vehicle: vehicle without loads.
@@ -300,7 +421,9 @@ def after_impact(vehicle: Vehicle, state: State, around: Surroundings) -> State:
         link, load = payload.body(vehicle, memory.caught)
         spin = load.inertia.apply(motion.angular_velocity(link))
         impulse = motion.velocity(load.com, link) * load.mass
-        force, efforts = motion.generalized_force(-impulse, -motion.to_world(spin, link), load.com, link)
+        force, efforts = motion.generalized_force(
+            -impulse, -motion.to_world(spin, link), load.com, link
+        )
         total = total + force
         pushed = [*sums(pushed, efforts)]
     for i, share in enumerate(stuck_of(around)):
@@ -308,7 +431,12 @@ def after_impact(vehicle: Vehicle, state: State, around: Surroundings) -> State:
             pushed[i] = sub(pushed[i], mul(mul(LOCKED, share), state.joint_rates[i]))
     still = (0,) * vehicle.n
     jump, joints = dynamics.forward_dynamics(
-        loaded_vehicle(vehicle, around), state.joints, ZERO3, still, total, tuple(pushed)
+        loaded_vehicle(vehicle, around),
+        state.joints,
+        ZERO3,
+        still,
+        total,
+        tuple(pushed),
     )
     return replace(
         state,

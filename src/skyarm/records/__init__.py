@@ -1,1 +1,3 @@
-"""Frozen dataclasses of numbers: traversal, checks, digests, and conversion to and from plain data."""
+"""Frozen dataclasses of numbers: traversal, checks, digests, and conversion to and from
+plain data.
+"""

@@ -30,7 +30,9 @@ AnyArray = npt.NDArray[Any]
 
 
 def doubles(values: object) -> Array:
-    """Array of doubles of the given numbers; one that is an array of doubles already stays the same object."""
+    """Array of doubles of the given numbers; one that is an array of doubles already
+    stays the same object.
+    """
     return np.asarray(values, dtype=float)
 
 

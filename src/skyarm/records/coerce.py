@@ -1,8 +1,10 @@
-"""Conversion of dataclass fields to their stored types (floats, vectors, tuples); other values raise an error.
+"""Conversion of dataclass fields to their stored types (floats, vectors, tuples); other
+values raise an error.
 
-NumPy's scalars and arrays without axes become floats, so that checks see them; arrays with axes are lanes of a batch
-and stay, as do JAX arrays and nodes of a trace. Each rule takes a field's name and what was given, and returns what is
-held, or raises RecordError: one line with field, value and what is allowed.
+NumPy's scalars and arrays without axes become floats, so that checks see them; arrays
+with axes are lanes of a batch and stay, as do JAX arrays and nodes of a trace. Each
+rule takes a field's name and what was given, and returns what is held, or raises
+RecordError: one line with field, value and what is allowed.
 """
 
 from __future__ import annotations
@@ -23,10 +25,12 @@ if TYPE_CHECKING:
 Thing = TypeVar("Thing")
 
 Rule = Callable[[str, object], Any]
-"""Check and conversion of a field: (name of the field, given value) -> stored value; raises RecordError."""
+"""Check and conversion of a field: (name of the field, given value) -> stored value;
+raises RecordError."""
 
 TOLERANCE = 1e-6
-"""Relative slack for unit lengths, orthogonality and symmetry (rounding of published numbers)."""
+"""Relative slack for unit lengths, orthogonality and symmetry (rounding of published
+numbers)."""
 
 
 class RecordError(ValueError):
@@ -39,20 +43,30 @@ def refuse(field: str, value: object, allowed: str) -> NoReturn:
 
 
 def concrete(*values: object) -> bool:
-    """True if all values are plain Python numbers, not arrays of a batch or symbols of a traced program."""
+    """True if all values are plain Python numbers, not arrays of a batch or symbols of
+    a traced program.
+    """
     return all(isinstance(value, (int, float)) for value in values)
 
 
 def absent(value: object) -> bool:
-    """True for the int 0, which marks a number as absent from compiled code, unlike the float 0.0."""
+    """True for the int 0, which marks a number as absent from compiled code, unlike the
+    float 0.0.
+    """
     return type(value) is int and value == 0
 
 
 _STRUCTURE = (-1, 0, 1)
 
 
-def accept(record: object, where: str, rules: Mapping[str, Rule], error: type[ValueError] = RecordError) -> None:
-    """Convert the fields of a frozen dataclass under construction to their stored types.
+def accept(
+    record: object,
+    where: str,
+    rules: Mapping[str, Rule],
+    error: type[ValueError] = RecordError,
+) -> None:
+    """Convert the fields of a frozen dataclass under construction to their stored
+    types.
 
     Raises:
         ValueError: of the class ``error``.
@@ -68,7 +82,9 @@ def accept(record: object, where: str, rules: Mapping[str, Rule], error: type[Va
 
 
 def number(field: str, value: object) -> Scalar:
-    """Convert a scalar: plain numbers become floats; arrays of a batch and traced scalars stay as they are."""
+    """Convert a scalar: plain numbers become floats; arrays of a batch and traced
+    scalars stay as they are.
+    """
     if type(value) is float:
         return value
     plain = plain_number(value)
@@ -88,43 +104,81 @@ def number(field: str, value: object) -> Scalar:
 
 
 def _is_scalar(value: object) -> TypeGuard[Scalar]:
-    """True if a value is a single number that can be multiplied, such as a float or a traced scalar."""
+    """True if a value is a single number that can be multiplied, such as a float or a
+    traced scalar.
+    """
     return hasattr(value, "__mul__") and hasattr(value, "__float__")
 
 
 def coefficient(field: str, value: object) -> Scalar:
-    """Convert a scalar coefficient; an integer 0 is left as it is and removes the effect from compiled code."""
+    """Convert a scalar coefficient; an integer 0 is left as it is and removes the
+    effect from compiled code.
+    """
     return 0 if absent(value) else number(field, value)
 
 
 def vector(field: str, value: object) -> Vec3:
-    """Convert to a vector; plain numbers that are exactly 0, 1 or -1 become constants of compiled code."""
+    """Convert to a vector; plain numbers that are exactly 0, 1 or -1 become constants
+    of compiled code.
+    """
     if isinstance(value, Vec3):
-        entries = [_entry(f"{field}.{axis}", each) for axis, each in zip("xyz", value, strict=True)]
-        return value if all(a is b for a, b in zip(entries, value, strict=True)) else Vec3(*entries)
-    return Vec3(*(_structural_number(field, each) for each in items(field, value, (3,), "must be three numbers")))
+        entries = [
+            _entry(f"{field}.{axis}", each)
+            for axis, each in zip("xyz", value, strict=True)
+        ]
+        return (
+            value
+            if all(a is b for a, b in zip(entries, value, strict=True))
+            else Vec3(*entries)
+        )
+    return Vec3(
+        *(
+            _structural_number(field, each)
+            for each in items(field, value, (3,), "must be three numbers")
+        )
+    )
 
 
 def matrix(field: str, value: object) -> Mat3:
     """Convert three rows of three numbers to a 3 x 3 matrix."""
     if isinstance(value, Mat3):
         return Mat3(*(vector(field, row) for row in value.rows))
-    return Mat3(*(vector(field, row) for row in items(field, value, (3,), "must be three rows of three numbers")))
+    return Mat3(
+        *(
+            vector(field, row)
+            for row in items(field, value, (3,), "must be three rows of three numbers")
+        )
+    )
 
 
 def inertia(field: str, value: object) -> Sym3:
-    """Convert an inertia (xx yy zz, xx yy zz xy xz yz, or three symmetric rows) to a symmetric matrix."""
+    """Convert an inertia (xx yy zz, xx yy zz xy xz yz, or three symmetric rows) to a
+    symmetric matrix.
+    """
     if isinstance(value, Sym3):
         return Sym3(
-            *(_entry(f"{field}.{name}", each) for name, each in zip(Sym3.__slots__, value.entries, strict=True))
+            *(
+                _entry(f"{field}.{name}", each)
+                for name, each in zip(Sym3.__slots__, value.entries, strict=True)
+            )
         )
-    allowed = "must be three (xx yy zz) or six (xx yy zz xy xz yz) numbers, or a symmetric 3x3 matrix"
+    allowed = (
+        "must be three (xx yy zz) or six (xx yy zz xy xz yz) numbers, or a symmetric"
+        " 3x3 matrix"
+    )
     entries: Sequence[object] = items(field, value, (3, 6), allowed)
     if any(map(_many, entries)):
-        rows = [items(field, row, (3,), allowed) for row in items(field, entries, (3,), allowed)]
-        entries = _symmetric(field, [[number(field, each) for each in row] for row in rows], value)
+        rows = [
+            items(field, row, (3,), allowed)
+            for row in items(field, entries, (3,), allowed)
+        ]
+        entries = _symmetric(
+            field, [[number(field, each) for each in row] for row in rows], value
+        )
     components = (number(field, each) for each in entries)
-    return Sym3(*(0 if type(each) is float and each == 0.0 else each for each in components))
+    return Sym3(
+        *(0 if type(each) is float and each == 0.0 else each for each in components)
+    )
 
 
 def _symmetric(field: str, rows: list[list[Scalar]], value: object) -> list[Scalar]:
@@ -161,11 +215,17 @@ def word_of(words: Iterable[str]) -> Rule:
 
 
 def fold_zeros(record: object, *names: str) -> None:
-    """Turn exact zeros in fields of a frozen dataclass under construction into constants of compiled code."""
+    """Turn exact zeros in fields of a frozen dataclass under construction into
+    constants of compiled code.
+    """
     for name in names:
         value = getattr(record, name)
         if isinstance(value, Vec3):
-            object.__setattr__(record, name, Vec3(*(0 if concrete(c) and c == 0.0 else c for c in value)))
+            object.__setattr__(
+                record,
+                name,
+                Vec3(*(0 if concrete(c) and c == 0.0 else c for c in value)),
+            )
         elif concrete(value) and value == 0.0:
             object.__setattr__(record, name, 0)
 
@@ -181,7 +241,11 @@ def flag(field: str, value: object) -> bool:
 def whole(field: str, value: object) -> int:
     """Convert a value to a whole number; fractions and other types raise an error."""
     plain = plain_number(value)
-    if isinstance(plain, bool) or not isinstance(plain, (int, float)) or plain != plain // 1:
+    if (
+        isinstance(plain, bool)
+        or not isinstance(plain, (int, float))
+        or plain != plain // 1
+    ):
         refuse(field, value, "must be a whole number")
     return int(plain)
 
@@ -202,22 +266,35 @@ def pairs(field: str, value: object) -> tuple[tuple[str, str], ...]:
     items = tuple(value.items()) if isinstance(value, Mapping) else value
     if not is_sequence(items):
         refuse(field, value, "must be pairs of texts")
-    texts = tuple(tuple(pair) if isinstance(pair, (list, tuple)) else (pair,) for pair in items)
-    if any(len(pair) != 2 or not all(isinstance(each, str) for each in pair) for pair in texts):
+    texts = tuple(
+        tuple(pair) if isinstance(pair, (list, tuple)) else (pair,) for pair in items
+    )
+    if any(
+        len(pair) != 2 or not all(isinstance(each, str) for each in pair)
+        for pair in texts
+    ):
         refuse(field, value, "must be pairs of texts")
     return tuple((key, source) for key, source in texts)
 
 
 def is_sequence(value: object) -> TypeGuard[Iterable[object]]:
     """True for a sequence, but not for text, a table or a zero-dimensional array."""
-    several = hasattr(value, "__iter__") and not isinstance(value, (str, bytes, Mapping, type))
+    several = hasattr(value, "__iter__") and not isinstance(
+        value, (str, bytes, Mapping, type)
+    )
     return several and bool(getattr(value, "ndim", 1))
 
 
 def plain_number(value: object) -> object:
-    """Convert NumPy scalars and zero-dimensional arrays to Python numbers; other values are returned unchanged."""
+    """Convert NumPy scalars and zero-dimensional arrays to Python numbers; other values
+    are returned unchanged.
+    """
     numpy = sys.modules.get("numpy")
-    if numpy is not None and isinstance(value, (numpy.generic, numpy.ndarray)) and value.ndim == 0:
+    if (
+        numpy is not None
+        and isinstance(value, (numpy.generic, numpy.ndarray))
+        and value.ndim == 0
+    ):
         return value.item()
     return value
 
@@ -233,8 +310,12 @@ def _many(value: object) -> bool:
     return isinstance(value, (list, tuple, Vec3)) or _is_array(value)
 
 
-def items(field: str, value: Any, counts: tuple[int, ...] | None, allowed: str) -> list[object]:
-    """Items of a sequence or array as a list, after a check of their count (None allows any)."""
+def items(
+    field: str, value: Any, counts: tuple[int, ...] | None, allowed: str
+) -> list[object]:
+    """Items of a sequence or array as a list, after a check of their count (None allows
+    any).
+    """
     if isinstance(value, (str, bytes, Mapping, set, frozenset)):
         refuse(field, value, allowed)
     try:
@@ -247,7 +328,9 @@ def items(field: str, value: Any, counts: tuple[int, ...] | None, allowed: str) 
 
 
 def _entry(field: str, value: object) -> Scalar:
-    """Convert one entry of a vector or matrix; integers 0, 1 and -1 stay constants of compiled code."""
+    """Convert one entry of a vector or matrix; integers 0, 1 and -1 stay constants of
+    compiled code.
+    """
     return value if type(value) is int and value in _STRUCTURE else number(field, value)
 
 
@@ -262,20 +345,28 @@ ROUNDING = 1e-12
 
 
 def unit_vector(field: str, value: object) -> Vec3:
-    """Read a vector, refuse it unless its length is 1 within TOLERANCE, and normalise it."""
+    """Read a vector, refuse it unless its length is 1 within TOLERANCE, and normalise
+    it.
+    """
     direction = vector(field, value)
     length = math.sqrt(sum(c * c for c in direction)) if concrete(*direction) else 1.0
     if not abs(length - 1.0) <= TOLERANCE:
-        refuse(field, tuple(direction), f"must be a unit vector, its length is {length:g}")
+        refuse(
+            field, tuple(direction), f"must be a unit vector, its length is {length:g}"
+        )
     return (
-        direction if abs(length - 1.0) <= ROUNDING else Vec3(*(c if type(c) is int else c / length for c in direction))
+        direction
+        if abs(length - 1.0) <= ROUNDING
+        else Vec3(*(c if type(c) is int else c / length for c in direction))
     )
 
 
 def proper_rotation(field: str, value: object) -> Mat3:
-    """Convert to a rotation matrix; if it is nearly one (ten times TOLERANCE), replace it by the nearest rotation.
+    """Convert to a rotation matrix; if it is nearly one (ten times TOLERANCE), replace
+    it by the nearest rotation.
 
-    Source: Higham 1986, Newton-Schulz iteration for the polar factor, R (3 I - R^T R) / 2.
+    Source: Higham 1986, Newton-Schulz iteration for the polar factor, R (3 I - R^T R) /
+    2.
     """
     rotation = matrix(field, value)
     rows = [list(row) for row in rotation.rows]
@@ -283,13 +374,19 @@ def proper_rotation(field: str, value: object) -> Mat3:
     if not concrete(*entries):
         return rotation
     skew = _skew(rows)
-    if not skew <= 10.0 * TOLERANCE or rotation.r0.cross(rotation.r1).dot(rotation.r2) < 0.0:
+    if (
+        not skew <= 10.0 * TOLERANCE
+        or rotation.r0.cross(rotation.r1).dot(rotation.r2) < 0.0
+    ):
         refuse(field, entries, "must be a rotation (orthogonal, determinant +1)")
     if skew <= ROUNDING:
         return rotation
     for _ in range(3):  # the error is squared each time: 1e-5, 1e-10, rounding
         left = [[3.0 * (i == j) - _dot(rows, i, j) for j in range(3)] for i in range(3)]
-        rows = [[0.5 * sum(row[k] * left[k][j] for k in range(3)) for j in range(3)] for row in rows]
+        rows = [
+            [0.5 * sum(row[k] * left[k][j] for k in range(3)) for j in range(3)]
+            for row in rows
+        ]
     return Mat3(*(Vec3(*row) for row in rows))
 
 
@@ -300,10 +397,16 @@ def _dot(rows: list[list[Scalar]], i: int, j: int) -> Scalar:
 
 def _skew(rows: list[list[Scalar]]) -> float:
     """Deviation of a matrix R from orthonormal columns: largest entry of R^T R - I."""
-    return float(max(abs(float(_dot(rows, i, j) - (i == j))) for i in range(3) for j in range(3)))
+    return float(
+        max(abs(float(_dot(rows, i, j) - (i == j))) for i in range(3) for j in range(3))
+    )
 
 
 def near_unit_quaternion(value: Quaternion) -> Quaternion:
     """Convert to a quaternion and normalise it if its length is 1 within TOLERANCE."""
     length = math.sqrt(sum(c * c for c in value)) if concrete(*value) else 1.0
-    return Quaternion(*(c / length for c in value)) if ROUNDING < abs(length - 1.0) <= TOLERANCE else value
+    return (
+        Quaternion(*(c / length for c in value))
+        if ROUNDING < abs(length - 1.0) <= TOLERANCE
+        else value
+    )

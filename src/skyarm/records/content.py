@@ -21,7 +21,8 @@ def content(value: object) -> Hashable:
     Other than by ``==``, 0, 0.0, -0.0 and False differ: they shape different programs.
 
     Raises:
-        TypeError: a value that is no plain number, text, function, record or list of such, as one that is traced.
+        TypeError: a value that is no plain number, text, function, record or list of
+            such, as one that is traced.
     """
     kind = type(value)
     if kind is float:
@@ -40,7 +41,9 @@ def content(value: object) -> Hashable:
     else:
         raise TypeError(f"{kind.__name__}: has no content that could be a key")
     # floats, which are most of a record, are not worth a call each
-    return kind, *[repr(each) if type(each) is float else content(each) for each in inside]
+    return kind, *[
+        repr(each) if type(each) is float else content(each) for each in inside
+    ]
 
 
 @positional
@@ -51,11 +54,14 @@ class _Call:
     arguments: tuple[object, ...] = field(compare=False)
 
 
-def keep_results(most: int, reads: Callable[..., object] | None = None) -> Callable[[F], F]:
-    """Decorator of a pure function of records by position, which keeps its last results by their content.
+def keep_results(
+    most: int, reads: Callable[..., object] | None = None
+) -> Callable[[F], F]:
+    """Decorator of a pure function of records by position, which keeps its last results
+    by their content.
 
-    A file that is read, checked and flown, and read again for the next flight, is solved once. Errors are not kept, nor
-    results for arguments without content.
+    A file that is read, checked and flown, and read again for the next flight, is
+    solved once. Errors are not kept, nor results for arguments without content.
 
     Args:
         most: number of results.

@@ -1,8 +1,9 @@
 """Checks of dataclass fields, derived from their type annotations.
 
-``mass: Annotated[Scalar, Unit("kg", low=0.0)]`` is coerced and checked as such when the record is made
-(:func:`accept_fields`), and described in those words in exported files and documents (:mod:`skyarm.records.units`). A
-field without a :class:`Unit` is checked by its type alone: the records of plugins need none.
+``mass: Annotated[Scalar, Unit("kg", low=0.0)]`` is coerced and checked as such when the
+record is made (:func:`accept_fields`), and described in those words in exported files
+and documents (:mod:`skyarm.records.units`). A field without a :class:`Unit` is checked
+by its type alone: the records of plugins need none.
 """
 
 from __future__ import annotations
@@ -30,8 +31,11 @@ WHOLE = 2**53
 """Integers below this size are exact as floats."""
 
 
-def accept_fields(record: object, where: str, error: type[ValueError] = RecordError) -> None:
-    """Check all fields of a frozen dataclass under construction, and convert them to their stored types.
+def accept_fields(
+    record: object, where: str, error: type[ValueError] = RecordError
+) -> None:
+    """Check all fields of a frozen dataclass under construction, and convert them to
+    their stored types.
 
     Args:
         record: a dataclass, in its ``__post_init__``.
@@ -39,13 +43,17 @@ def accept_fields(record: object, where: str, error: type[ValueError] = RecordEr
         error: class of what is raised.
 
     Raises:
-        ValueError: of the class ``error``: one line with field, value and what is allowed.
+        ValueError: of the class ``error``: one line with field, value and what is
+            allowed.
     """
     coerce.accept(record, where, rules(type(record)), error)
 
 
-def checked(where: str, error: type[ValueError] = RecordError) -> Callable[[type[Record]], type[Record]]:
-    """Decorator, below ``immutable``, of dataclasses that need no more than checks of their fields when constructed.
+def checked(
+    where: str, error: type[ValueError] = RecordError
+) -> Callable[[type[Record]], type[Record]]:
+    """Decorator, below ``immutable``, of dataclasses that need no more than checks of
+    their fields when constructed.
 
     The arguments are those of :func:`accept_fields`.
     """
@@ -61,7 +69,8 @@ def checked(where: str, error: type[ValueError] = RecordError) -> Callable[[type
 
 
 def require_fields(record: object, where: str, skipped: tuple[type, ...] = ()) -> None:
-    """Raise an error if a field of a dataclass, at any depth, has a value that its annotation does not allow.
+    """Raise an error if a field of a dataclass, at any depth, has a value that its
+    annotation does not allow.
 
     Args:
         record: a dataclass, a tuple of them, or anything else, which passes.
@@ -88,19 +97,28 @@ def require_fields(record: object, where: str, skipped: tuple[type, ...] = ()) -
 
 @memoize
 def rules(kind: type) -> Mapping[str, Rule]:
-    """Check and conversion of each field of a dataclass, by field name; fields with nothing to check are left out."""
-    by_field = {name: _rule(annotation, unit) for name, (annotation, unit) in declared_fields(kind).items()}
+    """Check and conversion of each field of a dataclass, by field name; fields with
+    nothing to check are left out.
+    """
+    by_field = {
+        name: _rule(annotation, unit)
+        for name, (annotation, unit) in declared_fields(kind).items()
+    }
     return {name: rule for name, rule in by_field.items() if rule is not None}
 
 
 @memoize
 def defaults(kind: type) -> Mapping[str, object]:
-    """Default of each field of a dataclass; ``dataclasses.MISSING`` for none and for a default factory."""
+    """Default of each field of a dataclass; ``dataclasses.MISSING`` for none and for a
+    default factory.
+    """
     return {field.name: field.default for field in declarations(kind)}
 
 
 def _rule(annotation: object, unit: Unit) -> Rule | None:
-    """Function that checks and converts values of an annotated type; None if there is nothing to check."""
+    """Function that checks and converts values of an annotated type; None if there is
+    nothing to check.
+    """
     if unit.rule is not None:
         return _with_bounds(unit.rule, unit)
     origin, options = typing.get_origin(annotation), typing.get_args(annotation)
@@ -141,14 +159,24 @@ def _with_bounds(rule: Rule, unit: Unit) -> Rule:
 
 
 def _is_record(annotation: object) -> TypeGuard[type]:
-    """True if an annotation is a class whose instances ``isinstance`` can test, such as a dataclass."""
-    said = isinstance(annotation, type) and annotation not in (Any, object, bool, str, *_NUMBERS)
+    """True if an annotation is a class whose instances ``isinstance`` can test, such as
+    a dataclass.
+    """
+    said = isinstance(annotation, type) and annotation not in (
+        Any,
+        object,
+        bool,
+        str,
+        *_NUMBERS,
+    )
     # a generic class has it, too: False
     return said and not getattr(annotation, "_is_protocol", False)
 
 
 def _number(field: str, value: object, unit: Unit) -> Scalar:
-    """Convert a number and check its bounds; the number stays variable in compiled code."""
+    """Convert a number and check its bounds; the number stays variable in compiled
+    code.
+    """
     converted = value if type(value) is float else coerce.number(field, value)
     if type(converted) is float:
         _within(field, converted, unit)
@@ -156,7 +184,8 @@ def _number(field: str, value: object, unit: Unit) -> Scalar:
 
 
 def accept_scalar(field: str, value: object, unit: Unit) -> Scalar:
-    """Convert a scalar to its stored type and check the bounds of its unit; integers become constants of compiled code.
+    """Convert a scalar to its stored type and check the bounds of its unit; integers
+    become constants of compiled code.
 
     Raises:
         RecordError: one line with field, value and what is allowed.
@@ -178,25 +207,61 @@ def _whole(field: str, value: object, unit: Unit) -> int:
 
 def _within(field: str, value: float, unit: Unit) -> None:
     if math.isnan(value) or (math.isinf(value) and not unit.infinite):
-        refuse(field, value, f"must be a {'number' if unit.infinite else 'finite number'}")
+        refuse(
+            field, value, f"must be a {'number' if unit.infinite else 'finite number'}"
+        )
     if value < unit.low or (unit.strict and value == unit.low):
-        refuse(field, value, f"must be {'above' if unit.strict else 'at least'} {unit.low:g}")
+        refuse(
+            field,
+            value,
+            f"must be {'above' if unit.strict else 'at least'} {unit.low:g}",
+        )
     if value > unit.high or (unit.strict and value == unit.high < math.inf):
-        refuse(field, value, f"must be {'below' if unit.strict else 'at most'} {unit.high:g}")
+        refuse(
+            field,
+            value,
+            f"must be {'below' if unit.strict else 'at most'} {unit.high:g}",
+        )
     if abs(value) > unit.largest:
-        refuse(field, value, f"must be at most {unit.largest:g}{' in size' if unit.low < 0.0 else ''}")
+        refuse(
+            field,
+            value,
+            f"must be at most {unit.largest:g}{' in size' if unit.low < 0.0 else ''}",
+        )
 
 
-def _numbers(field: str, value: object, unit: Unit, kind: type[Several], letters: str, allowed: str) -> Several:
-    """Convert a list of plain numbers, or an instance of the class, to a vector or quaternion class."""
+def _numbers(
+    field: str,
+    value: object,
+    unit: Unit,
+    kind: type[Several],
+    letters: str,
+    allowed: str,
+) -> Several:
+    """Convert a list of plain numbers, or an instance of the class, to a vector or
+    quaternion class.
+    """
     if isinstance(value, kind):
         given = [getattr(value, letter) for letter in letters]
         converted = [
-            accept_scalar(f"{field}.{letter}", each, unit) for letter, each in zip(letters, given, strict=True)
+            accept_scalar(f"{field}.{letter}", each, unit)
+            for letter, each in zip(letters, given, strict=True)
         ]
-        return value if all(a is b for a, b in zip(converted, given, strict=True)) else kind(*converted)
-    entries = [_number(field, each, unit) for each in coerce.items(field, value, (len(letters),), allowed)]
-    return kind(*(0 if unit.folds and concrete(each) and each == 0.0 else each for each in entries))
+        return (
+            value
+            if all(a is b for a, b in zip(converted, given, strict=True))
+            else kind(*converted)
+        )
+    entries = [
+        _number(field, each, unit)
+        for each in coerce.items(field, value, (len(letters),), allowed)
+    ]
+    return kind(
+        *(
+            0 if unit.folds and concrete(each) and each == 0.0 else each
+            for each in entries
+        )
+    )
 
 
 _NUMBERS: Mapping[object, Callable[[str, object, Unit], object]] = {
@@ -204,26 +269,44 @@ _NUMBERS: Mapping[object, Callable[[str, object, Unit], object]] = {
     int: _whole,
     Scalar: accept_scalar,
     Vec3: partial(_numbers, kind=Vec3, letters="xyz", allowed="must be three numbers"),
-    Quaternion: partial(_numbers, kind=Quaternion, letters="wxyz", allowed="must be four numbers (w x y z)"),
+    Quaternion: partial(
+        _numbers,
+        kind=Quaternion,
+        letters="wxyz",
+        allowed="must be four numbers (w x y z)",
+    ),
     Mat3: lambda field, value, _unit: coerce.matrix(field, value),
     Sym3: lambda field, value, _unit: coerce.inertia(field, value),
 }
 
 
 def _one_of(options: tuple[object, ...], unit: Unit) -> Rule | None:
-    """Make a check for a union type: the first member type that accepts a value converts it."""
+    """Make a check for a union type: the first member type that accepts a value
+    converts it.
+    """
     members = [each for each in options if each is not type(None)]
-    member_rules = [rule for rule in (_rule(each, unit) for each in members) if rule is not None]
+    member_rules = [
+        rule for rule in (_rule(each, unit) for each in members) if rule is not None
+    ]
     if len(member_rules) < len(members):
         return None
     kinds = tuple(each for each in members if _is_record(each))
-    names = " or ".join([*(each.__name__ for each in kinds), *(["None"] if type(None) in options else [])])
+    names = " or ".join(
+        [
+            *(each.__name__ for each in kinds),
+            *(["None"] if type(None) in options else []),
+        ]
+    )
 
     def rule(field: str, value: object) -> object:
         if value is None and type(None) in options:
             return None
         if len(kinds) == len(member_rules):
-            return value if isinstance(value, kinds) else refuse(field, value, f"must be a {names}")
+            return (
+                value
+                if isinstance(value, kinds)
+                else refuse(field, value, f"must be a {names}")
+            )
         if len(member_rules) == 1:
             return member_rules[0](field, value)
         for each in member_rules:
@@ -236,8 +319,11 @@ def _one_of(options: tuple[object, ...], unit: Unit) -> Rule | None:
     return rule
 
 
-def _many(each: Rule | None, exactly: tuple[Rule | None, ...] | None, scalars: bool = False) -> Rule:
-    """Make a check for a tuple type, with one check for all items or one check for each item.
+def _many(
+    each: Rule | None, exactly: tuple[Rule | None, ...] | None, scalars: bool = False
+) -> Rule:
+    """Make a check for a tuple type, with one check for all items or one check for each
+    item.
 
     Whole numbers of a plain list of scalars are data.
     """
@@ -254,8 +340,15 @@ def _many(each: Rule | None, exactly: tuple[Rule | None, ...] | None, scalars: b
             for i, (follow, item) in enumerate(zip(checks, given, strict=True))
         )
         if given is not value and scalars:
-            return tuple(float(item) if type(item) is int else item for item in converted)
-        return value if given is value and all(a is b for a, b in zip(converted, given, strict=True)) else converted
+            return tuple(
+                float(item) if type(item) is int else item for item in converted
+            )
+        return (
+            value
+            if given is value
+            and all(a is b for a, b in zip(converted, given, strict=True))
+            else converted
+        )
 
     return rule
 

@@ -1,4 +1,6 @@
-"""Digest of a scenario, by which stored results are matched with the scenario that is loaded now."""
+"""Digest of a scenario, by which stored results are matched with the scenario that is
+loaded now.
+"""
 
 from __future__ import annotations
 
@@ -24,17 +26,19 @@ from skyarm.records.registry.plugins import loaded_plugins, plugin_of
 from skyarm.records.registry.registrations import registrations
 
 DRAWN = ("mesh", "looks", "notes")
-"""Fields that concern only pictures and notes of a vehicle; they do not change a flight."""
+"""Fields that concern only pictures and notes of a vehicle; they do not change a
+flight."""
 
 FOR_PEOPLE = ("title", "sources", *DRAWN)
 """Fields that do not change a flight."""
 
 
 def identity(record: object) -> str:
-    """SHA-256 digest of all content of a scenario that affects a flight, thus without titles and sources.
+    """SHA-256 digest of all content of a scenario that affects a flight, thus without
+    titles and sources.
 
-    Where plugins are loaded, or code of the record is the user's, their files are part of it: a file that has
-    changed flies something else.
+    Where plugins are loaded, or code of the record is the user's, their files are part
+    of it: a file that has changed flies something else.
     """
     content, files = _without(plain(record), FOR_PEOPLE), all_files(record)
     return digest({"record": content, "plugins": files} if files else content)
@@ -44,7 +48,8 @@ def log_digest(written: object, files: Mapping[str, str]) -> str:
     """SHA-256 digest of the scenario that is stored in a log.
 
     Args:
-        written: plain data of the scenario, titles included; paths of meshes and notes are left out of the digest.
+        written: plain data of the scenario, titles included; paths of meshes and notes
+            are left out of the digest.
         files: name -> identity of the files of user code in it (:func:`own_files`).
     """
     flown = _without(written, DRAWN)
@@ -54,7 +59,11 @@ def log_digest(written: object, files: Mapping[str, str]) -> str:
 def _without(data: object, names: tuple[str, ...]) -> object:
     """Plain data with all fields of the given names left out, at any depth."""
     if isinstance(data, dict):
-        return {key: _without(value, names) for key, value in data.items() if key not in names}
+        return {
+            key: _without(value, names)
+            for key, value in data.items()
+            if key not in names
+        }
     return [_without(each, names) for each in data] if isinstance(data, list) else data
 
 
@@ -63,21 +72,28 @@ Pair = tuple[str, str]
 
 
 def own_files(*things: object) -> dict[str, str]:
-    """Digests, by file name, of all user files that define the functions and classes in the given objects.
+    """Digests, by file name, of all user files that define the functions and classes in
+    the given objects.
 
-    A plugin's file brings along the modules beside it that it imported. A scenario's plant is in it, though a scenario
-    says only its name.
+    A plugin's file brings along the modules beside it that it imported. A scenario's
+    plant is in it, though a scenario says only its name.
 
     Args:
-        things: records, functions, classes, or containers of such; what ships, and numbers, have none.
+        things: records, functions, classes, or containers of such; what ships, and
+            numbers, have none.
     """
     return number_duplicates(sorted(_pairs(things)))
 
 
 def all_files(*things: object) -> dict[str, str]:
-    """Digests, by file name, of all user files that define the given objects, and of all loaded plugins."""
+    """Digests, by file name, of all user files that define the given objects, and of
+    all loaded plugins.
+    """
     return number_duplicates(
-        sorted(_pairs(things) | {pair for plugin in loaded_plugins() for pair in plugin.identities()})
+        sorted(
+            _pairs(things)
+            | {pair for plugin in loaded_plugins() for pair in plugin.identities()}
+        )
     )
 
 
@@ -86,7 +102,9 @@ def _pairs(things: Iterable[object]) -> set[Pair]:
     waiting, seen = list(things), {}
     while waiting:
         value = waiting.pop()
-        if value is None or (isinstance(value, (bool, int, float, str)) and not isinstance(value, Enum)):
+        if value is None or (
+            isinstance(value, (bool, int, float, str)) and not isinstance(value, Enum)
+        ):
             continue
         if id(value) not in seen:
             seen[id(value)] = value  # kept, so that no other object gets its id
@@ -121,12 +139,22 @@ def _of_class(kind: type) -> set[Pair]:
             return set()
         plugin = plugin_of(kind.__module__)
         file = file_of(module)
-        return {(Path(file).name, identity_of_file(file))} if plugin is None else set(plugin.identities())
-    return {pair for code in codes_of(vars(kind).values()) for pair in _of_code(code, kind.__module__)}
+        return (
+            {(Path(file).name, identity_of_file(file))}
+            if plugin is None
+            else set(plugin.identities())
+        )
+    return {
+        pair
+        for code in codes_of(vars(kind).values())
+        for pair in _of_code(code, kind.__module__)
+    }
 
 
 def _parts(value: object) -> list[object]:
-    """Objects inside an object, such as items, fields and captured variables, in which user code is searched."""
+    """Objects inside an object, such as items, fields and captured variables, in which
+    user code is searched.
+    """
     if isinstance(value, Mapping):
         return [*value.values()]
     if isinstance(value, (list, tuple, set, frozenset)):
@@ -135,10 +163,23 @@ def _parts(value: object) -> list[object]:
         return [value.func, *value.args, *value.keywords.values()]
     if isinstance(value, (type, types.ModuleType)) or hasattr(value, "tolist"):
         return []
-    if isinstance(value, (types.FunctionType, types.MethodType)) or hasattr(value, "__wrapped__"):
-        named = (getattr(value, name, None) for name in ("__func__", "__self__", "__wrapped__"))
-        return [*named, *(getattr(value, "__defaults__", None) or ()), *closed_over(value)]
+    if isinstance(value, (types.FunctionType, types.MethodType)) or hasattr(
+        value, "__wrapped__"
+    ):
+        named = (
+            getattr(value, name, None)
+            for name in ("__func__", "__self__", "__wrapped__")
+        )
+        return [
+            *named,
+            *(getattr(value, "__defaults__", None) or ()),
+            *closed_over(value),
+        ]
     fields = [] if isinstance(value, Enum) else [each for _, each in fields_of(value)]
     plant = getattr(value, "kind", None)
     named_plant = registrations("plant").get(plant) if isinstance(plant, str) else None
-    return [type(value), *fields, *([] if named_plant is None else [named_plant.target])]
+    return [
+        type(value),
+        *fields,
+        *([] if named_plant is None else [named_plant.target]),
+    ]

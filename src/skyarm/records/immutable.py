@@ -1,10 +1,19 @@
-"""Immutable records: dataclasses that are frozen, keyword-only and slotted unless they say otherwise."""
+"""Immutable records: dataclasses that are frozen, keyword-only and slotted unless they
+say otherwise.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import Field, FrozenInstanceError, dataclass, field, fields, is_dataclass
+from dataclasses import (
+    Field,
+    FrozenInstanceError,
+    dataclass,
+    field,
+    fields,
+    is_dataclass,
+)
 from functools import cache
 from operator import attrgetter
 from types import FunctionType
@@ -18,31 +27,41 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def memoize(function: F) -> F:
-    """Cache the results of a function and keep its static type, which ``functools.cache`` loses."""
+    """Cache the results of a function and keep its static type, which
+    ``functools.cache`` loses.
+    """
     return cast("F", cache(function))
 
 
 @memoize
 def declarations(kind: type) -> tuple[Field[object], ...]:
-    """Fields of a dataclass with their defaults and metadata; empty for any other type."""
+    """Fields of a dataclass with their defaults and metadata; empty for any other
+    type.
+    """
     return fields(kind) if is_dataclass(kind) else ()
 
 
 UNWRITTEN = "unwritten"
-"""Key of a field's metadata: plain data contains the field only if it is neither empty nor this value."""
+"""Key of a field's metadata: plain data contains the field only if it is neither empty
+nor this value."""
 
 
 def field_if_any(*, default: V, repr: bool = True) -> V:
-    """Field that plain data contains only if it is not empty, so that digests of older records stay the same."""
+    """Field that plain data contains only if it is not empty, so that digests of older
+    records stay the same.
+    """
     return field(default=default, repr=repr, metadata={UNWRITTEN: None})
 
 
 LONGEST = 300
-"""Largest number of characters of a record's text, as a notebook prints it below a cell."""
+"""Largest number of characters of a record's text, as a notebook prints it below a
+cell."""
 
 
 def short_repr(record: object) -> str:
-    """Text of a record in at most 300 characters: its class and fields, of which long values show only their class."""
+    """Text of a record in at most 300 characters: its class and fields, of which long
+    values show only their class.
+    """
     texts = {
         each.name: (type(value).__name__, " ".join(repr(value).split()))
         for each in declarations(type(record))
@@ -51,8 +70,13 @@ def short_repr(record: object) -> str:
     }
     line = ""
     for longest in (LONGEST, 60, 24):
-        shown = (text if len(text) <= longest else f"{kind}(...)" for kind, text in texts.values())
-        words = ", ".join(f"{name}={text}" for name, text in zip(texts, shown, strict=True))
+        shown = (
+            text if len(text) <= longest else f"{kind}(...)"
+            for kind, text in texts.values()
+        )
+        words = ", ".join(
+            f"{name}={text}" for name, text in zip(texts, shown, strict=True)
+        )
         line = f"{type(record).__qualname__}({words})"
         if len(line) <= LONGEST:
             return line
@@ -60,16 +84,22 @@ def short_repr(record: object) -> str:
 
 
 def _compare_fields(kind: type, own: Mapping[str, object]) -> None:
-    """Give a dataclass equality and hash by its fields, unless they are among its own methods.
+    """Give a dataclass equality and hash by its fields, unless they are among its own
+    methods.
 
-    Python compiles these methods anew for every class, which for all classes of a command takes 40 ms.
+    Python compiles these methods anew for every class, which for all classes of a
+    command takes 40 ms.
     """
     names = [each.name for each in fields(kind) if each.compare]
     # of no field and of one an attrgetter makes no tuple
     values = attrgetter(*names, *["__class__"] * (2 - len(names)))
 
     def equal(self: object, other: object) -> bool:
-        return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
+        return (
+            values(self) == values(other)
+            if other.__class__ is self.__class__
+            else NotImplemented
+        )
 
     def number(self: object) -> int:
         return hash(values(self))
@@ -80,8 +110,12 @@ def _compare_fields(kind: type, own: Mapping[str, object]) -> None:
         kind.__hash__ = number  # type: ignore[method-assign,assignment]
 
 
-def _frozen_methods(kind: type, compared: Collection[Field[object]], *_: object) -> tuple[Callable[..., None], ...]:
-    """Methods of a frozen dataclass as Python makes them, but of code that all classes share."""
+def _frozen_methods(
+    kind: type, compared: Collection[Field[object]], *_: object
+) -> tuple[Callable[..., None], ...]:
+    """Methods of a frozen dataclass as Python makes them, but of code that all classes
+    share.
+    """
     names = {each.name for each in compared}
 
     def set_one(self: object, name: str, value: object) -> None:
@@ -98,15 +132,20 @@ def _frozen_methods(kind: type, compared: Collection[Field[object]], *_: object)
     return set_one, delete_one
 
 
-def _quick_dataclass(replaced: str = "_frozen_get_del_attr") -> Callable[..., Callable[[type[T]], type[T]]]:
-    """``dataclass`` whose frozen methods are :func:`_frozen_methods`, or itself if this Python makes them otherwise.
+def _quick_dataclass(
+    replaced: str = "_frozen_get_del_attr",
+) -> Callable[..., Callable[[type[T]], type[T]]]:
+    """``dataclass`` whose frozen methods are :func:`_frozen_methods`, or itself if this
+    Python makes them otherwise.
 
-    Two functions a class to compile are 5 % of a short command. A copy of the module's functions is made, so that
-    nobody else's dataclasses change.
+    Two functions a class to compile are 5 % of a short command. A copy of the module's
+    functions is made, so that nobody else's dataclasses change.
     """
     own: dict[str, Any] = dict(vars(dataclasses))
     process = own.get("_process_class")
-    if replaced not in own or replaced not in getattr(getattr(process, "__code__", None), "co_names", ()):
+    if replaced not in own or replaced not in getattr(
+        getattr(process, "__code__", None), "co_names", ()
+    ):
         return dataclass
     own[replaced] = _frozen_methods
     for name in ("_process_class", "dataclass"):
@@ -124,24 +163,35 @@ def immutable(kind: type[T], /) -> type[T]: ...
 
 
 @overload
-def immutable(*, kw_only: bool = True, **options: bool) -> Callable[[type[T]], type[T]]: ...
+def immutable(
+    *, kw_only: bool = True, **options: bool
+) -> Callable[[type[T]], type[T]]: ...
 
 
-@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field, field_if_any))
+@dataclass_transform(
+    frozen_default=True, kw_only_default=True, field_specifiers=(field, field_if_any)
+)
 def immutable(
     kind: type[T] | None = None, /, *, kw_only: bool = True, **options: bool
 ) -> type[T] | Callable[[type[T]], type[T]]:
-    """Make a class a frozen dataclass with slots and a short text (:func:`short_repr`) unless it has its own.
+    """Make a class a frozen dataclass with slots and a short text (:func:`short_repr`)
+    unless it has its own.
 
     Args:
         kind: the class, where the decorator has no arguments.
         kw_only: False allows positional arguments.
-        options: options of a dataclass: ``eq=False`` compares by identity, for records that hold arrays;
-            ``slots=False`` keeps ``__dict__``, for cached properties.
+        options: options of a dataclass: ``eq=False`` compares by identity, for records
+            that hold arrays; ``slots=False`` keeps ``__dict__``, for cached properties.
     """
 
     def make(kind: type[T]) -> type[T]:
-        usual = {"frozen": True, "slots": True, "kw_only": kw_only, "repr": False, **options}
+        usual = {
+            "frozen": True,
+            "slots": True,
+            "kw_only": kw_only,
+            "repr": False,
+            **options,
+        }
         made = _dataclass(**usual | {"eq": False})(kind)
         if made.__repr__ is object.__repr__:
             made.__repr__ = short_repr  # type: ignore[method-assign]
@@ -161,7 +211,11 @@ def positional(**options: bool) -> Callable[[type[T]], type[T]]: ...
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field, field_if_any))
-def positional(kind: type[T] | None = None, /, **options: bool) -> type[T] | Callable[[type[T]], type[T]]:
-    """Make a class an immutable record whose fields may be given by position; see :func:`immutable`."""
+def positional(
+    kind: type[T] | None = None, /, **options: bool
+) -> type[T] | Callable[[type[T]], type[T]]:
+    """Make a class an immutable record whose fields may be given by position; see
+    :func:`immutable`.
+    """
     make = immutable(kw_only=False, **options)
     return make if kind is None else make(kind)

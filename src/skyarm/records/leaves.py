@@ -1,8 +1,8 @@
 """Conversion between nested dataclasses and flat lists of their scalars.
 
-A record is a frozen dataclass or a tuple of records. Its *leaves* are the scalars that may vary; integers, strings,
-booleans, None and enums are structure: they shape the program and are not leaves. :data:`Tree` is the type of all that
-is made of these alone.
+A record is a frozen dataclass or a tuple of records. Its *leaves* are the scalars that
+may vary; integers, strings, booleans, None and enums are structure: they shape the
+program and are not leaves. :data:`Tree` is the type of all that is made of these alone.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ class Dataclass(Protocol):
 
 
 Tree: TypeAlias = "Scalar | str | Enum | Dataclass | tuple[Tree, ...] | None"
-"""Nested value of scalars: a scalar, a constant, or a frozen dataclass or tuple of such values."""
+"""Nested value of scalars: a scalar, a constant, or a frozen dataclass or tuple of such
+values."""
 
 _STRUCTURE = (int, str, bool, type(None), Enum)
 
@@ -39,7 +40,9 @@ def _rebuild(template: object, values: Iterator[object]) -> Any:
         return tuple(_rebuild(item, values) for item in template)
     names = field_names(type(template))
     if names is not None:
-        return type(template)(**{name: _rebuild(getattr(template, name), values) for name in names})
+        return type(template)(
+            **{name: _rebuild(getattr(template, name), values) for name in names}
+        )
     return next(values) if is_leaf(template) else template
 
 
@@ -63,8 +66,14 @@ def _visit_only(record: object, visit: Callable[[object], None]) -> None:
 
 @memoize
 def field_names(kind: type) -> tuple[str, ...] | None:
-    """Field names of a dataclass, cached for use in every control period; None for any other type."""
-    return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else None
+    """Field names of a dataclass, cached for use in every control period; None for any
+    other type.
+    """
+    return (
+        tuple(field.name for field in dataclasses.fields(kind))
+        if dataclasses.is_dataclass(kind)
+        else None
+    )
 
 
 def is_record_class(kind: object) -> TypeGuard[type]:
@@ -78,7 +87,9 @@ def is_record(value: object) -> bool:
 
 
 def is_leaf(value: object) -> TypeGuard[Scalar]:
-    """True if a value is a variable scalar; false for constants of compiled code, such as integers and texts."""
+    """True if a value is a variable scalar; false for constants of compiled code, such
+    as integers and texts.
+    """
     return not isinstance(value, _STRUCTURE)
 
 
@@ -90,9 +101,11 @@ def parts(record: object) -> dict[str, Any]:
 
 
 def walk(record: object, place: Place = ()) -> Iterator[tuple[Place, Any]]:
-    """Field names and value of each number, text or other innermost value of a nested dataclass.
+    """Field names and value of each number, text or other innermost value of a nested
+    dataclass.
 
-    The leaves among them, which :func:`is_leaf` tells, come in the order of :func:`leaves`.
+    The leaves among them, which :func:`is_leaf` tells, come in the order of
+    :func:`leaves`.
     """
     if isinstance(record, tuple) or is_record(record):
         for name, value in parts(record).items():
@@ -101,72 +114,122 @@ def walk(record: object, place: Place = ()) -> Iterator[tuple[Place, Any]]:
         yield place, record
 
 
-def pairs(example: object, record: object, path: str) -> list[tuple[object, object, str]] | None:
-    """Fields of two dataclasses in pairs, each pair with its name; None if the two differ in structure."""
-    if isinstance(example, tuple) and isinstance(record, tuple) and len(example) == len(record):
-        return [(a, b, f"{path}[{i}]") for i, (a, b) in enumerate(zip(example, record, strict=True))]
-    if type(example) is type(record) and (names := field_names(type(example))) is not None:
-        return [(getattr(example, name), getattr(record, name), f"{path}.{name}") for name in names]
+def pairs(
+    example: object, record: object, path: str
+) -> list[tuple[object, object, str]] | None:
+    """Fields of two dataclasses in pairs, each pair with its name; None if the two
+    differ in structure.
+    """
+    if (
+        isinstance(example, tuple)
+        and isinstance(record, tuple)
+        and len(example) == len(record)
+    ):
+        return [
+            (a, b, f"{path}[{i}]")
+            for i, (a, b) in enumerate(zip(example, record, strict=True))
+        ]
+    if (
+        type(example) is type(record)
+        and (names := field_names(type(example))) is not None
+    ):
+        return [
+            (getattr(example, name), getattr(record, name), f"{path}.{name}")
+            for name in names
+        ]
     return None
 
 
 def mismatch(example: object, record: object, path: str) -> str | None:
-    """Message about the first difference in structure between two nested dataclasses; None if they match."""
+    """Message about the first difference in structure between two nested dataclasses;
+    None if they match.
+    """
     below = pairs(example, record, path)
     if below is None:
         kinds = (*_STRUCTURE, tuple)
-        shaped = any(isinstance(one, kinds) or is_record(one) for one in (example, record))
-        alike = type(example) is type(record) and not is_leaf(example) and example == record
+        shaped = any(
+            isinstance(one, kinds) or is_record(one) for one in (example, record)
+        )
+        alike = (
+            type(example) is type(record) and not is_leaf(example) and example == record
+        )
         return None if alike or not shaped else f"{path} is {record!r}, not {example!r}"
-    return next((message for a, b, name in below if (message := mismatch(a, b, name))), None)
+    return next(
+        (message for a, b, name in below if (message := mismatch(a, b, name))), None
+    )
 
 
 def named_leaves(record: object, where: str = "") -> Iterator[tuple[str, Scalar]]:
     """Dotted path and value of every variable scalar of a nested dataclass."""
-    return ((path, value) for path, value in named_parts(record, where) if is_leaf(value))
+    return (
+        (path, value) for path, value in named_parts(record, where) if is_leaf(value)
+    )
 
 
 def named_parts(record: object, where: str = "") -> Iterator[tuple[str, object]]:
-    """Dotted path and value of every number, text or flag of a nested dataclass, constants included."""
+    """Dotted path and value of every number, text or flag of a nested dataclass,
+    constants included.
+    """
     for place, value in walk(record):
-        yield f"{where}{''.join(f'[{i}]' if i.isdigit() else f'.{i}' for i in place)}".removeprefix("."), value
+        yield (
+            f"{where}{''.join(f'[{i}]' if i.isdigit() else f'.{i}' for i in place)}".removeprefix(
+                "."
+            ),
+            value,
+        )
 
 
 def rebuild(template: Record, values: Iterator[object]) -> Record:
-    """Copy of a nested dataclass with its scalars replaced, in order, by given values."""
+    """Copy of a nested dataclass with its scalars replaced, in order, by given
+    values.
+    """
     result: Record = _rebuild(template, values)
     return result
 
 
 def as_data(record: Record) -> Record:
-    """Copy of nested dataclasses with floats for integers, which are structure: all numbers of a memory may vary."""
+    """Copy of nested dataclasses with floats for integers, which are structure: all
+    numbers of a memory may vary.
+    """
     if isinstance(record, tuple):
         return cast("Record", tuple(map(as_data, record)))
     if is_record(record):
-        return type(record)(**{name: as_data(value) for name, value in parts(record).items()})
+        return type(record)(
+            **{name: as_data(value) for name, value in parts(record).items()}
+        )
     return cast("Record", float(record)) if type(record) is int else record  # type: ignore[arg-type]
 
 
 def shaped_like(template: Record, values: Sequence[object]) -> Record:
-    """Copy of a nested dataclass with a list of scalars in place of its own; their number must match."""
+    """Copy of a nested dataclass with a list of scalars in place of its own; their
+    number must match.
+    """
     iterator = iter(values)
     count = len(leaves(template))
     if count != len(values):
-        raise ValueError(f"{type(template).__name__} has {count} scalars, got {len(values)}")
+        raise ValueError(
+            f"{type(template).__name__} has {count} scalars, got {len(values)}"
+        )
     return rebuild(template, iterator)
 
 
 def part(record: object, place: Place) -> Any:
-    """Value inside nested dataclasses, found by a sequence of field names and indices."""
+    """Value inside nested dataclasses, found by a sequence of field names and
+    indices.
+    """
     for name in place:
-        record = record[int(name)] if isinstance(record, tuple) else getattr(record, name)
+        record = (
+            record[int(name)] if isinstance(record, tuple) else getattr(record, name)
+        )
     return record
 
 
 def replace_at(record: Record, values: Mapping[Place, object]) -> Record:
-    """Copy of nested dataclasses with some values inside replaced, each given by its sequence of field names.
+    """Copy of nested dataclasses with some values inside replaced, each given by its
+    sequence of field names.
 
-    Every record on the way is made, and checked, once: numbers that only together make sense are replaced together.
+    Every record on the way is made, and checked, once: numbers that only together make
+    sense are replaced together.
     """
     whole: Any = record  # what it has is known by the names of the places alone
     below: dict[str, dict[Place, object]] = {}
@@ -176,16 +239,27 @@ def replace_at(record: Record, values: Mapping[Place, object]) -> Record:
     if () in values:
         whole = values[()]
     elif isinstance(whole, tuple):
-        whole = tuple(replace_at(item, below[str(i)]) if str(i) in below else item for i, item in enumerate(whole))
+        whole = tuple(
+            replace_at(item, below[str(i)]) if str(i) in below else item
+            for i, item in enumerate(whole)
+        )
     else:
         whole = dataclasses.replace(
-            whole, **{name: replace_at(getattr(whole, name), inner) for name, inner in below.items()}
+            whole,
+            **{
+                name: replace_at(getattr(whole, name), inner)
+                for name, inner in below.items()
+            },
         )
     result: Record = whole
     return result
 
 
 def blend(condition: Scalar, new: Record, old: Record) -> Record:
-    """Select between two nested dataclasses, scalar by scalar: ``new`` where a condition holds, else ``old``."""
-    values = [where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)]
+    """Select between two nested dataclasses, scalar by scalar: ``new`` where a
+    condition holds, else ``old``.
+    """
+    values = [
+        where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)
+    ]
     return rebuild(old, iter(values))

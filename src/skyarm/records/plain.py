@@ -23,29 +23,35 @@ Plain: TypeAlias = bool | int | float | str | list["Plain"] | dict[str, "Plain"]
 
 
 class Named(Protocol):
-    """Interface (typing.Protocol) of an object with a name, such as a class or function."""
+    """Interface (typing.Protocol) of an object with a name, such as a class or
+    function.
+    """
 
     @property
     def __name__(self) -> str: ...
 
 
 WRITTEN_IF_ANY = {UNWRITTEN: None}
-"""Metadata of a field that plain data contains only if it is not empty, so that digests of older records stay the
-same."""
+"""Metadata of a field that plain data contains only if it is not empty, so that digests
+of older records stay the same."""
 
 
 def plain(value: object) -> Any:
-    """Convert nested dataclasses to plain data: tables, lists, numbers, texts, true, false, null.
+    """Convert nested dataclasses to plain data: tables, lists, numbers, texts, true,
+    false, null.
 
-    A record becomes a table of its fields with its class, by module and name, under ``type``. Functions, arrays, enums
-    and tables that have a ``type`` of their own are tables with a type, too. Infinities and NaN become text, and texts
-    that look like them tables. Integers stay integers: they are structure.
+    A record becomes a table of its fields with its class, by module and name, under
+    ``type``. Functions, arrays, enums and tables that have a ``type`` of their own are
+    tables with a type, too. Infinities and NaN become text, and texts that look like
+    them tables. Integers stay integers: they are structure.
     """
     return _plain(value, ())
 
 
 def digest(record: object) -> str:
-    """SHA-256 digest of plain data, in hexadecimal, independent of the order of keys."""
+    """SHA-256 digest of plain data, in hexadecimal, independent of the order of
+    keys.
+    """
     return hashlib.sha256(_text(record).encode()).hexdigest()
 
 
@@ -54,8 +60,12 @@ def _text(record: object) -> str:
 
 
 def _plain(value: object, above: tuple[int, ...]) -> Plain:
-    """Convert any value to plain data; ``above`` are the ids of the objects that contain the value."""
-    if value is None or (isinstance(value, (bool, str)) and not isinstance(value, Enum)):
+    """Convert any value to plain data; ``above`` are the ids of the objects that
+    contain the value.
+    """
+    if value is None or (
+        isinstance(value, (bool, str)) and not isinstance(value, Enum)
+    ):
         return {"type": "text", "text": value} if value in NOT_FINITE else value
     if isinstance(value, Enum):
         return {"type": "enum", "class": dotted_name(type(value)), "name": value.name}
@@ -67,16 +77,27 @@ def _plain(value: object, above: tuple[int, ...]) -> Plain:
         # an object that refers to itself, as a recursive inner function does
         return "(itself)"
     above = (*above, id(value))
-    if isinstance(value, (Mapping, list, tuple, set, frozenset)) or hasattr(value, "tolist"):
+    if isinstance(value, (Mapping, list, tuple, set, frozenset)) or hasattr(
+        value, "tolist"
+    ):
         return _several(value, above)
     if isinstance(value, functools.partial):
-        parts = {"function": value.func, "arguments": value.args, "keywords": value.keywords}
-        return {"type": "partial"} | {name: _plain(each, above) for name, each in parts.items()}
+        parts = {
+            "function": value.func,
+            "arguments": value.args,
+            "keywords": value.keywords,
+        }
+        return {"type": "partial"} | {
+            name: _plain(each, above) for name, each in parts.items()
+        }
     if hasattr(value, "__name__"):
         bound = _bound(value)
         called: dict[str, Plain] = {"type": "function", "name": dotted_name(value)}
         return called | ({"bound": _plain(bound, above)} if bound else {})
-    return {"type": dotted_name(type(value)), **{name: _plain(each, above) for name, each in fields_of(value)}}
+    return {
+        "type": dotted_name(type(value)),
+        **{name: _plain(each, above) for name, each in fields_of(value)},
+    }
 
 
 def _several(value: Any, above: tuple[int, ...]) -> Plain:
@@ -89,7 +110,11 @@ def _several(value: Any, above: tuple[int, ...]) -> Plain:
     if isinstance(value, (set, frozenset)):
         return sorted((_plain(each, above) for each in value), key=_text)
     entries = _plain(value.tolist(), above)  # NumPy's and JAX's arrays and scalars
-    return {"type": "array", "kind": str(value.dtype), "entries": entries} if value.ndim else entries
+    return (
+        {"type": "array", "kind": str(value.dtype), "entries": entries}
+        if value.ndim
+        else entries
+    )
 
 
 def dotted_name(named: type | Named) -> str:
@@ -104,27 +129,52 @@ def fields_of(value: object) -> list[tuple[str, object]]:
         fields = [(name, getattr(value, name)) for name in names]
         unwritten, group = written_if_any(type(value)), group_of(type(value))
         if group and tuple(dict(fields)[group[0]]) == (SOLE,):
-            fields = [(group[1], each[SOLE]) if name == group[0] else (name, each) for name, each in fields]
-        return [(n, each) for n, each in fields if n not in unwritten or (each and each != unwritten[n])]
-    slots = [name for kind in type(value).__mro__ for name in getattr(kind, "__slots__", ())]
-    return [*getattr(value, "__dict__", {}).items(), *((name, getattr(value, name, None)) for name in slots)]
+            fields = [
+                (group[1], each[SOLE]) if name == group[0] else (name, each)
+                for name, each in fields
+            ]
+        return [
+            (n, each)
+            for n, each in fields
+            if n not in unwritten or (each and each != unwritten[n])
+        ]
+    slots = [
+        name for kind in type(value).__mro__ for name in getattr(kind, "__slots__", ())
+    ]
+    return [
+        *getattr(value, "__dict__", {}).items(),
+        *((name, getattr(value, name, None)) for name in slots),
+    ]
 
 
 @memoize
 def written_if_any(kind: type) -> dict[str, object]:
-    """Fields of a dataclass that plain data contains only if their values are neither empty nor those given here."""
+    """Fields of a dataclass that plain data contains only if their values are neither
+    empty nor those given here.
+    """
     every = ((field.name, field.metadata) for field in declarations(kind))
-    return {name: metadata[UNWRITTEN] for name, metadata in every if UNWRITTEN in metadata}
+    return {
+        name: metadata[UNWRITTEN] for name, metadata in every if UNWRITTEN in metadata
+    }
 
 
 @memoize
 def group_of(kind: type) -> tuple[str, str] | tuple[()]:
-    """Field of a dataclass that holds members by name, and the name of its only member; empty without such a field."""
-    return next(((field.name, alone(field)) for field in declarations(kind) if alone(field)), ())
+    """Field of a dataclass that holds members by name, and the name of its only member;
+    empty without such a field.
+    """
+    return next(
+        ((field.name, alone(field)) for field in declarations(kind) if alone(field)), ()
+    )
 
 
 def _bound(function: object) -> list[object]:
-    """Object of a bound method, or variables captured by a function, which distinguish it in a digest."""
+    """Object of a bound method, or variables captured by a function, which distinguish
+    it in a digest.
+    """
     owner = getattr(function, "__self__", None)
     cells = getattr(function, "__closure__", None) or ()
-    return [*([] if owner is None or isinstance(owner, ModuleType) else [owner]), *(c.cell_contents for c in cells)]
+    return [
+        *([] if owner is None or isinstance(owner, ModuleType) else [owner]),
+        *(c.cell_contents for c in cells),
+    ]

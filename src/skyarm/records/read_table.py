@@ -29,9 +29,11 @@ Record = TypeVar("Record")
 def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> Record:
     """Read an instance of a given dataclass from a table of a file.
 
-    A number may stand where the field is a ``float`` or ``Scalar``; three numbers where it is a ``Vec3``; a list where
-    it is a tuple; a table where it is a record, or whatever its class reads by ``from_table``. Fields with a default
-    may be left out. A class with other spellings reads them by ``short_spellings(fields)``: values by field.
+    A number may stand where the field is a ``float`` or ``Scalar``; three numbers where
+    it is a ``Vec3``; a list where it is a tuple; a table where it is a record, or
+    whatever its class reads by ``from_table``. Fields with a default may be left out. A
+    class with other spellings reads them by ``short_spellings(fields)``: values by
+    field.
 
     Args:
         kind: a dataclass.
@@ -42,11 +44,16 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
         ValueError: one line with field, value and what is allowed.
     """
     if field_names(kind) is None:
-        raise ValueError(f"{fields.where}: {kind.__name__} must be a dataclass to be read from a file")
+        raise ValueError(
+            f"{fields.where}: {kind.__name__} must be a dataclass to be read from a"
+            " file"
+        )
     declared, called = declared_units(kind), words_of_fields(kind)
     fields.expect((*(field_names(kind) or ()), *called.values()))
     values: dict[str, object] = {}
-    read_short: Callable[[Fields], dict[str, object]] | None = getattr(kind, "short_spellings", None)
+    read_short: Callable[[Fields], dict[str, object]] | None = getattr(
+        kind, "short_spellings", None
+    )
     if read_short is not None:
         for name in field_names(kind) or ():  # in the order of a message
             fields.take(called.get(name, name), None)
@@ -61,17 +68,22 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
         if not field.init or (word not in fields.table and not required):
             fields.take(word, None)
         elif name in declared:
-            values[name] = default_if_equal(value_from(*declared[name], fields, word, folds), field.default)
+            values[name] = default_if_equal(
+                value_from(*declared[name], fields, word, folds), field.default
+            )
         else:
             # one of them hides the types of all
             at = fields.at(unresolved_field(kind) or word)
-            raise ValueError(f"{at}: the annotation of this field names a type that cannot be found")
+            raise ValueError(
+                f"{at}: the annotation of this field names a type that cannot be found"
+            )
     fields.done()
     return make_at(fields.where, kind, **values)
 
 
 def entry_of(value: object) -> Entry:
-    """Entry for a file from which a value can be read again; for a record, a table of its non-default fields.
+    """Entry for a file from which a value can be read again; for a record, a table of
+    its non-default fields.
 
     Raises:
         TypeError: a value that no file has words for.
@@ -87,7 +99,8 @@ def entry_of(value: object) -> Entry:
 
 
 def record_entry(value: object, always: Collection[str] = ()) -> dict[str, Entry]:
-    """Table of a record's non-default fields, and of its kind if its class is registered.
+    """Table of a record's non-default fields, and of its kind if its class is
+    registered.
 
     Args:
         value: a record.
@@ -104,7 +117,9 @@ def record_entry(value: object, always: Collection[str] = ()) -> dict[str, Entry
     usual, words = defaults(type(value)), words_of_fields(type(value))
     fields = ((name, getattr(value, name)) for name in names)
     stated = (
-        (name, each) for name, each in fields if each is not None and (name in always or not same_as(each, usual[name]))
+        (name, each)
+        for name, each in fields
+        if each is not None and (name in always or not same_as(each, usual[name]))
     )
     return named | {words.get(name, name): entry_of(each) for name, each in stated}
 
@@ -117,12 +132,15 @@ def _registered_name(kind: str, value: object) -> Entry:
 
 
 def same_as(value: object, usual: object) -> bool:
-    """True if a value is identical to a field's default: the constant 0 of compiled code differs from 0.0."""
+    """True if a value is identical to a field's default: the constant 0 of compiled
+    code differs from 0.0.
+    """
     return type(value) is type(usual) and value == usual and repr(value) == repr(usual)
 
 
 def make_at(where: str, kind: Callable[..., Record], /, **values: object) -> Record:
-    """Create an instance of a class; an error message begins with the table of the file that states its values.
+    """Create an instance of a class; an error message begins with the table of the file
+    that states its values.
 
     Raises:
         ValueError: one line.
@@ -136,7 +154,9 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: object) -> Rec
         called = words_of_fields(kind)
         # the record calls itself so
         if last and words.startswith((f"{last}.", f"{last}[")):
-            raise ValueError(where + _by_words(words.removeprefix(last), called)) from None
+            raise ValueError(
+                where + _by_words(words.removeprefix(last), called)
+            ) from None
         own = (field_names(kind) if isinstance(kind, type) else None) or ()
         named, field = re.match(r"(\w*)\.?(\w*)", words).groups()  # type: ignore[union-attr]
         if named not in own and field in own:  # by the name of its class: surface.name
@@ -147,12 +167,17 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: object) -> Rec
 
 
 def _by_words(line: str, called: Mapping[str, str]) -> str:
-    """Error message in which the field name at the beginning is replaced by the field's key in a file."""
+    """Error message in which the field name at the beginning is replaced by the field's
+    key in a file.
+    """
     return re.sub(r"^\.(\w+)", lambda match: f".{called.get(match[1], match[1])}", line)
 
 
-def numbers_from(kind: type, fields: Fields, *, partial: bool = False) -> dict[str, float]:
-    """Read the scalar fields of a dataclass that a table states, and check their declared bounds.
+def numbers_from(
+    kind: type, fields: Fields, *, partial: bool = False
+) -> dict[str, float]:
+    """Read the scalar fields of a dataclass that a table states, and check their
+    declared bounds.
 
     Args:
         kind: a dataclass.
@@ -167,20 +192,32 @@ def numbers_from(kind: type, fields: Fields, *, partial: bool = False) -> dict[s
         if not fields.states(name) and (partial or usual[name] is not MISSING):
             continue
         try:
-            value = fields.number(name, low=unit.low, strict=unit.strict, infinite=unit.infinite)
+            value = fields.number(
+                name, low=unit.low, strict=unit.strict, infinite=unit.infinite
+            )
         except ValueError as error:
-            raise ValueError(f"{error}, {unit.unit}" if unit.unit and name in fields.table else str(error)) from None
-        numbers[name] = 0 if unit.folds and value == 0.0 else default_if_equal(value, usual[name])
+            raise ValueError(
+                f"{error}, {unit.unit}"
+                if unit.unit and name in fields.table
+                else str(error)
+            ) from None
+        numbers[name] = (
+            0 if unit.folds and value == 0.0 else default_if_equal(value, usual[name])
+        )
     return numbers
 
 
 def default_if_equal(value: Any, usual: object) -> Any:
-    """Default of a field in place of equal numbers of a file: an int 0 there is structure, unlike the file's 0.0."""
+    """Default of a field in place of equal numbers of a file: an int 0 there is
+    structure, unlike the file's 0.0.
+    """
     return usual if isinstance(value, (float, Vec3)) and value == usual else value
 
 
 def takes_table(function: Callable[..., object]) -> bool:
-    """True if a function's only parameter is a ``Fields`` reader, from which it reads a whole table."""
+    """True if a function's only parameter is a ``Fields`` reader, from which it reads a
+    whole table.
+    """
     parameters = list(inspect.signature(function).parameters.values())
     return len(parameters) == 1 and parameters[0].annotation in (Fields, "Fields")
 
@@ -204,17 +241,23 @@ def options_from(function: Callable[..., object], fields: Fields) -> dict[str, o
     return values
 
 
-def value_from(annotation: object, unit: Unit, fields: Fields, name: str, folds: bool = False) -> object:
+def value_from(
+    annotation: object, unit: Unit, fields: Fields, name: str, folds: bool = False
+) -> object:
     """Read a field of a table as the type that the dataclass declares for it."""
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
-        annotation = next(each for each in typing.get_args(annotation) if each is not type(None))
+        annotation = next(
+            each for each in typing.get_args(annotation) if each is not type(None)
+        )
     if annotation in (float, Scalar):
         infinite = unit.infinite and unit is not NUMBER
         return fields.number(name, low=unit.low, strict=unit.strict, infinite=infinite)
     if annotation is int:
         return coerce.whole(fields.at(name), fields.take(name))
     if annotation is Vec3:
-        return fields.vector(name) if folds and unit.folds else Vec3(*fields.vector(name))
+        return (
+            fields.vector(name) if folds and unit.folds else Vec3(*fields.vector(name))
+        )
     if annotation is str:
         return coerce.text(fields.at(name), fields.take(name))
     if typing.get_origin(annotation) is typing.Literal:
@@ -234,7 +277,9 @@ def value_from(annotation: object, unit: Unit, fields: Fields, name: str, folds:
 
 
 def _several(kind: object, fields: Fields, name: str) -> tuple[object, ...]:
-    """Read a tuple of numbers, of tuples of numbers, or of dataclasses from a list in a table."""
+    """Read a tuple of numbers, of tuples of numbers, or of dataclasses from a list in a
+    table.
+    """
     if kind in (float, Scalar):
         return fields.numbers(name)
     at = fields.at(name)
@@ -242,7 +287,9 @@ def _several(kind: object, fields: Fields, name: str) -> tuple[object, ...]:
         values = fields.take(name)
         if not isinstance(values, list):
             raise ValueError(f"{at} = {shown(values)}: must be a list")
-        return tuple(kind.from_table(each, f"{at}[{i}]") for i, each in enumerate(values))
+        return tuple(
+            kind.from_table(each, f"{at}[{i}]") for i, each in enumerate(values)
+        )
     if is_record_class(kind):
         return tuple(record_from(kind, table) for table in fields.tables(name))
     if typing.get_origin(kind) is not tuple:
@@ -264,7 +311,8 @@ def registered_from(
     word: str = "kind",
     folds: bool = False,
 ) -> Record:
-    """Read a table ``{ kind = NAME, ... }`` as an instance of the class that is registered as NAME.
+    """Read a table ``{ kind = NAME, ... }`` as an instance of the class that is
+    registered as NAME.
 
     Args:
         kind: kind of the registry, or several with a space between them.
@@ -282,7 +330,10 @@ def registered_from(
     name = usual if usual and word not in fields.table else fields.take(word)
     registered = find(kind, name, fields.at(word))
     if not isinstance(registered, type) or not issubclass(registered, base):
-        raise ValueError(f"{fields.at(word)} = {name!r}: must be registered as a subclass of {base.__name__}")
+        raise ValueError(
+            f"{fields.at(word)} = {name!r}: must be registered as a subclass of"
+            f" {base.__name__}"
+        )
     record = record_from(registered, fields, folds=folds)
     require_stated = getattr(registered, "require_stated", None)
     if require_stated is not None:  # numbers that others of the table need
@@ -291,11 +342,24 @@ def registered_from(
     return record
 
 
-def registered_value(kind: str, base: type[Record], entry: object, where: str, usual: str = "") -> Record:
-    """Read one registered record (:func:`registered_from`) from its table or, with default values, from its name."""
-    return registered_from(kind, base, {"kind": entry} if isinstance(entry, str) else entry, where, usual)
+def registered_value(
+    kind: str, base: type[Record], entry: object, where: str, usual: str = ""
+) -> Record:
+    """Read one registered record (:func:`registered_from`) from its table or, with
+    default values, from its name.
+    """
+    return registered_from(
+        kind, base, {"kind": entry} if isinstance(entry, str) else entry, where, usual
+    )
 
 
-def registered_values(kind: str, base: type[Record], entry: object, where: str, usual: str = "") -> tuple[Record, ...]:
-    """Read several registered records (:func:`registered_from`) from a list of tables."""
-    return tuple(registered_from(kind, base, each.table, each.where, usual) for each in list_of_tables(entry, where))
+def registered_values(
+    kind: str, base: type[Record], entry: object, where: str, usual: str = ""
+) -> tuple[Record, ...]:
+    """Read several registered records (:func:`registered_from`) from a list of
+    tables.
+    """
+    return tuple(
+        registered_from(kind, base, each.table, each.where, usual)
+        for each in list_of_tables(entry, where)
+    )

@@ -17,7 +17,9 @@ def shown_number(value: float, digits: int = 3) -> str:
 
 
 def aligned_lines(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Format table rows as text lines with aligned columns, the first to the left, others to the right."""
+    """Format table rows as text lines with aligned columns, the first to the left,
+    others to the right.
+    """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         " ".join(

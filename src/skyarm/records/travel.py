@@ -1,4 +1,6 @@
-"""Values as bytes for another process: records, and the functions and classes that it cannot import."""
+"""Values as bytes for another process: records, and the functions and classes that it
+cannot import.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +14,26 @@ from importlib import import_module
 from types import CellType, CodeType, FunctionType
 from typing import Any
 
-from skyarm.records.registry.plugins import load_again, loaded_plugins, sources_of_plugins
-from skyarm.records.registry.registrations import KINDS, SHIPPED, registrations, take_over
+from skyarm.records.registry.plugins import (
+    load_again,
+    loaded_plugins,
+    sources_of_plugins,
+)
+from skyarm.records.registry.registrations import (
+    KINDS,
+    SHIPPED,
+    registrations,
+    take_over,
+)
 
 
 def pack(value: object) -> bytes:
-    """Serialise a value for another process: importable objects by name, everything else by content.
+    """Serialise a value for another process: importable objects by name, everything
+    else by content.
 
-    A function that was made inside another one works there on the variables of its own module, as those that go by name
-    do. Copies of these variables would be none of what the module's other functions return.
+    A function that was made inside another one works there on the variables of its own
+    module, as those that go by name do. Copies of these variables would be none of what
+    the module's other functions return.
 
     Raises:
         ValueError: something in it cannot travel; names it.
@@ -30,7 +43,10 @@ def pack(value: object) -> bytes:
         _pickler()(stream, pickle.HIGHEST_PROTOCOL).dump(value)
         return stream.getvalue()
     except (pickle.PicklingError, TypeError, AttributeError, ValueError) as error:
-        raise ValueError(f"workers: {error}; what flies in other processes must be able to travel there") from error
+        raise ValueError(
+            f"workers: {error}; what flies in other processes must be able to travel"
+            " there"
+        ) from error
 
 
 Cells = tuple[tuple[object, ...], ...]
@@ -39,7 +55,9 @@ Cells = tuple[tuple[object, ...], ...]
 
 @cache
 def _pickler() -> type[pickle.Pickler]:
-    """Class of the pickler, made when it is needed because its package is slow to import."""
+    """Class of the pickler, made when it is needed because its package is slow to
+    import.
+    """
     import cloudpickle
 
     class Pickler(cloudpickle.Pickler):  # type: ignore[misc]
@@ -47,19 +65,31 @@ def _pickler() -> type[pickle.Pickler]:
             if type(value) is not FunctionType or not _is_made_in_a_module(value):
                 return super().reducer_override(value)
             cells = value.__closure__ or ()
-            state = (tuple(map(_cell_content, cells)), {name: getattr(value, name) for name in KEPT})
+            state = (
+                tuple(map(_cell_content, cells)),
+                {name: getattr(value, name) for name in KEPT},
+            )
             arguments = (value.__code__, value.__globals__["__name__"], len(cells))
             return _empty_function, arguments, state, None, None, _fill_function
 
     return Pickler
 
 
-KEPT = ("__defaults__", "__kwdefaults__", "__dict__", "__module__", "__qualname__", "__annotations__")
+KEPT = (
+    "__defaults__",
+    "__kwdefaults__",
+    "__dict__",
+    "__module__",
+    "__qualname__",
+    "__annotations__",
+)
 """Attributes of a function that are serialised in addition to its code and closure."""
 
 
 def _is_made_in_a_module(function: FunctionType) -> bool:
-    """True for a function that its importable module does not hold by name, such as an inner function."""
+    """True for a function that its importable module does not hold by name, such as an
+    inner function.
+    """
     home = sys.modules.get(str(function.__globals__.get("__name__")))
     if getattr(home, "__spec__", None) is None or home is sys.modules["__main__"]:
         return False
@@ -78,11 +108,21 @@ def _cell_content(cell: CellType) -> tuple[object, ...]:
 
 
 def _empty_function(code: CodeType, home: str, cells: int) -> FunctionType:
-    """Make a function of a module with empty closure cells, since its closure may contain the function itself."""
-    return FunctionType(code, vars(import_module(home)), code.co_name, None, tuple(CellType() for _ in range(cells)))
+    """Make a function of a module with empty closure cells, since its closure may
+    contain the function itself.
+    """
+    return FunctionType(
+        code,
+        vars(import_module(home)),
+        code.co_name,
+        None,
+        tuple(CellType() for _ in range(cells)),
+    )
 
 
-def _fill_function(function: FunctionType, state: tuple[Cells, dict[str, object]]) -> None:
+def _fill_function(
+    function: FunctionType, state: tuple[Cells, dict[str, object]]
+) -> None:
     contents, attributes = state
     for name, value in attributes.items():
         setattr(function, name, value)
@@ -97,7 +137,8 @@ def unpack(content: bytes) -> Any:
 
 
 def luggage() -> bytes:
-    """Serialised plugins and registered names of this process, which another one needs to deserialise its values.
+    """Serialised plugins and registered names of this process, which another one needs
+    to deserialise its values.
 
     The other process may run on another machine, which sees none of the files.
     """
@@ -114,10 +155,12 @@ def _own_registrations() -> Iterator[bytes]:
 
 
 def unload(content: bytes) -> None:
-    """Load the plugins and registered names that :func:`luggage` has serialised in another process.
+    """Load the plugins and registered names that :func:`luggage` has serialised in
+    another process.
 
     Raises:
-        RegistryError: a plugin fails here, or an installed one is missing or of another version.
+        RegistryError: a plugin fails here, or an installed one is missing or of another
+            version.
     """
     sources, plugins, rows = unpack(content)
     load_again(plugins, sources)

@@ -1,4 +1,6 @@
-"""Reference motion: time signals with four derivatives, and trajectories of base, joints and tip."""
+"""Reference motion: time signals with four derivatives, and trajectories of base,
+joints and tip.
+"""
 
 from skyarm.reference.reference_tables import trajectory_from
 from skyarm.reference.signals import (

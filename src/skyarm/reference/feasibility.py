@@ -1,4 +1,6 @@
-"""Feasibility of a tip reference: peak demands against the vehicle's limits, before simulation."""
+"""Feasibility of a tip reference: peak demands against the vehicle's limits, before
+simulation.
+"""
 
 from __future__ import annotations
 
@@ -27,27 +29,32 @@ MOST_JACOBIANS = 500
 """Largest number of instants at which the arm's Jacobian is evaluated."""
 
 POSTURES = 8
-"""Number of random postures that determine in how many directions the arm can move the tip."""
+"""Number of random postures that determine in how many directions the arm can move the
+tip."""
 
 ASIDE = 1e-3
-"""Fraction of the largest singular value below which an arm cannot move its tip in a direction; right angles in
-files are rounded, to 1.571 rad or finer."""
+"""Fraction of the largest singular value below which an arm cannot move its tip in a
+direction; right angles in files are rounded, to 1.571 rad or finer."""
 
 SINGULAR = 0.02
-"""Smallest singular value over the arm's length below which a warning calls the arm nearly singular; the tip then
-moves by its own length in 50 rad or more."""
+"""Smallest singular value over the arm's length below which a warning calls the arm
+nearly singular; the tip then moves by its own length in 50 rad or more."""
 
 
 @immutable
 class Feasibility:
-    """Peak thrust and tilt, times at joint limits and nearest arm singularity of a planned tip reference.
+    """Peak thrust and tilt, times at joint limits and nearest arm singularity of a
+    planned tip reference.
 
     Attributes:
-        at_limits: (joint, s) of joints that carry the tip and are planned at a limit, and how long.
-        peaks: peak values of the base's motion; thrust and tilt are those of a point mass.
+        at_limits: (joint, s) of joints that carry the tip and are planned at a limit,
+            and how long.
+        peaks: peak values of the base's motion; thrust and tilt are those of a point
+            mass.
         highest_thrust: largest thrust over the weight.
-        weakest: m per rad (or 1), smallest singular value of the tip's Jacobian over the joints that carry it, where it
-            is smallest. weakest_at: s, when. arm_length: m.
+        weakest: m per rad (or 1), smallest singular value of the tip's Jacobian over
+            the joints that carry it, where it is smallest. weakest_at: s, when.
+            arm_length: m.
     """
 
     at_limits: tuple[tuple[str, float], ...]
@@ -60,30 +67,48 @@ class Feasibility:
     def warnings(self) -> Iterator[str]:
         """Warning texts, one for each demand beyond the vehicle's limits."""
         for joint, seconds in self.at_limits:
-            yield f"reference.tip: joint {joint!r} is planned at its limit for {seconds:.3g} s; other posture?"
+            yield (
+                f"reference.tip: joint {joint!r} is planned at its limit for"
+                f" {seconds:.3g} s; other posture?"
+            )
         if self.weakest < SINGULAR * self.arm_length:
             yield (
-                f"reference.tip: the arm is nearly singular at {self.weakest_at:.3g} s; in one direction it moves the "
-                f"tip by {1e3 * self.weakest:.2g} mm per rad, and a law that keeps the tip may lose it; other posture?"
+                f"reference.tip: the arm is nearly singular at {self.weakest_at:.3g} s;"
+                f" in one direction it moves the tip by {1e3 * self.weakest:.2g} mm per"
+                " rad, and a law that keeps the tip may lose it; other posture?"
             )
         if self.peaks.thrust > self.highest_thrust:
             most = f"the rotors give {self.highest_thrust:.3g}"
-            yield f"reference.tip: asks for {self.peaks.thrust:.3g} times the weight, {most}; slower?"
+            yield (
+                f"reference.tip: asks for {self.peaks.thrust:.3g} times the weight,"
+                f" {most}; slower?"
+            )
         if self.peaks.tilt > 1.0:
-            yield f"reference.tip: asks for a tilt of {self.peaks.tilt:.3g} rad; slower?"
+            yield (
+                f"reference.tip: asks for a tilt of {self.peaks.tilt:.3g} rad; slower?"
+            )
 
 
-def _weakest(vehicle: Vehicle, carriers: Sequence[int], times: Array, joints: Array) -> tuple[float, float]:
-    """Smallest singular value of the tip Jacobian over a planned motion, and its time (s).
+def _weakest(
+    vehicle: Vehicle, carriers: Sequence[int], times: Array, joints: Array
+) -> tuple[float, float]:
+    """Smallest singular value of the tip Jacobian over a planned motion, and its time
+    (s).
 
-    Directions in which the arm moves the tip in no posture, such as across the plane of a planar arm, do not count.
+    Directions in which the arm moves the tip in no posture, such as across the plane of
+    a planar arm, do not count.
     """
     every = -(-len(times) // MOST_JACOBIANS)
     times, joints = times[::every], joints[:, ::every].T
     others = np.tile(joints[0], (POSTURES, 1))
-    others[:, list(carriers)] = np.random.default_rng(0).uniform(-1.0, 1.0, (POSTURES, len(carriers)))
+    others[:, list(carriers)] = np.random.default_rng(0).uniform(
+        -1.0, 1.0, (POSTURES, len(carriers))
+    )
     postures = np.concatenate([others, joints])
-    still, level = np.zeros((len(postures), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(postures), 1))
+    still, level = (
+        np.zeros((len(postures), 3)),
+        np.tile([1.0, 0.0, 0.0, 0.0], (len(postures), 1)),
+    )
     J = frame_jacobian(vehicle, still, level, postures)[:, :3, 6:][:, :, list(carriers)]
     values = np.linalg.svd(J, compute_uv=False)
     moved = (values[:POSTURES] > ASIDE * values.max()).sum(axis=1).max()
@@ -100,7 +125,9 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
     count = min(max(math.ceil(setting.duration * LOOKS), 1), MOST_LOOKS)
     times = np.linspace(0.0, setting.duration, count, endpoint=False)
     reference = trajectory.at(times)
-    derivatives = [stack_values(count, getattr(reference, name)) for name in VECTORS[1:]]
+    derivatives = [
+        stack_values(count, getattr(reference, name)) for name in VECTORS[1:]
+    ]
     q = stack_values(count, reference.joints)
     weakest, weakest_at = _weakest(vehicle, tip.arm.carriers, times, q)
     return Feasibility(
@@ -114,7 +141,9 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
 
 
 def _at_limits(arm: Arm, q: Array, seconds: float) -> Iterator[tuple[str, float]]:
-    """Names of arm joints that a planned motion keeps at a limit, each with the duration (s)."""
+    """Names of arm joints that a planned motion keeps at a limit, each with the
+    duration (s).
+    """
     for number, joint in zip(arm.carriers, arm.joints, strict=True):
         (low, high), values = joint.ends, q[number]
         near = (values <= low + 2.0 * MARGIN) | (values >= high - 2.0 * MARGIN)

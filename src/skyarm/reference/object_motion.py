@@ -1,7 +1,8 @@
-"""Desired motion of a body that several tips hold: its pose over time, and the paths of places on it.
+"""Desired motion of a body that several tips hold: its pose over time, and the paths of
+places on it.
 
-The table ``[reference.object]`` of a scenario file; every phase goes from rest to rest, smooth to the fourth
-derivative::
+The table ``[reference.object]`` of a scenario file; every phase goes from rest to rest,
+smooth to the fourth derivative::
 
     [reference.object]
     kind = "phases"
@@ -11,9 +12,11 @@ derivative::
         { kind = "carry", by = [2.0, 0.0, 0.0], duration = 4.0 },  # m, world axes
         { kind = "turn", angle = 1.5708, duration = 4.0 },  # rad, about world z
         { kind = "tilt", pitch = 0.35, duration = 2.0 },  # rad, to this pitch and roll
-        { kind = "place", duration = 3.0 },              # level, and down to the height at which it began
+        # level, and down to the height at which it began
+        { kind = "place", duration = 3.0 },
     ]
-    path = { kind = "circle", radius = 1.0, frequency_hz = 0.1, start = 6, stop = 16 }  # left out: none; added
+    # left out: none; added
+    path = { kind = "circle", radius = 1.0, frequency_hz = 0.1, start = 6, stop = 16 }
 
 A body that hangs on cables from the start has its first phase of kind "lift" at 0 s.
 
@@ -35,7 +38,11 @@ from skyarm.records.units import Unit, nonnegative
 from skyarm.reference.reference_tables import motion_from
 from skyarm.reference.signals import Constant, Derivatives, Ramp, Signal, Sum
 from skyarm.reference.task_records import Setting
-from skyarm.reference.tip_motion import rotation_columns, rotation_row, vector_derivatives
+from skyarm.reference.tip_motion import (
+    rotation_columns,
+    rotation_row,
+    vector_derivatives,
+)
 
 PHASES = ("hold", "lift", "carry", "turn", "tilt", "place")
 
@@ -59,7 +66,9 @@ class BodyMotion:
     turning: Vec3
 
     def at_pace(self, pace: Scalar, change: Scalar) -> BodyMotion:
-        """The same place in a motion whose time runs at a pace, which changes at a rate (1/s)."""
+        """The same place in a motion whose time runs at a pace, which changes at a rate
+        (1/s).
+        """
         return BodyMotion(
             position=self.position,
             velocity=self.velocity * pace,
@@ -70,7 +79,9 @@ class BodyMotion:
         )
 
     def of_place(self, place: Vec3) -> tuple[Vec3, Vec3, Vec3]:
-        """Position, velocity and acceleration of a place on the body (m, its axes from its middle)."""
+        """Position, velocity and acceleration of a place on the body (m, its axes from
+        its middle).
+        """
         arm = self.R.apply(place)
         turned = self.rate.cross(arm)
         bent = self.turning.cross(arm) + self.rate.cross(turned)
@@ -80,7 +91,9 @@ class BodyMotion:
 @immutable
 @checked("motion")
 class PoseTrajectory:
-    """Desired pose of a body over time, and when it leaves its support and stands on one again."""
+    """Desired pose of a body over time, and when it leaves its support and stands on
+    one again.
+    """
 
     x: Annotated[Signal, Unit("m", "desired x of the middle of the body, world axes")]
     y: Annotated[Signal, Unit("m", "desired y of the middle of the body, world axes")]
@@ -88,31 +101,50 @@ class PoseTrajectory:
     roll: Annotated[Signal, Unit("rad", "desired roll of the body (ZYX)")]
     pitch: Annotated[Signal, Unit("rad", "desired pitch of the body (ZYX)")]
     yaw: Annotated[Signal, Unit("rad", "desired yaw of the body (ZYX)")]
-    lift: Annotated[Scalar, nonnegative("s", "time at which the body leaves its support")]
-    stop: Annotated[Scalar, nonnegative("s", "time at which the body stands on a support again")]
+    lift: Annotated[
+        Scalar, nonnegative("s", "time at which the body leaves its support")
+    ]
+    stop: Annotated[
+        Scalar, nonnegative("s", "time at which the body stands on a support again")
+    ]
 
     def at(self, t: Scalar) -> BodyMotion:
         """Desired motion of the body at time t (s)."""
-        position, velocity, acceleration, *_ = vector_derivatives((self.x, self.y, self.z), t)
-        angles = [Taylor.of_derivatives(each.derivatives(t)) for each in (self.roll, self.pitch, self.yaw)]
+        position, velocity, acceleration, *_ = vector_derivatives(
+            (self.x, self.y, self.z), t
+        )
+        angles = [
+            Taylor.of_derivatives(each.derivatives(t))
+            for each in (self.roll, self.pitch, self.yaw)
+        ]
         turns = [(cos(each), sin(each)) for each in angles]
         columns, (c, s) = rotation_columns(turns), turns[2]
         roll, pitch, yaw = (each.derivative_series() for each in angles)
-        turn = [columns[0].x * roll - s * pitch, columns[0].y * roll + c * pitch, columns[0].z * roll + yaw]
+        turn = [
+            columns[0].x * roll - s * pitch,
+            columns[0].y * roll + c * pitch,
+            columns[0].z * roll + yaw,
+        ]
         return BodyMotion(
             position=position,
             velocity=velocity,
             acceleration=acceleration,
-            R=Mat3.columns(*(Vec3(*(nth_derivative(c, 0) for c in column)) for column in columns)),
+            R=Mat3.columns(
+                *(Vec3(*(nth_derivative(c, 0) for c in column)) for column in columns)
+            ),
             rate=Vec3(*(nth_derivative(c, 0) for c in turn)),
             turning=Vec3(*(nth_derivative(c, 1) for c in turn)),
         )
 
     def path_of(self, place: Sequence[Signal]) -> tuple[Signal, Signal, Signal]:
-        """World coordinates of a place on the body (m, its axes from its middle) over time."""
+        """World coordinates of a place on the body (m, its axes from its middle) over
+        time.
+        """
         turns = {name: getattr(self, name) for name in POSE[3:]}
         x, y, z = (
-            CarriedPlace(middle=getattr(self, axis), place=tuple(place), axis=i, **turns)
+            CarriedPlace(
+                middle=getattr(self, axis), place=tuple(place), axis=i, **turns
+            )
             for i, axis in enumerate("xyz")
         )
         return x, y, z
@@ -130,7 +162,9 @@ class CarriedPlace(Signal):
     roll: Annotated[Signal, Unit("rad", "roll of the body (ZYX)")]
     pitch: Annotated[Signal, Unit("rad", "pitch of the body (ZYX)")]
     yaw: Annotated[Signal, Unit("rad", "yaw of the body (ZYX)")]
-    place: Annotated[tuple[Signal, ...], Unit("m", "place on the body, its axes from its middle")]
+    place: Annotated[
+        tuple[Signal, ...], Unit("m", "place on the body, its axes from its middle")
+    ]
     axis: int
 
     def derivatives(self, t: Scalar) -> Derivatives:
@@ -149,7 +183,8 @@ def motion_of_object(fields: Fields, start: Vec3) -> PoseTrajectory:
 
     Args:
         fields: the table.
-        start: position of the middle of the body at the beginning (m, world axes), where the table states none.
+        start: position of the middle of the body at the beginning (m, world axes),
+            where the table states none.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -157,25 +192,39 @@ def motion_of_object(fields: Fields, start: Vec3) -> PoseTrajectory:
     fields.choice("kind", ("phases",), "phases")
     x, y, z = fields.vector("position", tuple(map(float, start)))
     pose, time = dict(zip(POSE, (x, y, z, 0.0, 0.0, 0.0), strict=True)), 0.0
-    moves: dict[str, list[Signal]] = {name: [Constant(value)] for name, value in pose.items()}
+    moves: dict[str, list[Signal]] = {
+        name: [Constant(value)] for name, value in pose.items()
+    }
     if "path" in fields.table:
         path = motion_from(fields.take("path"), fields.at("path"), Setting())
         moves |= {name: [*moves[name], getattr(path, name)] for name in "xyz"}
     lift, stop, at = -1.0, 0.0, fields.at("phases")
-    for i, entry in enumerate(filled_list(fields.take("phases"), at, "a list of phases")):
+    for i, entry in enumerate(
+        filled_list(fields.take("phases"), at, "a list of phases")
+    ):
         phase = Fields(entry, f"{at}[{i}]")
-        kind, duration = phase.choice("kind", PHASES), phase.number("duration", low=0.0, strict=True)
+        kind, duration = (
+            phase.choice("kind", PHASES),
+            phase.number("duration", low=0.0, strict=True),
+        )
         if stop and kind != "hold":
-            raise ValueError(f"{at}[{i}].kind = {kind!r}: must be 'hold', after a phase of kind 'place'")
+            raise ValueError(
+                f"{at}[{i}].kind = {kind!r}: must be 'hold', after a phase of kind"
+                " 'place'"
+            )
         if kind == "place" and lift < 0.0:
-            raise ValueError(f"{at}[{i}].kind = 'place': must come after a phase of kind 'lift'")
+            raise ValueError(
+                f"{at}[{i}].kind = 'place': must come after a phase of kind 'lift'"
+            )
         goal = dict(pose)
         if kind == "lift":
             goal["z"] += phase.number("height", low=0.0, strict=True)
             lift = time if lift < 0.0 else lift
         elif kind == "carry":
             by = phase.vector("by")
-            goal |= {name: pose[name] + step for name, step in zip("xyz", by, strict=True)}
+            goal |= {
+                name: pose[name] + step for name, step in zip("xyz", by, strict=True)
+            }
         elif kind == "turn":
             goal["yaw"] += phase.number("angle")
         elif kind == "tilt":
@@ -186,13 +235,19 @@ def motion_of_object(fields: Fields, start: Vec3) -> PoseTrajectory:
         for name, value in goal.items():
             if value != pose[name]:
                 height = value - pose[name]
-                moves[name].append(Ramp(start=time, duration=duration, height=height, shape="nonic"))
+                moves[name].append(
+                    Ramp(start=time, duration=duration, height=height, shape="nonic")
+                )
         pose, time = goal, time + duration
         stop = time if kind == "place" else stop
     fields.done()
     if lift < 0.0:
         raise ValueError(
-            f"{at}: must have a phase of kind 'lift' after one of kind 'hold', in which the tips take hold"
+            f"{at}: must have a phase of kind 'lift' after one of kind 'hold', in which"
+            " the tips take hold"
         )
-    signals = {name: Sum(tuple(each)) if len(each) > 1 else each[0] for name, each in moves.items()}
+    signals = {
+        name: Sum(tuple(each)) if len(each) > 1 else each[0]
+        for name, each in moves.items()
+    }
     return PoseTrajectory(**signals, lift=lift, stop=stop or time + 1e6)

@@ -1,9 +1,11 @@
-"""Time scaling of a reference: path time as a function of flight time; position offsets of the reference.
+"""Time scaling of a reference: path time as a function of flight time; position offsets
+of the reference.
 
-A governor slows the *path parameter* s(t), with 0 <= ds/dt, and leaves the path as it is. The motion that a law is told
-at the flight's time t is the commanded one at s(t); its derivatives follow by the chain rule. The curve is one of
-uniform quintic B-splines: four continuous derivatives, and a rate within the hull of the steps between control points,
-so that points which do not fall make a time that never runs backwards.
+A governor slows the *path parameter* s(t), with 0 <= ds/dt, and leaves the path as it
+is. The motion that a law is told at the flight's time t is the commanded one at s(t);
+its derivatives follow by the chain rule. The curve is one of uniform quintic B-splines:
+four continuous derivatives, and a rate within the hull of the steps between control
+points, so that points which do not fall make a time that never runs backwards.
 """
 
 from __future__ import annotations
@@ -25,7 +27,9 @@ from skyarm.reference.signals import Derivatives
 from skyarm.reference.splines import CARDINAL, ORDERS, minimum_snap, polynomial
 from skyarm.reference.trajectory import JOINTS, VECTORS, Reference, Trajectory
 
-PLANNED = "must stay as it is where the reference has a governor, which has planned for it"
+PLANNED = (
+    "must stay as it is where the reference has a governor, which has planned for it"
+)
 """Text for messages about a number of a reference whose time law is planned."""
 
 FEWEST = 6
@@ -37,7 +41,8 @@ class PathTime:
     """Time scaling of a reference: path time as a spline of flight time.
 
     Attributes:
-        points: control points, s, none before the one ahead of it; the i-th belongs to the time (i - 2) step.
+        points: control points, s, none before the one ahead of it; the i-th belongs to
+            the time (i - 2) step.
         step: time between control points, s.
     """
 
@@ -47,9 +52,14 @@ class PathTime:
     def __post_init__(self) -> None:
         accept_fields(self, "path_time")
         if len(self.points) < FEWEST:
-            raise ValueError(f"path_time.points: {len(self.points)}, must be at least {FEWEST}")
+            raise ValueError(
+                f"path_time.points: {len(self.points)}, must be at least {FEWEST}"
+            )
         if np.any(np.diff(doubles(self.points)) < 0.0):
-            raise ValueError("path_time.points: must not fall, the time of a reference never runs backwards")
+            raise ValueError(
+                "path_time.points: must not fall, the time of a reference never runs"
+                " backwards"
+            )
 
     @property
     def duration(self) -> float:
@@ -64,8 +74,13 @@ class PathTime:
         piece = np.minimum(u.astype(int), len(points) - FEWEST)
         left = u - piece
         window = [points[piece + i] for i in range(FEWEST)]
-        rows = [np.asarray(sum(w * p for w, p in zip(row, window, strict=True)) / 120.0) for row in CARDINAL]
-        return tuple(polynomial(rows, left, order) / step**order for order in range(ORDERS))
+        rows = [
+            np.asarray(sum(w * p for w, p in zip(row, window, strict=True)) / 120.0)
+            for row in CARDINAL
+        ]
+        return tuple(
+            polynomial(rows, left, order) / step**order for order in range(ORDERS)
+        )
 
     def check(self, duration: float, waits: bool) -> None:
         """Refuse a flight that the time scaling was not planned for.
@@ -78,15 +93,20 @@ class PathTime:
             ValueError: one line.
         """
         if waits:
-            raise ValueError("reference.governor: must be left out of a reference whose phases wait (until)")
+            raise ValueError(
+                "reference.governor: must be left out of a reference whose phases wait"
+                " (until)"
+            )
         if self.duration < duration - 1e-9:
             raise ValueError(
-                f"reference.governor: was planned for {self.duration:g} s, the flight lasts {duration:g} s; "
-                "plan it anew (skyarm.govern)"
+                f"reference.governor: was planned for {self.duration:g} s, the flight"
+                f" lasts {duration:g} s; plan it anew (skyarm.govern)"
             )
 
     def instant_of(self, path_time: float) -> float:
-        """Flight time (s) at which a given path time is reached; the planned end if it never is."""
+        """Flight time (s) at which a given path time is reached; the planned end if it
+        never is.
+        """
         low, high = 0.0, self.duration
         if float(self.derivatives(high)[0]) < path_time:
             return high
@@ -99,7 +119,9 @@ class PathTime:
         return high
 
 
-def governed_reference(trajectory: Trajectory, path_time: PathTime, t: Scalar) -> Reference:
+def governed_reference(
+    trajectory: Trajectory, path_time: PathTime, t: Scalar
+) -> Reference:
     """Reference of a trajectory at flight time t (s) under a time scaling."""
     s = path_time.derivatives(t)
     return by_flight_time(trajectory.at(s[0]), s)
@@ -111,16 +133,27 @@ def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
     Source: chain rule of higher order, Faa di Bruno 1857.
     """
     r = reference
-    rows = [_chain_rule(d, s) for d in zip(r.velocity, r.acceleration, r.jerk, r.snap, strict=True)]
+    rows = [
+        _chain_rule(d, s)
+        for d in zip(r.velocity, r.acceleration, r.jerk, r.snap, strict=True)
+    ]
     vectors = [Vec3(*column) for column in zip(*rows, strict=True)]
-    yaw_rate, yaw_acceleration, _, _ = _chain_rule((r.yaw_rate, r.yaw_acceleration, 0, 0), s)
-    joints = zip(r.joint_rates, r.joint_accelerations, r.joint_jerks, r.joint_snaps, strict=True)
+    yaw_rate, yaw_acceleration, _, _ = _chain_rule(
+        (r.yaw_rate, r.yaw_acceleration, 0, 0), s
+    )
+    joints = zip(
+        r.joint_rates, r.joint_accelerations, r.joint_jerks, r.joint_snaps, strict=True
+    )
     moved = tuple(zip(*(_chain_rule(d, s) for d in joints), strict=True)) or ((),) * 4
-    rates: dict[str, Any] = dict(zip((*VECTORS[1:], *JOINTS[1:]), (*vectors, *moved), strict=True))
+    rates: dict[str, Any] = dict(
+        zip((*VECTORS[1:], *JOINTS[1:]), (*vectors, *moved), strict=True)
+    )
     return replace(r, **rates, yaw_rate=yaw_rate, yaw_acceleration=yaw_acceleration)
 
 
-def _chain_rule(d: Sequence[Scalar], s: Derivatives) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+def _chain_rule(
+    d: Sequence[Scalar], s: Derivatives
+) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """First four derivatives of x(s(t)) by t, from those of x by s and of s by t."""
     (d1, d2, d3, d4), (_, s1, s2, s3, s4) = d, s
     twice = s1 * s1
@@ -136,24 +169,37 @@ def _chain_rule(d: Sequence[Scalar], s: Derivatives) -> tuple[Scalar, Scalar, Sc
 
 
 def offset_reference(
-    reference: Reference, offset: Vec3, returns: Sequence[tuple[float, float]], since: Scalar, time: Scalar
+    reference: Reference,
+    offset: Vec3,
+    returns: Sequence[tuple[float, float]],
+    since: Scalar,
+    time: Scalar,
 ) -> Reference:
-    """Reference with base and tip shifted by an offset that decays to zero in return phases of the task.
+    """Reference with base and tip shifted by an offset that decays to zero in return
+    phases of the task.
 
     Args:
         reference: planned reference at ``time`` (s).
         offset: m, world axes.
         returns: beginning and end (s) of the phases in which the reference comes back.
-        since: path time (s) at which the offset began; earlier return phases do not count.
+        since: path time (s) at which the offset began; earlier return phases do not
+            count.
         time: s, of the reference.
     """
     left = Taylor.of_derivatives((1.0, 0.0, 0.0, 0.0, 0.0))
     for begin, end in returns:
         gone = minimum_snap((begin, end), (0.0, 1.0)).derivatives(time)
         counts = begin >= since - 1e-9
-        left = left * Taylor.of_derivatives([one - where(counts, d, 0.0) for one, d in zip(ONE, gone, strict=True)])
-    moved = {name: getattr(reference, name) + offset * left.derivative(order) for order, name in enumerate(VECTORS)}
-    tip = tuple(c + o * left.derivative(0) for c, o in zip(reference.tip, offset, strict=False))
+        left = left * Taylor.of_derivatives(
+            [one - where(counts, d, 0.0) for one, d in zip(ONE, gone, strict=True)]
+        )
+    moved = {
+        name: getattr(reference, name) + offset * left.derivative(order)
+        for order, name in enumerate(VECTORS)
+    }
+    tip = tuple(
+        c + o * left.derivative(0) for c, o in zip(reference.tip, offset, strict=False)
+    )
     return replace(reference, tip=tip, **moved)
 
 

@@ -1,4 +1,5 @@
-"""Preview of a reference: future samples that are published together with the held sample.
+"""Preview of a reference: future samples that are published together with the held
+sample.
 
 A sample is value, rate and acceleration of x, y, z, yaw and each joint.
 """
@@ -17,13 +18,22 @@ Sample = tuple[Scalar, Scalar, Scalar]
 
 def samples(reference: Reference) -> list[Sample]:
     """Value, rate and acceleration of the reference's x, y, z, yaw and each joint."""
-    base = list(zip(reference.position, reference.velocity, reference.acceleration, strict=True))
+    base = list(
+        zip(reference.position, reference.velocity, reference.acceleration, strict=True)
+    )
     heading = reference.yaw, reference.yaw_rate, reference.yaw_acceleration
-    joints = zip(reference.joints, reference.joint_rates, reference.joint_accelerations, strict=True)
+    joints = zip(
+        reference.joints,
+        reference.joint_rates,
+        reference.joint_accelerations,
+        strict=True,
+    )
     return [*base, heading, *joints]
 
 
-def with_preview(sample: Reference, leads: Sequence[Scalar], at: Callable[[Scalar], Reference]) -> Reference:
+def with_preview(
+    sample: Reference, leads: Sequence[Scalar], at: Callable[[Scalar], Reference]
+) -> Reference:
     """Reference with a preview: the samples that follow the held one.
 
     Args:
@@ -34,12 +44,24 @@ def with_preview(sample: Reference, leads: Sequence[Scalar], at: Callable[[Scala
     if not leads:
         return sample
     later = [at(lead) for lead in leads]
-    ahead = tuple(number for coming in later for each in samples(coming) for number in each)
-    return replace(sample, ahead=ahead, turning=sum((coming.turning for coming in later), sample.turning))
+    ahead = tuple(
+        number for coming in later for each in samples(coming) for number in each
+    )
+    return replace(
+        sample,
+        ahead=ahead,
+        turning=sum((coming.turning for coming in later), sample.turning),
+    )
 
 
 def samples_ahead(reference: Reference) -> list[list[Sample]]:
-    """Future samples of all signals of a reference, one list for each preview instant; empty without a preview."""
+    """Future samples of all signals of a reference, one list for each preview instant;
+    empty without a preview.
+    """
     count = 3 * (4 + len(reference.joints))
-    rows = [reference.ahead[i : i + count] for i in range(0, len(reference.ahead), count)]
-    return [[(row[k], row[k + 1], row[k + 2]) for k in range(0, count, 3)] for row in rows]
+    rows = [
+        reference.ahead[i : i + count] for i in range(0, len(reference.ahead), count)
+    ]
+    return [
+        [(row[k], row[k + 1], row[k + 2]) for k in range(0, count, 3)] for row in rows
+    ]

@@ -1,8 +1,10 @@
 """Time signals that can be redirected to a new goal during a flight.
 
-From the instant ``start`` on the signal is the quintic polynomial that begins with the value, velocity and acceleration
-of that instant and comes to rest at the goal after ``duration``; then it stays there.
-Source: the quintic with its six end conditions, Craig 2005, Introduction to Robotics, section 7.3.
+From the instant ``start`` on the signal is the quintic polynomial that begins with the
+value, velocity and acceleration of that instant and comes to rest at the goal after
+``duration``; then it stays there.
+Source: the quintic with its six end conditions, Craig 2005, Introduction to Robotics,
+section 7.3.
 """
 
 from __future__ import annotations
@@ -35,25 +37,40 @@ DURATIONS = np.geomspace(0.1, 300.0, 165)
 
 @immutable
 class Redirected(Signal):
-    """Time signal that moves to a goal from ``start`` on and then stays there; before, it equals another signal.
+    """Time signal that moves to a goal from ``start`` on and then stays there; before,
+    it equals another signal.
 
     Attributes:
-        signal: time signal until ``start``. value, velocity, acceleration: values at ``start``.
+        signal: time signal until ``start``. value, velocity, acceleration: values at
+            ``start``.
     """
 
     signal: Signal
     start: Annotated[Scalar, Unit("s", "time at which the new motion begins")] = NEVER
-    duration: Annotated[Scalar, positive("s", "duration of the motion to the goal")] = 1.0
-    value: Annotated[Scalar, Unit("", "value at the start, in the unit of the signal")] = 0.0
-    velocity: Annotated[Scalar, Unit("1/s", "first derivative at the start, in the unit of the signal")] = 0.0
-    acceleration: Annotated[Scalar, Unit("1/s^2", "second derivative at the start, in the unit of the signal")] = 0.0
-    goal: Annotated[Scalar, Unit("", "value at the end, in the unit of the signal")] = 0.0
+    duration: Annotated[Scalar, positive("s", "duration of the motion to the goal")] = (
+        1.0
+    )
+    value: Annotated[
+        Scalar, Unit("", "value at the start, in the unit of the signal")
+    ] = 0.0
+    velocity: Annotated[
+        Scalar, Unit("1/s", "first derivative at the start, in the unit of the signal")
+    ] = 0.0
+    acceleration: Annotated[
+        Scalar,
+        Unit("1/s^2", "second derivative at the start, in the unit of the signal"),
+    ] = 0.0
+    goal: Annotated[Scalar, Unit("", "value at the end, in the unit of the signal")] = (
+        0.0
+    )
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives one to four at time t (s)."""
         before = self.signal.derivatives(t)
         u = minimum(maximum((t - self.start) / self.duration, 0.0), 1.0)
-        moving = quintic(u, self.duration, self.value, self.velocity, self.acceleration, self.goal)
+        moving = quintic(
+            u, self.duration, self.value, self.velocity, self.acceleration, self.goal
+        )
         resting = (self.goal, 0.0, 0.0, 0.0, 0.0)
         return tuple(
             where(t < self.start, a, where(t < self.start + self.duration, b, c))
@@ -61,14 +78,21 @@ class Redirected(Signal):
         )
 
     def switch_times(self) -> tuple[float, ...]:
-        """Switch times (s) of the signal up to the start, then start and end of the motion."""
+        """Switch times (s) of the signal up to the start, then start and end of the
+        motion.
+        """
         start = float(self.start)
         own = (start, start + float(self.duration)) if start < NEVER else ()
         return (*(s for s in self.signal.switch_times() if s < start), *own)
 
 
 def quintic(
-    u: Scalar, duration: Scalar, value: Scalar, velocity: Scalar, acceleration: Scalar, goal: Scalar
+    u: Scalar,
+    duration: Scalar,
+    value: Scalar,
+    velocity: Scalar,
+    acceleration: Scalar,
+    goal: Scalar,
 ) -> Scalars:
     """Quintic motion to rest at a goal: value and derivatives one to four, by time.
 
@@ -96,11 +120,16 @@ def quintic(
 
 
 def shortest_duration(
-    begins: Sequence[tuple[float, float, float]], goals: Sequence[float], speed: float, acceleration: float
+    begins: Sequence[tuple[float, float, float]],
+    goals: Sequence[float],
+    speed: float,
+    acceleration: float,
 ) -> float:
-    """Shortest common duration (s) of quintic motions to rest within a speed and an acceleration limit.
+    """Shortest common duration (s) of quintic motions to rest within a speed and an
+    acceleration limit.
 
-    Where the motions begin so fast that no duration meets both limits, that which exceeds them least.
+    Where the motions begin so fast that no duration meets both limits, that which
+    exceeds them least.
 
     Args:
         begins: value, velocity and acceleration of each signal at the beginning.
@@ -118,6 +147,18 @@ def shortest_duration(
 
 
 def redirectable(trajectory: Trajectory) -> Trajectory:
-    """Copy of a trajectory whose base, heading and joints can be given goals in flight."""
-    x, y, z, yaw = (Redirected(signal=each) for each in (trajectory.x, trajectory.y, trajectory.z, trajectory.yaw))
-    return replace(trajectory, x=x, y=y, z=z, yaw=yaw, joints=tuple(Redirected(signal=k) for k in trajectory.joints))
+    """Copy of a trajectory whose base, heading and joints can be given goals in
+    flight.
+    """
+    x, y, z, yaw = (
+        Redirected(signal=each)
+        for each in (trajectory.x, trajectory.y, trajectory.z, trajectory.yaw)
+    )
+    return replace(
+        trajectory,
+        x=x,
+        y=y,
+        z=z,
+        yaw=yaw,
+        joints=tuple(Redirected(signal=k) for k in trajectory.joints),
+    )

@@ -1,10 +1,12 @@
 """Time signals: scalar functions of time with their first four derivatives.
 
-``derivatives(t)`` gives (value, d1, d2, d3, d4) for any scalar t: float, NumPy array (a whole table), traced time.
-At a switch time the right-hand limit holds, in value and in every derivative; ``switch_times()`` lists those times.
-Derivatives are those of the smooth pieces: the impulse of a jump is not represented.
+``derivatives(t)`` gives (value, d1, d2, d3, d4) for any scalar t: float, NumPy array (a
+whole table), traced time. At a switch time the right-hand limit holds, in value and in
+every derivative; ``switch_times()`` lists those times. Derivatives are those of the
+smooth pieces: the impulse of a jump is not represented.
 
-Signals compose: windows, shifts, sums, products, pulses, sequences of ramps and holds, arcs and spirals.
+Signals compose: windows, shifts, sums, products, pulses, sequences of ramps and holds,
+arcs and spirals.
 """
 
 from __future__ import annotations
@@ -37,7 +39,10 @@ Record = TypeVar("Record")
 PACKAGE = f"{__name__.partition('.')[0]}."
 """Prefix of the modules whose signals ship with the library."""
 
-SIGNAL = "must be a finite number, a list of signals of time or a table with a kind of signal"
+SIGNAL = (
+    "must be a finite number, a list of signals of time or a table with a kind of"
+    " signal"
+)
 """Text for messages: allowed entries of a signal."""
 
 
@@ -54,11 +59,15 @@ class Signal(ABC):
         accept_fields(self, type(self).__name__.lower())
 
     def path_names(self) -> Names:
-        """Names, in parameter paths, of the signal's parameters and of those of a signal that it moves or shifts."""
+        """Names, in parameter paths, of the signal's parameters and of those of a
+        signal that it moves or shifts.
+        """
         return {name: ((name,),) for name in parts(self)}
 
     def switch_times(self) -> tuple[float, ...]:
-        """List the times (s), in order, at which the signal or one of its derivatives may jump."""
+        """List the times (s), in order, at which the signal or one of its derivatives
+        may jump.
+        """
         return switch_times(tuple(parts(self).values()))
 
     def __add__(self, other: Signal) -> Signal:
@@ -66,8 +75,12 @@ class Signal(ABC):
         return Sum((self, other))
 
     def to_entry(self) -> Any:
-        """Entry for a file from which the signal can be read again: a table of its kind and its parameters."""
-        return {"kind": type(self).__name__.lower()} | {name: entry_of(each) for name, each in parts(self).items()}
+        """Entry for a file from which the signal can be read again: a table of its kind
+        and its parameters.
+        """
+        return {"kind": type(self).__name__.lower()} | {
+            name: entry_of(each) for name, each in parts(self).items()
+        }
 
     @classmethod
     def from_table(cls, entry: object, where: str) -> Signal:
@@ -84,12 +97,16 @@ def with_signals(record: Record, change: Callable[[Signal], Signal]) -> Record:
         same = all(new is old for new, old in zip(items, record, strict=True))
         return record if same else items  # type: ignore[return-value]
     moved = {name: with_signals(each, change) for name, each in parts(record).items()}
-    moved = {name: each for name, each in moved.items() if each is not getattr(record, name)}
+    moved = {
+        name: each for name, each in moved.items() if each is not getattr(record, name)
+    }
     return dataclasses.replace(record, **moved) if moved else record  # type: ignore[type-var]
 
 
 def switch_times(record: object) -> tuple[float, ...]:
-    """Sorted times (s) at which any time signal in a dataclass, or one of its derivatives, may jump."""
+    """Sorted times (s) at which any time signal in a dataclass, or one of its
+    derivatives, may jump.
+    """
     signals: list[Signal] = []
     with_signals(record, lambda signal: signals.append(signal) or signal)  # type: ignore[func-returns-value]
     return tuple(sorted({s for signal in signals for s in signal.switch_times()}))
@@ -99,14 +116,17 @@ def switch_times(record: object) -> tuple[float, ...]:
 class Constant(Signal):
     """Signal with a constant value and zero derivatives."""
 
-    value: Annotated[Scalar, Unit("", "constant value, in the unit of the signal")] = 0.0
+    value: Annotated[Scalar, Unit("", "constant value, in the unit of the signal")] = (
+        0.0
+    )
 
     def to_entry(self) -> Any:
         """Entry for a file: the constant value."""
         return self.value
 
     own_number: ClassVar[Place] = ("value",)
-    """Field that a parameter path to the signal denotes; in a file the signal is a plain number."""
+    """Field that a parameter path to the signal denotes; in a file the signal is a
+    plain number."""
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Constant value, and zeros as derivatives."""
@@ -115,16 +135,20 @@ class Constant(Signal):
 
 @immutable
 class Ramp(Signal):
-    """Ramp signal from 0 to ``height`` within ``duration``; 0 before and ``height`` after.
+    """Ramp signal from 0 to ``height`` within ``duration``; 0 before and ``height``
+    after.
 
     Attributes:
-        shape: "linear"; "quintic" = 10 u^3 - 15 u^4 + 6 u^5 with u = (t - start)/duration, at rest at both ends; or
-            "nonic", whose third and fourth derivatives are zero there, too.
+        shape: "linear"; "quintic" = 10 u^3 - 15 u^4 + 6 u^5 with u = (t -
+            start)/duration, at rest at both ends; or "nonic", whose third and fourth
+            derivatives are zero there, too.
     """
 
     start: Annotated[Scalar, Unit("s", "time at which the ramp begins")]
     duration: Annotated[Scalar, positive("s", "duration of the ramp")]
-    height: Annotated[Scalar, Unit("", "value after the ramp, in the unit of the signal")]
+    height: Annotated[
+        Scalar, Unit("", "value after the ramp, in the unit of the signal")
+    ]
     shape: Literal["linear", "quintic", "nonic"] = "linear"
 
     def derivatives(self, t: Scalar) -> Derivatives:
@@ -138,12 +162,18 @@ class Ramp(Signal):
         scale = self.height
         for order, piece in enumerate(blend((t - self.start) * rate)):
             after = self.height if order == 0 else 0.0
-            pieces.append(self._select_piece(t, piece * scale, after) if type(piece) is not int else 0)
+            pieces.append(
+                self._select_piece(t, piece * scale, after)
+                if type(piece) is not int
+                else 0
+            )
             scale = scale * rate
         return tuple(pieces)
 
     def _select_piece(self, t: Scalar, inside: Scalar, after: Scalar) -> Scalar:
-        return where(t < self.start, 0.0, where(t < self.start + self.duration, inside, after))
+        return where(
+            t < self.start, 0.0, where(t < self.start + self.duration, inside, after)
+        )
 
     def switch_times(self) -> tuple[float, ...]:
         """Start and end time (s) of the ramp."""
@@ -168,7 +198,9 @@ def _quintic(u: Scalar) -> Derivatives:
 
 
 def _nonic(u: Scalar) -> Derivatives:
-    """Blend u^5 (126 - 420 u + 540 u^2 - 315 u^3 + 70 u^4), and its derivatives by u."""
+    """Blend u^5 (126 - 420 u + 540 u^2 - 315 u^3 + 70 u^4), and its derivatives by
+    u.
+    """
     u2, w = u * u, 1.0 - u
     w2 = w * w
     return (
@@ -198,20 +230,32 @@ class Sine(Signal):
 
 @positional
 class Windowed(Signal):
-    """Time signal that equals another signal within [start, stop) and is zero outside."""
+    """Time signal that equals another signal within [start, stop) and is zero
+    outside.
+    """
 
     signal: Signal
-    start: Annotated[Scalar, Unit("s", "start of the interval, included", infinite=True)] = -math.inf
-    stop: Annotated[Scalar, Unit("s", "end of the interval, excluded", infinite=True)] = math.inf
+    start: Annotated[
+        Scalar, Unit("s", "start of the interval, included", infinite=True)
+    ] = -math.inf
+    stop: Annotated[
+        Scalar, Unit("s", "end of the interval, excluded", infinite=True)
+    ] = math.inf
 
     def __post_init__(self) -> None:
         Signal.__post_init__(self)
         if concrete(self.start, self.stop) and not self.start < self.stop:
-            raise ValueError(f"windowed.stop = {self.stop!r}: must be after start = {self.start!r}")
+            raise ValueError(
+                f"windowed.stop = {self.stop!r}: must be after start = {self.start!r}"
+            )
 
     def path_names(self) -> Names:
-        """Names, in parameter paths, of window limits and inner parameters; ``start`` also shifts an inner sine."""
-        below_it = below(("signal",), path_names(self.signal)) | {name: ((name,),) for name in parts(self)}
+        """Names, in parameter paths, of window limits and inner parameters; ``start``
+        also shifts an inner sine.
+        """
+        below_it = below(("signal",), path_names(self.signal)) | {
+            name: ((name,),) for name in parts(self)
+        }
         if isinstance(self.signal, Shifted) and isinstance(self.signal.signal, Sine):
             below_it["start"] = (("start",), ("signal", "delay"))
         return below_it
@@ -226,7 +270,9 @@ class Windowed(Signal):
         return where(t < self.start, 0.0, where(t < self.stop, value, 0.0))
 
     def switch_times(self) -> tuple[float, ...]:
-        """Start and stop (s) of the window, and the inner signal's switch times between them."""
+        """Start and stop (s) of the window, and the inner signal's switch times between
+        them.
+        """
         first, last = float(self.start), float(self.stop)
         inner = [s for s in self.signal.switch_times() if first < s < last]
         return tuple(s for s in (first, *inner, last) if math.isfinite(s))
@@ -240,8 +286,12 @@ class Shifted(Signal):
     delay: Annotated[Scalar, Unit("s", "time by which the signal is shifted to later")]
 
     def path_names(self) -> Names:
-        """Names, in parameter paths, of the delay and of the delayed signal's parameters."""
-        return below(("signal",), path_names(self.signal)) | {name: ((name,),) for name in parts(self)}
+        """Names, in parameter paths, of the delay and of the delayed signal's
+        parameters.
+        """
+        return below(("signal",), path_names(self.signal)) | {
+            name: ((name,),) for name in parts(self)
+        }
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives of the signal at t - delay."""
@@ -259,8 +309,12 @@ class Sum(Signal):
     signals: tuple[Signal, ...]
 
     def path_names(self) -> Names:
-        """Names, in parameter paths, of a sum's terms by index, and of the field that holds the terms."""
-        return {str(i): (("signals", str(i)),) for i in range(len(self.signals))} | {"signals": (("signals",),)}
+        """Names, in parameter paths, of a sum's terms by index, and of the field that
+        holds the terms.
+        """
+        return {str(i): (("signals", str(i)),) for i in range(len(self.signals))} | {
+            "signals": (("signals",),)
+        }
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives of the sum."""
@@ -278,7 +332,9 @@ class Product(Signal):
     factor: Signal
 
     def derivatives(self, t: Scalar) -> Derivatives:
-        """Value and derivatives by Leibniz's rule, (f g)^(k) = sum_i C(k, i) f^(i) g^(k - i)."""
+        """Value and derivatives by Leibniz's rule, (f g)^(k) = sum_i C(k, i) f^(i)
+        g^(k - i).
+        """
         f, g = self.signal.derivatives(t), self.factor.derivatives(t)
         rows: list[Scalar] = []
         for order in range(len(f)):
@@ -291,7 +347,8 @@ class Product(Signal):
 
 @immutable
 class Pulses(Signal):
-    """Rectangular pulse train: ``count`` pulses of ``height`` and ``width`` (s), one per ``period`` (s).
+    """Rectangular pulse train: ``count`` pulses of ``height`` and ``width`` (s), one
+    per ``period`` (s).
 
     The value jumps; its derivatives are those of the flat pieces, structural zeros.
     """
@@ -299,7 +356,9 @@ class Pulses(Signal):
     start: Annotated[Scalar, Unit("s", "time of the first pulse")] = 0.0
     period: Annotated[Scalar, positive("s", "time from one pulse to the next")]
     width: Annotated[Scalar, nonnegative("s", "width of a pulse")]
-    height: Annotated[Scalar, Unit("", "value within a pulse, in the unit of the signal")] = 1.0
+    height: Annotated[
+        Scalar, Unit("", "value within a pulse, in the unit of the signal")
+    ] = 1.0
     count: Annotated[int, Unit("", "number of pulses", low=1, high=100_000)]
 
     def derivatives(self, t: Scalar) -> Derivatives:
@@ -312,7 +371,9 @@ class Pulses(Signal):
     def switch_times(self) -> tuple[float, ...]:
         """Start and end times of all pulses, s."""
         begins = [float(self.start + k * self.period) for k in range(self.count)]
-        return tuple(sorted({t for begin in begins for t in (begin, begin + float(self.width))}))
+        return tuple(
+            sorted({t for begin in begins for t in (begin, begin + float(self.width))})
+        )
 
 
 def sequence(
@@ -326,7 +387,8 @@ def sequence(
 
     Args:
         start: beginning of the first segment, s.
-        segments: (duration in s, value at its end); a segment that ends where it begins is a hold.
+        segments: (duration in s, value at its end); a segment that ends where it begins
+            is a hold.
         initial: value before ``start``.
         shape: shape of every ramp, "linear" or "quintic".
     """
@@ -334,55 +396,87 @@ def sequence(
     t, value = start, initial
     for duration, target in segments:
         if concrete(duration) and not duration > 0.0:
-            raise ValueError(f"sequence: a segment lasts {duration!r} s: must be above 0 s")
+            raise ValueError(
+                f"sequence: a segment lasts {duration!r} s: must be above 0 s"
+            )
         if target is not value and not (concrete(target, value) and target == value):
-            signals.append(Ramp(start=t, duration=duration, height=target - value, shape=shape))
+            signals.append(
+                Ramp(start=t, duration=duration, height=target - value, shape=shape)
+            )
         t, value = t + duration, target
     return Sum(tuple(signals))
 
 
 @immutable
 class Turning(Signal):
-    """One coordinate of a point that moves along a circle or spiral, relative to its start.
+    """One coordinate of a point that moves along a circle or spiral, relative to its
+    start.
 
-    The point is (radius + growth a) (u cos a + w sin a) from the axis, a the angle: an arc, or with a growth an
-    Archimedean spiral.
+    The point is (radius + growth a) (u cos a + w sin a) from the axis, a the angle: an
+    arc, or with a growth an Archimedean spiral.
     """
 
     angle: Annotated[Signal, Unit("rad", "angle of the turn from its beginning")]
     radius: Annotated[Scalar, Unit("m", "radius at the beginning")]
     growth: Annotated[Scalar, Unit("m/rad", "growth of the radius per angle")] = 0.0
-    u: Annotated[Scalar, Unit("", "this coordinate of the radial unit vector at the beginning")]
-    w: Annotated[Scalar, Unit("", "this coordinate of the radial unit vector a quarter of a turn later")]
+    u: Annotated[
+        Scalar, Unit("", "this coordinate of the radial unit vector at the beginning")
+    ]
+    w: Annotated[
+        Scalar,
+        Unit("", "this coordinate of the radial unit vector a quarter of a turn later"),
+    ]
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives one to four at time t (s)."""
         a = Taylor.of_derivatives(self.angle.derivatives(t))
-        place = (a * self.growth + self.radius) * (cos(a) * self.u + sin(a) * self.w) - self.radius * self.u
+        place = (a * self.growth + self.radius) * (
+            cos(a) * self.u + sin(a) * self.w
+        ) - self.radius * self.u
         return tuple(map(place.derivative, range(5)))
 
 
 def signal_from(entry: object, where: str) -> Signal:
-    """Time signal from a number, list or table of a scenario file; one of Python code stays as it is."""
+    """Time signal from a number, list or table of a scenario file; one of Python code
+    stays as it is.
+    """
     if isinstance(entry, Signal):
         return entry
     if isinstance(entry, list):
-        return Sum(tuple(signal_from(item, f"{where}[{index}]") for index, item in enumerate(entry)))
+        return Sum(
+            tuple(
+                signal_from(item, f"{where}[{index}]")
+                for index, item in enumerate(entry)
+            )
+        )
     if isinstance(entry, (str, bool)):
         raise ValueError(f"{where} = {shown(entry)}: {SIGNAL}")
     if not isinstance(entry, dict):
         return Constant(number(entry, where))
     fields = Fields(entry, where)
     make = find("signal", fields.choice("kind", names("signal")))
-    signal: Signal = record_from(make, fields) if isinstance(make, type) else make(fields)
+    signal: Signal = (
+        record_from(make, fields) if isinstance(make, type) else make(fields)
+    )
     fields.done()
     return signal if make.__module__.startswith(PACKAGE) else _checked(make, signal)
 
 
 def _checked(make: object, signal: Signal) -> Signal:
-    """Check the value of a user-defined time signal at time 0, and return the signal."""
-    require_result(make, signal, isinstance(signal, Signal), "a skyarm.reference.Signal")
+    """Check the value of a user-defined time signal at time 0, and return the
+    signal.
+    """
+    require_result(
+        make, signal, isinstance(signal, Signal), "a skyarm.reference.Signal"
+    )
     derivatives = signal.derivatives(0.0)
-    fine = isinstance(derivatives, tuple) and len(derivatives) == len(Constant(0.0).derivatives(0.0))
-    require_result(signal.derivatives, derivatives, fine, "a tuple of five: value and derivatives one to four")
+    fine = isinstance(derivatives, tuple) and len(derivatives) == len(
+        Constant(0.0).derivatives(0.0)
+    )
+    require_result(
+        signal.derivatives,
+        derivatives,
+        fine,
+        "a tuple of five: value and derivatives one to four",
+    )
     return signal

@@ -1,9 +1,11 @@
 """Piecewise polynomial signals: minimum-snap splines and uniform quintic B-splines.
 
-The integral of the squared fourth derivative is least for polynomials of seventh degree between the points that join
-with six continuous derivatives (a natural spline). Unknown are velocity, acceleration and jerk at the inner points; the
-cost is quadratic in them, without constraints, and its minimum solves one banded system.
-Sources: Mellinger, Kumar 2011 (minimum snap); Richter, Bry, Roy 2013 (unconstrained form in the derivatives).
+The integral of the squared fourth derivative is least for polynomials of seventh degree
+between the points that join with six continuous derivatives (a natural spline). Unknown
+are velocity, acceleration and jerk at the inner points; the cost is quadratic in them,
+without constraints, and its minimum solves one banded system.
+Sources: Mellinger, Kumar 2011 (minimum snap); Richter, Bry, Roy 2013 (unconstrained
+form in the derivatives).
 """
 
 from __future__ import annotations
@@ -32,44 +34,64 @@ ORDERS = 5
 
 @positional
 class Polynomials(Signal):
-    """Piecewise polynomial time signal, constant before the first and after the last knot.
+    """Piecewise polynomial time signal, constant before the first and after the last
+    knot.
 
     Attributes:
         knots: knot times, s, rising, one more than there are polynomials.
-        coefficients: c_0, c_1 ... of each polynomial c_0 + c_1 s + c_2 s^2 + ..., s the seconds since its knot.
+        coefficients: c_0, c_1 ... of each polynomial c_0 + c_1 s + c_2 s^2 + ..., s the
+            seconds since its knot.
     """
 
     knots: Annotated[Scalars, Unit("s", "times at which the pieces join, rising")]
     coefficients: Annotated[
-        tuple[Scalars, ...], Unit("", "coefficients of the powers of seconds, in the signal's unit")
+        tuple[Scalars, ...],
+        Unit("", "coefficients of the powers of seconds, in the signal's unit"),
     ]
 
     def __post_init__(self) -> None:
         Signal.__post_init__(self)
         if len(self.knots) != len(self.coefficients) + 1 or not self.coefficients:
             raise ValueError(
-                f"polynomials.knots: {len(self.knots)}, must be one more than the {len(self.coefficients)} polynomials"
+                f"polynomials.knots: {len(self.knots)}, must be one more than the"
+                f" {len(self.coefficients)} polynomials"
             )
 
     def derivatives(self, t: Scalar) -> Derivatives:
-        """Value and derivatives one to four at time t (s); zero derivatives outside the knots."""
+        """Value and derivatives one to four at time t (s); zero derivatives outside the
+        knots.
+        """
         numbers = [float(knot) for knot in self.knots]
         first, last = numbers[0], numbers[-1]
         if isinstance(t, (int, float)):
-            piece = min(max(bisect_right(numbers, float(t)) - 1, 0), len(self.coefficients) - 1)
+            piece = min(
+                max(bisect_right(numbers, float(t)) - 1, 0), len(self.coefficients) - 1
+            )
             c: Sequence[Scalar] = self.coefficients[piece]
             begin: Scalar = numbers[piece]
         elif isinstance(t, np.ndarray):
-            pieces = np.clip(np.searchsorted(numbers, t, side="right") - 1, 0, len(self.coefficients) - 1)
+            pieces = np.clip(
+                np.searchsorted(numbers, t, side="right") - 1,
+                0,
+                len(self.coefficients) - 1,
+            )
             c = list(np.array(self.coefficients, dtype=float)[pieces].T)
             begin = np.array(numbers)[pieces]
         else:
             *c, begin = _select_row(
-                t, [(*row, knot) for row, knot in zip(self.coefficients, numbers, strict=False)], numbers
+                t,
+                [
+                    (*row, knot)
+                    for row, knot in zip(self.coefficients, numbers, strict=False)
+                ],
+                numbers,
             )
         s = where(t < first, first, where(t < last, t, last)) - begin
         inside = [polynomial(c, s, order) for order in range(1, ORDERS)]
-        return (polynomial(c, s, 0), *(where(t < first, 0.0, where(t < last, each, 0.0)) for each in inside))
+        return (
+            polynomial(c, s, 0),
+            *(where(t < first, 0.0, where(t < last, each, 0.0)) for each in inside),
+        )
 
     def switch_times(self) -> tuple[float, ...]:
         """Times (s) of the first and the last knot, where a derivative may jump."""
@@ -85,20 +107,27 @@ def polynomial(c: Sequence[Scalar], s: Scalar, order: int) -> Scalar:
 
 
 def _select_row(t: Scalar, rows: list[Scalars], knots: Sequence[float]) -> list[Scalar]:
-    """Coefficients of the polynomial that applies at a symbolic time, by nested comparisons."""
+    """Coefficients of the polynomial that applies at a symbolic time, by nested
+    comparisons.
+    """
     if len(rows) == 1:
         return [float(c) if isinstance(c, int) else c for c in rows[0]]
     half = len(rows) // 2
-    early, late = _select_row(t, rows[:half], knots[:half]), _select_row(t, rows[half:], knots[half:])
+    early, late = (
+        _select_row(t, rows[:half], knots[:half]),
+        _select_row(t, rows[half:], knots[half:]),
+    )
     before = t < knots[half]
     return [where(before, a, b) for a, b in zip(early, late, strict=True)]
 
 
 def uniform_curve(points: Sequence[float], start: float, step: float) -> Polynomials:
-    """Uniform quintic B-spline with given control points, as a piecewise polynomial signal.
+    """Uniform quintic B-spline with given control points, as a piecewise polynomial
+    signal.
 
     Args:
-        points: control points, at least six; the i-th belongs to the time ``start + (i - 2) step``.
+        points: control points, at least six; the i-th belongs to the time ``start +
+            (i - 2) step``.
         start: beginning of the curve, s; it ends ``len(points) - 5`` steps later.
         step: time between control points, s.
 
@@ -107,9 +136,14 @@ def uniform_curve(points: Sequence[float], start: float, step: float) -> Polynom
     pieces = []
     for i in range(len(points) - 5):
         window = points[i : i + 6]
-        total = [sum(m * p for m, p in zip(row, window, strict=True)) / 120.0 for row in CARDINAL]
+        total = [
+            sum(m * p for m, p in zip(row, window, strict=True)) / 120.0
+            for row in CARDINAL
+        ]
         pieces.append(tuple(c / step**k for k, c in enumerate(total)))
-    return Polynomials(tuple(start + i * step for i in range(len(pieces) + 1)), tuple(pieces))
+    return Polynomials(
+        tuple(start + i * step for i in range(len(pieces) + 1)), tuple(pieces)
+    )
 
 
 CARDINAL = (
@@ -120,19 +154,23 @@ CARDINAL = (
     (5, -20, 30, -20, 5, 0),
     (-1, 5, -10, 10, -5, 1),
 )
-"""120 times the coefficient of u^k, row by row, of a quintic uniform B-spline in each of its six control points."""
+"""120 times the coefficient of u^k, row by row, of a quintic uniform B-spline in each
+of its six control points."""
 
 
 def interpolating_points(samples: Sequence[float]) -> list[float]:
     """Control points of the uniform quintic B-spline through given samples.
 
-    The curve's value at a sample is 1/120, 26/120, 66/120, 26/120, 1/120 of the control points around it; the error is
-    given back again and again, which takes off at least 13 % of it each time and nearly all of a smooth one.
+    The curve's value at a sample is 1/120, 26/120, 66/120, 26/120, 1/120 of the control
+    points around it; the error is given back again and again, which takes off at least
+    13 % of it each time and nearly all of a smooth one.
     """
     values = doubles(samples)
     points = values.copy()
     for _ in range(30):
-        padded = np.concatenate([np.repeat(points[:1], 2), points, np.repeat(points[-1:], 2)])
+        padded = np.concatenate(
+            [np.repeat(points[:1], 2), points, np.repeat(points[-1:], 2)]
+        )
         n = len(points)
         outer = padded[0:n] + padded[4 : n + 4]
         inner = padded[1 : n + 1] + padded[3 : n + 3]
@@ -141,19 +179,26 @@ def interpolating_points(samples: Sequence[float]) -> list[float]:
 
 
 BEYOND = 14
-"""Number of samples before the start and after the end of a curve, over which effects of its ends decay."""
+"""Number of samples before the start and after the end of a curve, over which effects
+of its ends decay."""
 
 
 def sampled_curve(samples: Sequence[float], step: float) -> Polynomials:
-    """Uniform quintic B-spline from 0 s on through samples (step in s) that go ``BEYOND`` ones farther at both ends."""
-    return uniform_curve(interpolating_points(samples)[BEYOND - 2 : len(samples) - BEYOND + 2], 0.0, step)
+    """Uniform quintic B-spline from 0 s on through samples (step in s) that go
+    ``BEYOND`` ones farther at both ends.
+    """
+    return uniform_curve(
+        interpolating_points(samples)[BEYOND - 2 : len(samples) - BEYOND + 2], 0.0, step
+    )
 
 
 FREE = 3
 """Number of free derivatives of a knot: velocity, acceleration, jerk."""
 
 
-def minimum_snap(times: Sequence[float], values: Sequence[float], *, rests: bool = True) -> Polynomials:
+def minimum_snap(
+    times: Sequence[float], values: Sequence[float], *, rests: bool = True
+) -> Polynomials:
     """Minimum-snap spline through values at given times, from rest to rest.
 
     Args:
@@ -161,15 +206,22 @@ def minimum_snap(times: Sequence[float], values: Sequence[float], *, rests: bool
         values: values at these times.
         rests: False: derivatives at the end are free, as those at the inner knots are.
     """
-    return Polynomials(tuple(times), tuple(map(tuple, snap_pieces(span_powers(times), values, rests=rests))))
+    return Polynomials(
+        tuple(times),
+        tuple(map(tuple, snap_pieces(span_powers(times), values, rests=rests))),
+    )
 
 
 def span_powers(times: Sequence[Number]) -> list[list[Number]]:
-    """Powers 0 to 7 of the durations between knots; those of lanes have the bits of the floats' own."""
+    """Powers 0 to 7 of the durations between knots; those of lanes have the bits of the
+    floats' own.
+    """
     rows = list[list[Number]]()
     for span in (after - before for before, after in itertools.pairwise(times)):
         if isinstance(span, np.ndarray):
-            rows.append([np.array([each**k for each in span.tolist()]) for k in range(8)])
+            rows.append(
+                [np.array([each**k for each in span.tolist()]) for k in range(8)]
+            )
         else:
             rows.append([span**k for k in range(8)])
     return rows
@@ -181,7 +233,8 @@ def snap_pieces(
     """Coefficients of the pieces of a minimum-snap spline.
 
     Args:
-        spans: powers of the durations between knots (:func:`span_powers`); numbers, or lanes (N,).
+        spans: powers of the durations between knots (:func:`span_powers`); numbers, or
+            lanes (N,).
         values: values at the knots; of lanes also (axes, 1).
         rests: whether it ends at rest.
     """
@@ -197,7 +250,8 @@ def snap_pieces(
 def knot_derivatives(
     spans: Sequence[Sequence[Number]], values: Sequence[Number], *, rests: bool = True
 ) -> list[Sequence[Number]]:
-    """Velocity, acceleration and jerk of a minimum-snap spline at each knot; zero at the start, and at an end at rest.
+    """Velocity, acceleration and jerk of a minimum-snap spline at each knot; zero at
+    the start, and at an end at rest.
 
     An end that moves is a natural one: what it does follows from the values before it.
     """
@@ -208,14 +262,17 @@ def knot_derivatives(
     A: list[list[Number]] = [[0.0] * (band + 1) for _ in range(size)]
     b: list[Number] = [0.0] * size
     for i, powers in enumerate(spans):
-        # cost of one piece: d' H d / span^7 with d the ends' derivatives scaled by powers of the span
+        # cost of one piece: d' H d / span^7 with d the ends' derivatives scaled by
+        # powers of the span
         weight = [powers[k % 4] for k in range(8)]
         fixed = {0: values[i], 4: values[i + 1]}
         if i == 0:
             fixed |= {1 + k: 0.0 for k in range(FREE)}
         if i == inner:
             fixed |= {5 + k: 0.0 for k in range(FREE)}
-        at = {k: FREE * (i - 1 + k // 4) + k % 4 - 1 for k in range(8) if k not in fixed}
+        at = {
+            k: FREE * (i - 1 + k // 4) + k % 4 - 1 for k in range(8) if k not in fixed
+        }
         for k, row in at.items():
             for j in range(8):
                 value = COST[k][j] * weight[k] * weight[j] / powers[7]
@@ -225,11 +282,19 @@ def knot_derivatives(
                     A[row][row - at[j]] = A[row][row - at[j]] + value
     solved = _solve_banded(A, b, band)
     rest = (0.0,) * FREE
-    return [rest, *(solved[FREE * i : FREE * i + FREE] for i in range(inner)), *[rest] * rests]
+    return [
+        rest,
+        *(solved[FREE * i : FREE * i + FREE] for i in range(inner)),
+        *[rest] * rests,
+    ]
 
 
-def snap_cost(spans: Sequence[Sequence[Number]], pieces: Sequence[Sequence[Number]]) -> Number:
-    """Integral of the squared fourth derivative of polynomials of seventh degree, by the powers of their durations."""
+def snap_cost(
+    spans: Sequence[Sequence[Number]], pieces: Sequence[Sequence[Number]]
+) -> Number:
+    """Integral of the squared fourth derivative of polynomials of seventh degree, by
+    the powers of their durations.
+    """
     total: Number = 0.0
     for c, powers in zip(pieces, spans, strict=True):
         fourth = [c[k] * k * (k - 1) * (k - 2) * (k - 3) for k in range(4, 8)]
@@ -240,7 +305,9 @@ def snap_cost(spans: Sequence[Sequence[Number]], pieces: Sequence[Sequence[Numbe
 
 
 def _solve_banded(A: list[list[Number]], b: list[Number], band: int) -> list[Number]:
-    """Solve a symmetric positive definite banded system by L D L^T, with the same rounding on every machine."""
+    """Solve a symmetric positive definite banded system by L D L^T, with the same
+    rounding on every machine.
+    """
     n = len(b)
     L: list[list[Number]] = [[0.0] * (band + 1) for _ in range(n)]
     D: list[Number] = [0.0] * n
@@ -275,17 +342,28 @@ SIXTHS = (
     (-420, -216, -45, -4, 420, -204, 39, -3),
     (120, 60, 12, 1, -120, 60, -12, 1),
 )
-"""Six times the coefficients of a polynomial of degree 7 over [0, 1], by power, from value, velocity, acceleration and
-jerk at 0 and at 1."""
+"""Six times the coefficients of a polynomial of degree 7 over [0, 1], by power, from
+value, velocity, acceleration and jerk at 0 and at 1."""
 
 HERMITE = [[c / 6 for c in row] for row in SIXTHS]
 
 
 def _cost(j: int, k: int) -> float:
-    """Integral over [0, 1] of a product of fourth derivatives of two Hermite basis polynomials."""
-    fourth = [(m, math.perm(m + 4, 4) * SIXTHS[m + 4][j], math.perm(m + 4, 4) * SIXTHS[m + 4][k]) for m in range(4)]
+    """Integral over [0, 1] of a product of fourth derivatives of two Hermite basis
+    polynomials.
+    """
+    fourth = [
+        (
+            m,
+            math.perm(m + 4, 4) * SIXTHS[m + 4][j],
+            math.perm(m + 4, 4) * SIXTHS[m + 4][k],
+        )
+        for m in range(4)
+    ]
     # over 36 * 420 in whole numbers, so that the quotient is the nearest float
-    total = sum(a * b * (420 // (m + n + 1)) for m, a, _ in fourth for n, _, b in fourth)
+    total = sum(
+        a * b * (420 // (m + n + 1)) for m, a, _ in fourth for n, _, b in fourth
+    )
     return total / (36 * 420)
 
 

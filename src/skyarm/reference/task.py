@@ -3,14 +3,18 @@
 ``until`` of a phase is what the flight must show before the reference advances::
 
     until = { error = 0.005 }                      # m, of the tip, at most
-    until = { force = 0.5, timeout = 8 }           # N against the tip, at least; s of waiting, at most
+    # N against the tip, at least; s of waiting, at most
+    until = { force = 0.5, timeout = 8 }
     until = { force_below = 0.2 }                  # N, at most
-    until = { distance = 0.02, direction = [0, 0, 1] }  # m, that the tip has moved against the direction
-    until = { force = 0.5, force_sensor = true }   # as the sensor at the tip reads it, not as the law observes it
+    # m, that the tip has moved against the direction
+    until = { distance = 0.02, direction = [0, 0, 1] }
+    # as the sensor at the tip reads it, not as the law observes it
+    until = { force = 0.5, force_sensor = true }
     until = { closed = "fingertip" }               # a tactile switch, or open
     until = { force = 0.5, hold = 0.1, on_timeout = "fail", early = true }
 
-What is asked must hold together for ``hold`` s (0.5). A wrong table raises ValueError with one line.
+What is asked must hold together for ``hold`` s (0.5). A wrong table raises ValueError
+with one line.
 """
 
 from __future__ import annotations
@@ -51,8 +55,11 @@ NOWHERE = 1e-6
 """Length of a vector below which its direction is undefined."""
 
 
-def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
-    """Condition that ends a task phase, from the table ``until`` of the phase; None without a condition.
+def guard_from(
+    phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | None = None
+) -> dict[str, Any] | None:
+    """Condition that ends a task phase, from the table ``until`` of the phase; None
+    without a condition.
 
     Args:
         phase: table of the phase.
@@ -72,10 +79,15 @@ def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | 
         guard["direction"] = unit_vector(fields, "direction")
     fields.done()
     if not any(name in guard for name in ASKED):
-        raise ValueError(f"{phase.at('until')} = {shown(fields.table)}: must have one of {', '.join(ASKED)}")
+        raise ValueError(
+            f"{phase.at('until')} = {shown(fields.table)}: must have one of"
+            f" {', '.join(ASKED)}"
+        )
     if "direction" not in guard and any(name in guard for name in NUMBERS[1:]):
         if normal is None:
-            allowed = "must be a vector out of the surface, since the task says no normal"
+            allowed = (
+                "must be a vector out of the surface, since the task says no normal"
+            )
             raise ValueError(f"{fields.at('direction')}: is missing; {allowed}")
         guard["direction"] = normal
     return guard
@@ -86,15 +98,28 @@ def _guard_conditions(fields: Fields) -> dict[str, Any]:
     conditions: dict[str, Any] = {}
     for name in SWITCHES:
         if fields.states(name):
-            conditions[name] = filled_text(fields.take(name), fields.at(name), "the name of a tactile switch")
+            conditions[name] = filled_text(
+                fields.take(name), fields.at(name), "the name of a tactile switch"
+            )
     for name in NUMBERS:
         if fields.states(name):
             conditions[name] = positive(fields, name)
-    if "force" in conditions and conditions.get("force_below", math.inf) <= conditions["force"]:
-        raise ValueError(f"{fields.at('force_below')} = {conditions['force_below']:g}: must be above force")
+    if (
+        "force" in conditions
+        and conditions.get("force_below", math.inf) <= conditions["force"]
+    ):
+        raise ValueError(
+            f"{fields.at('force_below')} = {conditions['force_below']:g}: must be above"
+            " force"
+        )
     conditions["sensed"] = fields.flag("force_sensor", False)
-    if conditions["sensed"] and not ("force" in conditions or "force_below" in conditions):
-        raise ValueError(f"{fields.at('force_sensor')} = true: must be left out without force or force_below")
+    if conditions["sensed"] and not (
+        "force" in conditions or "force_below" in conditions
+    ):
+        raise ValueError(
+            f"{fields.at('force_sensor')} = true: must be left out without force or"
+            " force_below"
+        )
     return conditions
 
 
@@ -103,7 +128,10 @@ def unit_vector(fields: Fields, name: str) -> Vector:
     given = fields.vector(name)
     length = math.hypot(*given)
     if not NOWHERE < length < 1.0 / NOWHERE:
-        raise ValueError(f"{fields.at(name)} = {shown(list(given))}: must be a vector that points somewhere")
+        raise ValueError(
+            f"{fields.at(name)} = {shown(list(given))}: must be a vector that points"
+            " somewhere"
+        )
     x, y, z = (c / length for c in given)
     return x, y, z
 
@@ -111,11 +139,12 @@ def unit_vector(fields: Fields, name: str) -> Vector:
 Place = tuple[float, float, float]
 
 EDGE = 1e-6
-"""Time (s) after the planned end of a phase at which a force changes; the reference may wait at that end with the
-force."""
+"""Time (s) after the planned end of a phase at which a force changes; the reference may
+wait at that end with the force."""
 
 COMING_BACK = 1.0
-"""Time (s) in which an offset reference returns to its plan if the next position is the planned one."""
+"""Time (s) in which an offset reference returns to its plan if the next position is the
+planned one."""
 
 
 def seconds(fields: Fields, name: str, *default: object) -> float:
@@ -124,7 +153,9 @@ def seconds(fields: Fields, name: str, *default: object) -> float:
 
 
 def duration_of(phase: Fields) -> float | None:
-    """Read the optional duration (s) of a task phase; None for the shortest within the flight limits."""
+    """Read the optional duration (s) of a task phase; None for the shortest within the
+    flight limits.
+    """
     return seconds(phase, "duration") if phase.states("duration") else None
 
 
@@ -133,9 +164,10 @@ class Arc:
     """Circular arc of a handle about its axis, such as that of a door.
 
     Attributes:
-        center: point on its axis, m. axis: unit vector. force: force with which the tip presses out of the axis while
-            it holds it, N.
-        normal: unit vector out of the axis to where the tip takes hold. gripper: gripper that holds it.
+        center: point on its axis, m. axis: unit vector. force: force with which the tip
+            presses out of the axis while it holds it, N.
+        normal: unit vector out of the axis to where the tip takes hold. gripper:
+            gripper that holds it.
     """
 
     center: Place
@@ -149,12 +181,15 @@ class TaskBuilder:
     """Builder of a task's trajectory, phase by phase.
 
     Args:
-        start: place at the beginning, m. limits: flight limits of motions. setting: flight data.
+        start: place at the beginning, m. limits: flight limits of motions. setting:
+            flight data.
 
     Attributes:
         at: place, m. time: s. begun: beginning of the present phase, s.
-        handled: beginning of the last dwell and the instant at which its load is taken or left, s.
-        normal: unit vector out of the surface that the task touches. speed: approach speed of the tip, m/s.
+        handled: beginning of the last dwell and the instant at which its load is taken
+            or left, s.
+        normal: unit vector out of the surface that the task touches. speed: approach
+            speed of the tip, m/s.
         force: last contact force, N.
         arc: arc of the handle that is held. known_arc: arc of the last handle that was.
     """
@@ -179,24 +214,33 @@ class TaskBuilder:
         self._pressed = -2  # number of the last phase that pressed
 
     def begin(self, phase: Fields) -> None:
-        """Begin a phase of the task; a phase with a start time first holds the last pose until then."""
+        """Begin a phase of the task; a phase with a start time first holds the last
+        pose until then.
+        """
         if phase.states("start"):
             start = number_within(phase, "start", low=0.0)
             if start < self.time:
-                allowed = f"must be at or after {self.time:.6g} s, the end of the phase before"
+                allowed = (
+                    f"must be at or after {self.time:.6g} s, the end of the phase"
+                    " before"
+                )
                 raise ValueError(f"{phase.at('start')} = {start:g}: {allowed}")
             self.time = start
         self.begun, self._back = self.time, False
 
     def end(self, kind: str) -> None:
         """End the present phase of the task and record its planned end time."""
-        self.setting.phases.append(Phase(name=kind, end=self.time, back=self._window if self._back else None))
+        self.setting.phases.append(
+            Phase(name=kind, end=self.time, back=self._window if self._back else None)
+        )
 
     def rest(self, duration: float) -> None:
         """Add a rest of ``duration`` seconds."""
         self.time += duration
 
-    def go(self, points: Points, duration: float | None = None, *, back: bool = False) -> None:
+    def go(
+        self, points: Points, duration: float | None = None, *, back: bool = False
+    ) -> None:
         """Add a minimum-snap motion through points to the task.
 
         Args:
@@ -204,7 +248,10 @@ class TaskBuilder:
             duration: s; as fast as the limits let if left out.
             back: True to take an offset of the reference back on the way.
         """
-        begun, here = self.time, len(points) == 2 and _apart(points[0], points[1]) < SHORTEST
+        begun, here = (
+            self.time,
+            len(points) == 2 and _apart(points[0], points[1]) < SHORTEST,
+        )
         if not here:
             times = allocate(points, self._limits, self.setting.gravity)
             if duration is not None:
@@ -215,14 +262,17 @@ class TaskBuilder:
             self.time = max(self.time, begun + COMING_BACK) if here else self.time
             self._back, self._window, self._strays = True, (begun, self.time), False
 
-    def go_through(self, phase: Fields, goal: Place, *, back: bool = True, new: bool = True) -> None:
+    def go_through(
+        self, phase: Fields, goal: Place, *, back: bool = True, new: bool = True
+    ) -> None:
         """Add the motion of a task phase to its goal, through its intermediate points.
 
         Args:
             phase: table of the phase.
             goal: position at the end, m.
             back: True to take an offset of the reference back on the way.
-            new: True if each place must differ from the one before, even without ``via``.
+            new: True if each place must differ from the one before, even without
+                ``via``.
         """
         via = points_of(phase.take("via", []), phase.at("via"))
         duration = duration_of(phase)
@@ -233,7 +283,9 @@ class TaskBuilder:
         self.wait_until(phase)
 
     def turn(self, turning: Sequence[Turning], to: Place, duration: float) -> None:
-        """Add a rotation about an axis to the task, given by one signal for each coordinate."""
+        """Add a rotation about an axis to the task, given by one signal for each
+        coordinate.
+        """
         self._turns.append(tuple(turning))
         self.time, self.at = self.time + duration, to
 
@@ -256,22 +308,33 @@ class TaskBuilder:
         self._pressed = len(self.setting.phases)
 
     def grip(self, arc: Arc) -> None:
-        """Record that the tip holds a handle from the time at which the gripper closes."""
+        """Record that the tip holds a handle from the time at which the gripper
+        closes.
+        """
         self.arc = self.known_arc = arc
         self._grips.append((self.handled[1], math.inf, arc.force))
 
     def let_go(self, gripper: str) -> None:
-        """Record that the tip releases the handle if the gripper that opens is the one that holds it."""
+        """Record that the tip releases the handle if the gripper that opens is the one
+        that holds it.
+        """
         if self.arc is not None and self.arc.gripper == gripper:
             self._grips[-1] = (self._grips[-1][0], self.handled[1], self.arc.force)
             self.arc = None
 
     def wait_until(self, phase: Fields, usual: Mapping[str, Any] | None = None) -> None:
-        """Let the reference wait at the present position until the condition that ends the phase is met."""
+        """Let the reference wait at the present position until the condition that ends
+        the phase is met.
+        """
         until = guard_from(phase, self.normal, usual)
         if until is None:
             return
-        guard = Guard(at=self.time, begin=min(self.begun, self.time), phase=len(self.setting.phases), **until)
+        guard = Guard(
+            at=self.time,
+            begin=min(self.begun, self.time),
+            phase=len(self.setting.phases),
+            **until,
+        )
         self.setting.guards.append(guard)
         self._strays = self._strays or guard.early
 
@@ -282,7 +345,9 @@ class TaskBuilder:
             parts: list[Signal] = [Constant(self.start[axis])]
             for points, times in self._pieces:
                 if any(p[axis] != points[0][axis] for p in points):
-                    parts.append(minimum_snap(times, [p[axis] - points[0][axis] for p in points]))
+                    parts.append(
+                        minimum_snap(times, [p[axis] - points[0][axis] for p in points])
+                    )
             parts += [turning[axis] for turning in self._turns]
             axes.append(Sum(tuple(parts)))
         x, y, z = axes
@@ -294,13 +359,17 @@ class TaskBuilder:
         if not self._forces and not self._grips:
             return
         if self.setting.pushes:
-            raise ValueError("reference: two tasks whose phases press or grip do not add")
+            raise ValueError(
+                "reference: two tasks whose phases press or grip do not add"
+            )
         pieces = [_during(f, a + EDGE, b + EDGE) for a, b, f in self._forces]
         speed, arc = SPEED if self.speed is None else self.speed, self.known_arc
         if arc is None:
             if self.normal is None:
                 raise AssertionError("a force needs a direction")
-            self.setting.pushes.append(TipPush(force=Sum(tuple(pieces)), normal=self.normal, speed=speed))
+            self.setting.pushes.append(
+                TipPush(force=Sum(tuple(pieces)), normal=self.normal, speed=speed)
+            )
             return
         pieces += [_during(f, a, b) for a, b, f in self._grips if f]
         self.setting.pushes.append(
@@ -324,7 +393,15 @@ def _apart(a: Place, b: Place) -> float:
     return max(abs(p - q) for p, q in zip(a, b, strict=True))
 
 
-def require_field(fields: Fields, name: str, value: Scalars, earlier: Scalars | None, words: str) -> None:
+def require_field(
+    fields: Fields, name: str, value: Scalars, earlier: Scalars | None, words: str
+) -> None:
     """Refuse a value of a task phase that contradicts an earlier phase."""
-    if earlier is not None and any(not math.isclose(a, b, abs_tol=1e-9) for a, b in zip(value, earlier, strict=True)):
-        raise ValueError(f"{fields.at(name)} = {shown(list(value) if len(value) > 1 else value[0])}: {words}")
+    if earlier is not None and any(
+        not math.isclose(a, b, abs_tol=1e-9)
+        for a, b in zip(value, earlier, strict=True)
+    ):
+        raise ValueError(
+            f"{fields.at(name)} = {shown(list(value) if len(value) > 1 else value[0])}:"
+            f" {words}"
+        )

@@ -1,16 +1,23 @@
-"""Tip reference: desired motion and contact of the tip, and the base motion that carries it.
+"""Tip reference: desired motion and contact of the tip, and the base motion that
+carries it.
 
-For a level base p_b = p_tip - R_z(yaw) p_e(q), exactly and with all derivatives, whatever the joints do: what the arm
-does not do, the base does. That is the tip at which metrics and the laws in tip mode aim. A base that leans carries the
-tip off by about the arm's length times the tilt: the laws in tip mode make that good by the joints.
+For a level base p_b = p_tip - R_z(yaw) p_e(q), exactly and with all derivatives,
+whatever the joints do: what the arm does not do, the base does. That is the tip at
+which metrics and the laws in tip mode aim. A base that leans carries the tip off by
+about the arm's length times the tilt: the laws in tip mode make that good by the
+joints.
 
-A desired contact is the force with which the tip presses, and the model of the surface. The true surface stands in
-``[world]`` and may lie elsewhere and turned. As long as ``force`` is above 0 a law that can press leads the tip against
-the normal until something pushes back, and holds the force; across the normal the tip stays on its reference.
+A desired contact is the force with which the tip presses, and the model of the surface.
+The true surface stands in ``[world]`` and may lie elsewhere and turned. As long as
+``force`` is above 0 a law that can press leads the tip against the normal until
+something pushes back, and holds the force; across the normal the tip stays on its
+reference.
 
-A tip that grips (``grip`` above 0.5) is held by what it grips, a handle or a lever: nothing is touched and nothing can
-be lost, and the force along the normal may have either sign; 0 of it is what a handle asks for that goes its own way.
-With a ``pivot`` the normal is the direction from an axis through it to the tip: that of a door or a valve.
+A tip that grips (``grip`` above 0.5) is held by what it grips, a handle or a lever:
+nothing is touched and nothing can be lost, and the force along the normal may have
+either sign; 0 of it is what a handle asks for that goes its own way. With a ``pivot``
+the normal is the direction from an axis through it to the tip: that of a door or a
+valve.
 """
 
 from __future__ import annotations
@@ -48,18 +55,25 @@ class Arm:
     """Chain of joints between the base and the tip.
 
     Attributes:
-        carriers: indices of these joints among the vehicle's. joints: joints from the base on.
+        carriers: indices of these joints among the vehicle's. joints: joints from the
+            base on.
         tip: position of the tip on the last link.
     """
 
     carriers: tuple[int, ...]
     joints: tuple[Joint, ...]
-    tip: Annotated[Vec3, Unit("m", "position of the tip, axes of the last link")] = ZERO3
+    tip: Annotated[Vec3, Unit("m", "position of the tip, axes of the last link")] = (
+        ZERO3
+    )
 
     def tip_position(self, joints: Sequence[Taylor]) -> Vec3:
-        """Tip position (m, base axes) as Taylor series of time, from joint positions as Taylor series."""
+        """Tip position (m, base axes) as Taylor series of time, from joint positions as
+        Taylor series.
+        """
         point = _to_series(self.tip)
-        for number, joint in reversed(list(zip(self.carriers, self.joints, strict=True))):
+        for number, joint in reversed(
+            list(zip(self.carriers, self.joints, strict=True))
+        ):
             point = joint_placement(_to_series(joint), joints[number]).apply(point)
         return point
 
@@ -74,7 +88,10 @@ def arm_of(vehicle: Vehicle) -> Arm:
         raise ValueError(f"vehicle {vehicle.name!r}: has no tip (end_effector)")
     frame = vehicle.frame()
     if frame.link >= vehicle.n:
-        raise ValueError(f"vehicle {vehicle.name!r}: frame {frame.name!r} is carried by a follower, not by a joint")
+        raise ValueError(
+            f"vehicle {vehicle.name!r}: frame {frame.name!r} is carried by a follower,"
+            " not by a joint"
+        )
     carriers = chain(vehicle, frame.link)
     joints = tuple(vehicle.links[i].joint for i in carriers)
     return Arm(carriers=tuple(carriers), joints=joints, tip=frame.position)
@@ -91,15 +108,20 @@ class TipMotion:
     arm: Arm
 
     def path_names(self) -> Names:
-        """Names, in parameter paths, of the fields and of the tip motion's parameters."""
+        """Names, in parameter paths, of the fields and of the tip motion's
+        parameters.
+        """
         return field_paths(self) | {"path": motion_names(self.x, self.y, self.z)}
 
     def path(self, t: Scalar) -> FiveVectors:
         """Tip position and its first four derivatives at time t (s), world axes."""
         return vector_derivatives((self.x, self.y, self.z), t)
 
-    def base(self, t: Scalar, yaw: Sequence[Scalar], joints: Sequence[Sequence[Scalar]]) -> FiveVectors:
-        """Base position and four derivatives that keep the tip of a level vehicle on its desired path.
+    def base(
+        self, t: Scalar, yaw: Sequence[Scalar], joints: Sequence[Sequence[Scalar]]
+    ) -> FiveVectors:
+        """Base position and four derivatives that keep the tip of a level vehicle on
+        its desired path.
 
         Args:
             t: s.
@@ -108,17 +130,23 @@ class TipMotion:
         """
         series = [Taylor.of_derivatives(each) for each in zip(*joints, strict=True)]
         arm = _derivatives(rotate_by_yaw(yaw, self.arm.tip_position(series)))
-        return tuple(tip - carried for tip, carried in zip(self.path(t), arm, strict=True))
+        return tuple(
+            tip - carried for tip, carried in zip(self.path(t), arm, strict=True)
+        )
 
 
 def vector_derivatives(signals: Sequence[Signal], t: Scalar) -> FiveVectors:
-    """Position (m) and first four derivatives at time t (s), from the signals of x, y and z."""
+    """Position (m) and first four derivatives at time t (s), from the signals of x, y
+    and z.
+    """
     rows = [signal.derivatives(t) for signal in signals]
     return tuple(Vec3(*column) for column in zip(*rows, strict=True))
 
 
 def rotation_row(turns: Iterable[tuple[Scalar, Scalar]], axis: int) -> Vec3:
-    """Row of the rotation R_z(yaw) R_y(pitch) R_x(roll), from cosine and sine of roll, pitch and yaw."""
+    """Row of the rotation R_z(yaw) R_y(pitch) R_x(roll), from cosine and sine of roll,
+    pitch and yaw.
+    """
     (cr, sr), (cp, sp), (cy, sy) = turns
     if axis == 0:
         return Vec3(cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr)
@@ -128,13 +156,17 @@ def rotation_row(turns: Iterable[tuple[Scalar, Scalar]], axis: int) -> Vec3:
 
 
 def rotation_columns(turns: Sequence[tuple[Scalar, Scalar]]) -> tuple[Vec3, Vec3, Vec3]:
-    """Columns of the rotation R_z(yaw) R_y(pitch) R_x(roll), from cosine and sine of roll, pitch and yaw."""
+    """Columns of the rotation R_z(yaw) R_y(pitch) R_x(roll), from cosine and sine of
+    roll, pitch and yaw.
+    """
     x, y, z = zip(*(rotation_row(turns, axis) for axis in range(3)), strict=True)
     return Vec3(*x), Vec3(*y), Vec3(*z)
 
 
 def rotate_by_yaw(yaw: Sequence[Scalar], v: Vec3) -> Vec3:
-    """Rotate a vector of Taylor series about the world z axis by a heading with derivatives."""
+    """Rotate a vector of Taylor series about the world z axis by a heading with
+    derivatives.
+    """
     heading = Taylor.of_derivatives([*yaw, *(0,) * (ORDER + 1 - len(yaw))])
     return v.about_z(heading)
 
@@ -145,11 +177,14 @@ def _derivatives(v: Vec3) -> FiveVectors:
 
 def _to_series(record: Record) -> Record:
     """Copy of a dataclass with every number as a constant Taylor series."""
-    return rebuild(record, iter([Taylor.constant(number, ORDER) for number in leaves(record)]))
+    return rebuild(
+        record, iter([Taylor.constant(number, ORDER) for number in leaves(record)])
+    )
 
 
 SPEED = 0.1
-"""Default approach speed (m/s) of the tip; an arm of 0.1 kg then meets 5000 N/m with 2 N."""
+"""Default approach speed (m/s) of the tip; an arm of 0.1 kg then meets 5000 N/m with 2
+N."""
 
 FASTEST = 10.0
 """Highest approach speed (m/s) of the tip."""
@@ -164,28 +199,40 @@ UPRIGHT = (0.0, 0.0, 1.0)
 @immutable
 @checked("reference.push")
 class TipPush:
-    """Desired tip contact: force signal, surface normal, approach speed, and the arc of a held handle."""
+    """Desired tip contact: force signal, surface normal, approach speed, and the arc of
+    a held handle.
+    """
 
-    force: Annotated[Signal, Unit("N", "desired contact force of the tip on the surface; 0 requests no contact")]
+    force: Annotated[
+        Signal,
+        Unit(
+            "N",
+            "desired contact force of the tip on the surface; 0 requests no contact",
+        ),
+    ]
     normal: Annotated[
-        tuple[Scalar, Scalar, Scalar], Unit("", "outward unit normal of the modelled surface, world axes")
+        tuple[Scalar, Scalar, Scalar],
+        Unit("", "outward unit normal of the modelled surface, world axes"),
     ]
     speed: Annotated[Scalar, nonnegative("m/s", "approach speed of the tip")] = SPEED
-    grip: Annotated[Signal | None, Unit("", "above 0.5 while the tip is held by what it grips")] = field_if_any(
-        default=None
-    )
-    pivot: Annotated[
-        tuple[Scalar, Scalar, Scalar] | None, Unit("m", "point on the axis about which the tip turns, world axes")
+    grip: Annotated[
+        Signal | None, Unit("", "above 0.5 while the tip is held by what it grips")
     ] = field_if_any(default=None)
-    axis: Annotated[tuple[Scalar, Scalar, Scalar], Unit("", "direction of the axis through the pivot, world axes")] = (
-        field_if_any(default=UPRIGHT)
-    )
+    pivot: Annotated[
+        tuple[Scalar, Scalar, Scalar] | None,
+        Unit("m", "point on the axis about which the tip turns, world axes"),
+    ] = field_if_any(default=None)
+    axis: Annotated[
+        tuple[Scalar, Scalar, Scalar],
+        Unit("", "direction of the axis through the pivot, world axes"),
+    ] = field_if_any(default=UPRIGHT)
 
     def at(self, t: Scalar) -> Scalars:
-        """Desired contact at time t (s) as a tuple: force, approach speed, normal, and grip data.
+        """Desired contact at time t (s) as a tuple: force, approach speed, normal, and
+        grip data.
 
-        Force (N), speed (m/s) and unit normal; where the tip may grip, also that (0 to 1), and where it goes about an
-        axis, pivot (m) and unit vector of the axis.
+        Force (N), speed (m/s) and unit normal; where the tip may grip, also that (0 to
+        1), and where it goes about an axis, pivot (m) and unit vector of the axis.
         """
         press = (self.force.derivatives(t)[0], self.speed, *_unit(self.normal))
         if self.grip is None:
@@ -194,13 +241,18 @@ class TipPush:
         return grip if self.pivot is None else (*grip, *self.pivot, *_unit(self.axis))
 
     def across(self, away: Array, t: Scalar, tip: Array) -> Array:
-        """Tip position error (m), shape (..., 3), at times t (s), without the component along the contact normal."""
+        """Tip position error (m), shape (..., 3), at times t (s), without the component
+        along the contact normal.
+        """
         counted = counted_error(Vec3(*away.T), self.at(t), Vec3(*tip.T))
-        return np.stack(np.broadcast_arrays(*map(np.asarray, counted)), axis=-1).astype(float)
+        return np.stack(np.broadcast_arrays(*map(np.asarray, counted)), axis=-1).astype(
+            float
+        )
 
 
 def counted_error(away: Vec3, push: Sequence[Scalar], tip: Vec3) -> Vec3:
-    """Tip position error (m) without the component along the normal while the tip presses or grips.
+    """Tip position error (m) without the component along the normal while the tip
+    presses or grips.
 
     Along the normal a force is held there, not a place.
 

@@ -1,15 +1,18 @@
-"""Tip motion planning: inverse kinematics of the arm below a level base, and smooth joint trajectories.
+"""Tip motion planning: inverse kinematics of the arm below a level base, and smooth
+joint trajectories.
 
-The joints are those of the least |e|^2 + s^2 |q - q_p|^2, with the error e of the tip's position (and, as a length, of
-its orientation), the posture q_p and a small length s. The posture takes what is redundant, and where a goal is out of
-reach or the arm stretched, the smallest sum is still one place, which moves smoothly with the goal. It is sought by
-damped steps that are taken only where the sum falls; a joint at its limit or at its largest rate stays there and the
-others go on without it.
+The joints are those of the least |e|^2 + s^2 |q - q_p|^2, with the error e of the tip's
+position (and, as a length, of its orientation), the posture q_p and a small length s.
+The posture takes what is redundant, and where a goal is out of reach or the arm
+stretched, the smallest sum is still one place, which moves smoothly with the goal. It
+is sought by damped steps that are taken only where the sum falls; a joint at its limit
+or at its largest rate stays there and the others go on without it.
 Sources: Levenberg 1944, Marquardt 1963 (damped least squares); Wampler 1986 (of arms).
 
-The joints' curve has four continuous derivatives and lies within the hull of its control points, as its speed does
-within that of their differences; both are held within the limits. The base takes exactly what the
-arm leaves (:mod:`skyarm.reference.tip_motion`).
+The joints' curve has four continuous derivatives and lies within the hull of its
+control points, as its speed does within that of their differences; both are held within
+the limits. The base takes exactly what the arm leaves
+(:mod:`skyarm.reference.tip_motion`).
 """
 
 from __future__ import annotations
@@ -39,17 +42,20 @@ from skyarm.reference.trajectory import Trajectory
 from skyarm.vehicle import Frame, Vehicle
 
 FIRST_STEPS, STEPS = 100, 40
-"""Largest number of search steps at the first instant, and at a later one, which starts from the previous solution."""
+"""Largest number of search steps at the first instant, and at a later one, which starts
+from the previous solution."""
 
 ENOUGH = 1e-8
 """Step (rad or m) below which the search ends."""
 
 DAMPING, EASIER, HARDER = 1e-6, 0.2, 6.0
-"""Initial damping over the arm's squared length; its factors after an accepted and after a rejected step."""
+"""Initial damping over the arm's squared length; its factors after an accepted and
+after a rejected step."""
 
 EXACT, SMOOTH = 5e-4, 0.03
-"""Weights of a deviation (rad or m) from the posture, over the arm's length: for a tip with a desired orientation,
-and for one whose base takes the remainder of the displacement."""
+"""Weights of a deviation (rad or m) from the posture, over the arm's length: for a tip
+with a desired orientation, and for one whose base takes the remainder of the
+displacement."""
 
 
 @immutable
@@ -57,7 +63,8 @@ class ArmTask:
     """Inverse kinematics problem of an arm.
 
     Attributes:
-        vehicle, frame: vehicle and frame of the tip. carriers: joints that carry it. posture: preferred joints.
+        vehicle, frame: vehicle and frame of the tip. carriers: joints that carry it.
+            posture: preferred joints.
         lower, upper: limits of the joints. rates: their largest speeds, per second.
         length: weight of a radian of orientation, m.
         ease: weight of a radian or metre away from the posture, m.
@@ -75,7 +82,10 @@ class ArmTask:
 
 
 def follow(
-    task: ArmTask, positions: Sequence[Vec3] | None, orientations: Sequence[Mat3] | None, step: float
+    task: ArmTask,
+    positions: Sequence[Vec3] | None,
+    orientations: Sequence[Mat3] | None,
+    step: float,
 ) -> list[list[float]]:
     """Joint positions at every sample of a tip motion, by inverse kinematics.
 
@@ -90,12 +100,20 @@ def follow(
     """
     count = len(positions if positions is not None else orientations or ())
     rows: list[list[float]] = []
-    q = [min(max(p, low), high) for p, low, high in zip(task.posture, task.lower, task.upper, strict=True)]
+    q = [
+        min(max(p, low), high)
+        for p, low, high in zip(task.posture, task.lower, task.upper, strict=True)
+    ]
     for k in range(count):
         low, high = list(task.lower), list(task.upper)
         if k:
-            low = [max(a, x - r * step) for a, x, r in zip(low, q, task.rates, strict=True)]
-            high = [min(a, x + r * step) for a, x, r in zip(high, q, task.rates, strict=True)]
+            low = [
+                max(a, x - r * step) for a, x, r in zip(low, q, task.rates, strict=True)
+            ]
+            high = [
+                min(a, x + r * step)
+                for a, x, r in zip(high, q, task.rates, strict=True)
+            ]
         p = None if positions is None else positions[k]
         turn = None if orientations is None else orientations[k]
         q = solve_pose(task, p, turn, q, low, high, STEPS if k else FIRST_STEPS)
@@ -112,7 +130,9 @@ def solve_pose(
     upper: Sequence[float],
     steps: int = FIRST_STEPS,
 ) -> list[float]:
-    """Joint positions within bounds that bring the tip nearest to a pose, by damped least squares."""
+    """Joint positions within bounds that bring the tip nearest to a pose, by damped
+    least squares.
+    """
     q, damping = list(start), DAMPING * task.length * task.length
     rows, errors = _errors(task, q, position, orientation)
     cost = _cost(task, q, errors)
@@ -121,12 +141,17 @@ def solve_pose(
         while True:
             dq = _step(task, q, rows, errors, still, damping)
             past = {
-                i for i, d in enumerate(dq) if (q[i] <= lower[i] and d < 0.0) or (q[i] >= upper[i] and d > 0.0)
+                i
+                for i, d in enumerate(dq)
+                if (q[i] <= lower[i] and d < 0.0) or (q[i] >= upper[i] and d > 0.0)
             } - still
             if not past:
                 break
             still |= past
-        new = [min(max(x + d, a), b) for x, d, a, b in zip(q, dq, lower, upper, strict=True)]
+        new = [
+            min(max(x + d, a), b)
+            for x, d, a, b in zip(q, dq, lower, upper, strict=True)
+        ]
         tried = _errors(task, new, position, orientation)
         new_cost = _cost(task, new, tried[1])
         moved = max((abs(a - b) for a, b in zip(new, q, strict=True)), default=0.0)
@@ -154,11 +179,17 @@ def _errors(
     errors: list[float] = []
     if position is not None:
         errors += [float(c) for c in position - pose.p]
-        rows += [[float(tuple(column.linear)[axis]) for column in columns] for axis in range(3)]
+        rows += [
+            [float(tuple(column.linear)[axis]) for column in columns]
+            for axis in range(3)
+        ]
     if orientation is not None:
         turn = rotation_vector(orientation @ pose.R.T)
         errors += [task.length * float(c) for c in turn]
-        rows += [[task.length * float(tuple(column.angular)[axis]) for column in columns] for axis in range(3)]
+        rows += [
+            [task.length * float(tuple(column.angular)[axis]) for column in columns]
+            for axis in range(3)
+        ]
     return rows, errors
 
 
@@ -170,16 +201,22 @@ def _step(
     still: set[int],
     damping: float,
 ) -> list[float]:
-    """Damped least-squares increment of the joint positions, with joints at a bound held fixed."""
+    """Damped least-squares increment of the joint positions, with joints at a bound
+    held fixed.
+    """
     free = [i for i in task.carriers if i not in still]
     own = task.ease * task.ease
     J = [[row[i] for i in free] for row in rows]
     A = [
-        [sum(row[a] * row[b] for row in J) + (own + damping) * (a == b) for b in range(len(free))]
+        [
+            sum(row[a] * row[b] for row in J) + (own + damping) * (a == b)
+            for b in range(len(free))
+        ]
         for a in range(len(free))
     ]
     b = [
-        sum(row[a] * e for row, e in zip(J, errors, strict=True)) + own * (task.posture[i] - q[i])
+        sum(row[a] * e for row, e in zip(J, errors, strict=True))
+        + own * (task.posture[i] - q[i])
         for a, i in enumerate(free)
     ]
     dq = [0.0] * len(q)
@@ -211,18 +248,22 @@ MARGIN = 1e-3
 
 @immutable
 class TipChoices:
-    """Options for a tip trajectory: posture of the arm, fraction of the motion by the base, and speed limits.
+    """Options for a tip trajectory: posture of the arm, fraction of the motion by the
+    base, and speed limits.
 
     Attributes:
         posture: joint positions that the arm prefers, rad or m.
-        base_share: share of a tip's way in the world that the base takes, 0 to 1; the arm takes the rest.
+        base_share: share of a tip's way in the world that the base takes, 0 to 1; the
+            arm takes the rest.
         arm_range: largest way of the tip by the arm for that, m.
         joint_speed: largest joint speed of a plan, rad/s or m/s.
         orientation: roll, pitch and yaw (ZYX) of the tip in the world; None for any.
         rate: rate of the plan's samples, Hz.
     """
 
-    posture: Annotated[tuple[float, ...], Unit("rad or m", "preferred position of each joint")] = ()
+    posture: Annotated[
+        tuple[float, ...], Unit("rad or m", "preferred position of each joint")
+    ] = ()
     base_share: Annotated[
         float,
         nonnegative(
@@ -232,9 +273,15 @@ class TipChoices:
             effect="higher values move the base more and the arm less",
         ),
     ] = 1.0
-    arm_range: Annotated[float, Unit("m", "largest displacement of the tip that the arm takes", low=1e-3, high=1e6)] = (
-        0.1
-    )
+    arm_range: Annotated[
+        float,
+        Unit(
+            "m",
+            "largest displacement of the tip that the arm takes",
+            low=1e-3,
+            high=1e6,
+        ),
+    ] = 0.1
     joint_speed: Annotated[
         float,
         Unit(
@@ -261,7 +308,9 @@ class TipChoices:
         accept_fields(self, "")
         if self.orientation is not None and len(self.orientation.signals) != 3:
             said = f"{len(self.orientation.signals)} signals"
-            raise ValueError(f"orientation = {said}: must be three signals: roll, pitch, yaw")
+            raise ValueError(
+                f"orientation = {said}: must be three signals: roll, pitch, yaw"
+            )
 
 
 def plan(
@@ -272,9 +321,11 @@ def plan(
     duration: float,
     turned: tuple[Signal, ...] = (),
 ) -> tuple[Signal, ...]:
-    """Joint signals with which the tip of a vehicle follows a motion for ``duration`` seconds.
+    """Joint signals with which the tip of a vehicle follows a motion for ``duration``
+    seconds.
 
-    ``turned`` are roll, pitch and yaw of a body that turns the tip along, from its attitude at the beginning.
+    ``turned`` are roll, pitch and yaw of a body that turns the tip along, from its
+    attitude at the beginning.
 
     Raises:
         ValueError: more samples than a plan may have.
@@ -287,10 +338,13 @@ def plan(
     count = math.ceil(duration * choices.rate) + 1
     if count > MOST_SAMPLES:
         raise ValueError(
-            f"rate = {choices.rate!r}: makes {count} samples of {duration:g} s, must be at most {MOST_SAMPLES}"
+            f"rate = {choices.rate!r}: makes {count} samples of {duration:g} s, must be"
+            f" at most {MOST_SAMPLES}"
         )
     times = (np.arange(-BEYOND, count + BEYOND) * step).tolist()
-    task = task_of(vehicle, tip.arm.carriers, choices, exact=choices.orientation is not None)
+    task = task_of(
+        vehicle, tip.arm.carriers, choices, exact=choices.orientation is not None
+    )
     headings = [float(yaw.derivatives(t)[0]) for t in times]
     positions = _arm_goals(task, tip, choices, times, headings) if needed else None
     turns = None
@@ -309,25 +363,50 @@ def plan(
         if i not in carriers:
             signals.append(Constant(choices.posture[i]))
             continue
-        points = interpolating_points([row[i] for row in samples])[BEYOND - 2 : len(times) - BEYOND + 2]
-        signals.append(uniform_curve(_held_within(points, low, high, choices.joint_speed * step), 0.0, step))
+        points = interpolating_points([row[i] for row in samples])[
+            BEYOND - 2 : len(times) - BEYOND + 2
+        ]
+        signals.append(
+            uniform_curve(
+                _held_within(points, low, high, choices.joint_speed * step), 0.0, step
+            )
+        )
     return tuple(signals)
 
 
-def _held_within(points: Sequence[float], low: float, high: float, most: float) -> list[float]:
-    """Spline control points clipped to joint limits and to the largest increment per step."""
+def _held_within(
+    points: Sequence[float], low: float, high: float, most: float
+) -> list[float]:
+    """Spline control points clipped to joint limits and to the largest increment per
+    step.
+    """
     clipped: list[float] = []
     for point in points:
         within = min(max(point, low), high)
-        clipped.append(min(max(within, clipped[-1] - most), clipped[-1] + most) if clipped else within)
+        clipped.append(
+            min(max(within, clipped[-1] - most), clipped[-1] + most)
+            if clipped
+            else within
+        )
     return clipped
 
 
-def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices, *, exact: bool = True) -> ArmTask:
-    """Inverse kinematics problem of a vehicle's arm, with joint limits, speeds and preferred posture."""
+def task_of(
+    vehicle: Vehicle,
+    carriers: tuple[int, ...],
+    choices: TipChoices,
+    *,
+    exact: bool = True,
+) -> ArmTask:
+    """Inverse kinematics problem of a vehicle's arm, with joint limits, speeds and
+    preferred posture.
+    """
     length = max(float(reach(vehicle)), 1e-3)
     limits = [joint.ends for joint in vehicle.joints]
-    inner = [(low + min(MARGIN, 0.1 * (high - low)), high - min(MARGIN, 0.1 * (high - low))) for low, high in limits]
+    inner = [
+        (low + min(MARGIN, 0.1 * (high - low)), high - min(MARGIN, 0.1 * (high - low)))
+        for low, high in limits
+    ]
     return ArmTask(
         vehicle=vehicle,
         frame=vehicle.frame(),
@@ -342,13 +421,22 @@ def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices, *,
 
 
 def _arm_goals(
-    task: ArmTask, tip: TipMotion, choices: TipChoices, times: Sequence[float], headings: Sequence[float]
+    task: ArmTask,
+    tip: TipMotion,
+    choices: TipChoices,
+    times: Sequence[float],
+    headings: Sequence[float],
 ) -> list[Vec3]:
     """Desired tip positions in base axes (m) at given times."""
-    start, home = tip.path(0.0)[0], frame_pose(task.vehicle, task.frame, choices.posture).p
+    start, home = (
+        tip.path(0.0)[0],
+        frame_pose(task.vehicle, task.frame, choices.posture).p,
+    )
     goals = []
     for t, heading in zip(times, headings, strict=True):
-        way = _heading(-heading).apply(tip.path(t)[0] - start) * (1.0 - choices.base_share)
+        way = _heading(-heading).apply(tip.path(t)[0] - start) * (
+            1.0 - choices.base_share
+        )
         length = float(way.norm()) / choices.arm_range
         goals.append(home + way * (1.0 / math.sqrt(1.0 + length * length)))
     return goals
@@ -360,11 +448,17 @@ def _heading(angle: float) -> Mat3:
 
 def _turn(roll: float, pitch: float, yaw: float) -> Mat3:
     """Rotation matrix R_z(yaw) R_y(pitch) R_x(roll)."""
-    return Mat3.columns(*rotation_columns([(math.cos(a), math.sin(a)) for a in (roll, pitch, yaw)]))
+    return Mat3.columns(
+        *rotation_columns([(math.cos(a), math.sin(a)) for a in (roll, pitch, yaw)])
+    )
 
 
 def tip_trajectory(
-    fields: Fields, base: Trajectory, path: Trajectory, vehicle: Vehicle, setting: Setting
+    fields: Fields,
+    base: Trajectory,
+    path: Trajectory,
+    vehicle: Vehicle,
+    setting: Setting,
 ) -> Trajectory:
     """Trajectory of base and joints whose tip follows a given path.
 
@@ -383,19 +477,37 @@ def tip_trajectory(
     tip = TipMotion(x=path.x, y=path.y, z=path.z, arm=arm_of(vehicle))
     with errors_as(ValueError, f"{fields.where}."):
         joints = plan(vehicle, tip, base.yaw, choices, setting.duration, setting.turned)
-    planned = replace(base, joints=joints, tip=tip, guards=setting.all_guards, phases=setting.all_phases)
+    planned = replace(
+        base,
+        joints=joints,
+        tip=tip,
+        guards=setting.all_guards,
+        phases=setting.all_phases,
+    )
     return with_joint_moves(planned, setting.joint_moves, vehicle, choices.joint_speed)
 
 
-def _posture(given: tuple[float, ...], vehicle: Vehicle, fields: Fields) -> tuple[float, ...]:
-    """Preferred joint positions of the arm within their limits; mid-range if none are given."""
+def _posture(
+    given: tuple[float, ...], vehicle: Vehicle, fields: Fields
+) -> tuple[float, ...]:
+    """Preferred joint positions of the arm within their limits; mid-range if none are
+    given.
+    """
     bounds = [joint.ends for joint in vehicle.joints]
     if not given and "posture" not in fields.table:
         return tuple(map(middle_position, vehicle.joints))
     if len(given) != vehicle.n:
-        raise ValueError(f"{fields.at('posture')} = {len(given)} numbers: must be one for each of {vehicle.n} joints")
-    for i, (q, (low, high), link) in enumerate(zip(given, bounds, vehicle.links, strict=True)):
+        raise ValueError(
+            f"{fields.at('posture')} = {len(given)} numbers: must be one for each of"
+            f" {vehicle.n} joints"
+        )
+    for i, (q, (low, high), link) in enumerate(
+        zip(given, bounds, vehicle.links, strict=True)
+    ):
         if not low <= q <= high:
             name = link.joint.name
-            raise ValueError(f"{fields.at('posture')}[{i}] = {q:g}: must be within {low:g} and {high:g} of {name!r}")
+            raise ValueError(
+                f"{fields.at('posture')}[{i}] = {q:g}: must be within {low:g} and"
+                f" {high:g} of {name!r}"
+            )
     return given

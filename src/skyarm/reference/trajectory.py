@@ -1,6 +1,7 @@
 """Reference trajectory of base, joints and tip, and its sample at one instant.
 
-A publisher samples it at one rate and holds each sample for a controller that runs at another.
+A publisher samples it at one rate and holds each sample for a controller that runs at
+another.
 """
 
 from __future__ import annotations
@@ -22,61 +23,146 @@ from skyarm.records.path_names import Names, field_paths
 from skyarm.records.units import Unit
 from skyarm.reference.motion_names import motion_names
 from skyarm.reference.planned_motion import PlannedBody
-from skyarm.reference.signals import Constant, Shifted, Signal, Sine, Windowed, switch_times, with_signals
+from skyarm.reference.signals import (
+    Constant,
+    Shifted,
+    Signal,
+    Sine,
+    Windowed,
+    switch_times,
+    with_signals,
+)
 from skyarm.reference.task_records import Guard, Phase
 from skyarm.reference.tip_motion import TipMotion, TipPush, vector_derivatives
 
 
 @immutable
 class Reference:
-    """Desired motion at one instant, or at many instants with arrays in place of numbers.
+    """Desired motion at one instant, or at many instants with arrays in place of
+    numbers.
 
-    ``tip`` is empty where the tip has no reference of its own: then it is where a level base on reference carries it.
-    ``push`` is empty where no contact is ever requested; else force (N), speed (m/s), unit normal and more
-    (:class:`skyarm.reference.tip_motion.TipPush`). ``load`` is empty where nothing is ever held; else a number, above
-    0.5 while the tip has to hold a load. ``center`` is empty but in a plan, and ``turning`` but in one that the law
-    follows as a whole. ``ahead`` is empty without a preview (:mod:`skyarm.reference.preview`), which ``turning`` has,
-    too. ``carry`` is empty without a team's law (:class:`skyarm.reference.carry.Carry`).
+    ``tip`` is empty where the tip has no reference of its own: then it is where a level
+    base on reference carries it. ``push`` is empty where no contact is ever requested;
+    else force (N), speed (m/s), unit normal and more
+    (:class:`skyarm.reference.tip_motion.TipPush`). ``load`` is empty where nothing is
+    ever held; else a number, above 0.5 while the tip has to hold a load. ``center`` is
+    empty but in a plan, and ``turning`` but in one that the law follows as a whole.
+    ``ahead`` is empty without a preview (:mod:`skyarm.reference.preview`), which
+    ``turning`` has, too. ``carry`` is empty without a team's law
+    (:class:`skyarm.reference.carry.Carry`).
     """
 
-    position: Annotated[Vec3, Unit("m", "desired position of the base origin, world axes")] = ZERO3
-    velocity: Annotated[Vec3, Unit("m/s", "desired velocity of the base origin, world axes")] = ZERO3
-    acceleration: Annotated[Vec3, Unit("m/s^2", "desired acceleration of the base origin, world axes")] = ZERO3
-    jerk: Annotated[Vec3, Unit("m/s^3", "desired jerk of the base origin, world axes")] = ZERO3
-    snap: Annotated[Vec3, Unit("m/s^4", "desired snap of the base origin, world axes")] = ZERO3
+    position: Annotated[
+        Vec3, Unit("m", "desired position of the base origin, world axes")
+    ] = ZERO3
+    velocity: Annotated[
+        Vec3, Unit("m/s", "desired velocity of the base origin, world axes")
+    ] = ZERO3
+    acceleration: Annotated[
+        Vec3, Unit("m/s^2", "desired acceleration of the base origin, world axes")
+    ] = ZERO3
+    jerk: Annotated[
+        Vec3, Unit("m/s^3", "desired jerk of the base origin, world axes")
+    ] = ZERO3
+    snap: Annotated[
+        Vec3, Unit("m/s^4", "desired snap of the base origin, world axes")
+    ] = ZERO3
     yaw: Annotated[Scalar, Unit("rad", "desired heading about world z")] = 0
     yaw_rate: Annotated[Scalar, Unit("rad/s", "desired rate of the heading")] = 0
-    yaw_acceleration: Annotated[Scalar, Unit("rad/s^2", "desired acceleration of the heading")] = 0
-    joints: Annotated[Scalars, Unit("rad or m", "desired joint positions, in the vehicle's order")] = ()
-    joint_rates: Annotated[Scalars, Unit("rad/s or m/s", "desired joint rates, in the vehicle's order")] = ()
-    joint_accelerations: Annotated[
-        Scalars, Unit("rad/s^2 or m/s^2", "desired joint accelerations, in the vehicle's order")
+    yaw_acceleration: Annotated[
+        Scalar, Unit("rad/s^2", "desired acceleration of the heading")
+    ] = 0
+    joints: Annotated[
+        Scalars, Unit("rad or m", "desired joint positions, in the vehicle's order")
     ] = ()
-    joint_jerks: Annotated[Scalars, Unit("rad/s^3 or m/s^3", "desired joint jerks, in the vehicle's order")] = ()
-    joint_snaps: Annotated[Scalars, Unit("rad/s^4 or m/s^4", "desired joint snaps, in the vehicle's order")] = ()
-    tip: Annotated[Scalars, Unit("m", "desired position of the tip, world axes; empty: that of a level base")] = ()
+    joint_rates: Annotated[
+        Scalars, Unit("rad/s or m/s", "desired joint rates, in the vehicle's order")
+    ] = ()
+    joint_accelerations: Annotated[
+        Scalars,
+        Unit("rad/s^2 or m/s^2", "desired joint accelerations, in the vehicle's order"),
+    ] = ()
+    joint_jerks: Annotated[
+        Scalars, Unit("rad/s^3 or m/s^3", "desired joint jerks, in the vehicle's order")
+    ] = ()
+    joint_snaps: Annotated[
+        Scalars, Unit("rad/s^4 or m/s^4", "desired joint snaps, in the vehicle's order")
+    ] = ()
+    tip: Annotated[
+        Scalars,
+        Unit(
+            "m", "desired position of the tip, world axes; empty: that of a level base"
+        ),
+    ] = ()
     push: Annotated[
-        Scalars, Unit("", "desired contact: N, m/s, unit normal in world axes; grip, pivot (m) and axis")
+        Scalars,
+        Unit(
+            "",
+            "desired contact: N, m/s, unit normal in world axes; grip, pivot (m) and"
+            " axis",
+        ),
     ] = ()
     load: Annotated[Scalars, Unit("", "above 0.5 while the tip must hold a load")] = ()
     center: Annotated[
-        Scalars, Unit("", "planned centre of mass, m, world axes, with four derivatives; empty: that of a level base")
+        Scalars,
+        Unit(
+            "",
+            "planned centre of mass, m, world axes, with four derivatives; empty: that"
+            " of a level base",
+        ),
     ] = ()
     turning: Annotated[
-        Scalars, Unit("", "planned quaternion and rotor speeds (rad/s), then their derivatives; empty: no plan")
+        Scalars,
+        Unit(
+            "",
+            "planned quaternion and rotor speeds (rad/s), then their derivatives;"
+            " empty: no plan",
+        ),
     ] = ()
-    ahead: Annotated[Scalars, Unit("", "preview samples: value, rate and acceleration of each signal")] = ()
-    carry: Annotated[Scalars, Unit("", "part of a load that the tip takes over; empty: none")] = ()
+    ahead: Annotated[
+        Scalars,
+        Unit("", "preview samples: value, rate and acceleration of each signal"),
+    ] = ()
+    carry: Annotated[
+        Scalars, Unit("", "part of a load that the tip takes over; empty: none")
+    ] = ()
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
-        vectors = type(self.position) is type(self.velocity) is type(self.acceleration) is Vec3
+        vectors = (
+            type(self.position)
+            is type(self.velocity)
+            is type(self.acceleration)
+            is Vec3
+        )
         vectors = vectors and type(self.jerk) is type(self.snap) is Vec3
-        tuples = type(self.joints) is type(self.joint_rates) is type(self.joint_accelerations) is tuple
-        tuples = tuples and type(self.joint_jerks) is type(self.joint_snaps) is type(self.tip) is tuple
-        tuples = tuples and type(self.push) is type(self.load) is type(self.center) is type(self.ahead) is tuple
+        tuples = (
+            type(self.joints)
+            is type(self.joint_rates)
+            is type(self.joint_accelerations)
+            is tuple
+        )
+        tuples = (
+            tuples
+            and type(self.joint_jerks)
+            is type(self.joint_snaps)
+            is type(self.tip)
+            is tuple
+        )
+        tuples = (
+            tuples
+            and type(self.push)
+            is type(self.load)
+            is type(self.center)
+            is type(self.ahead)
+            is tuple
+        )
         tuples = tuples and type(self.turning) is type(self.carry) is tuple
-        numbers = {type(self.yaw), type(self.yaw_rate), type(self.yaw_acceleration)} <= PLAIN_NUMBERS
+        numbers = {
+            type(self.yaw),
+            type(self.yaw_rate),
+            type(self.yaw_acceleration),
+        } <= PLAIN_NUMBERS
         if not (vectors and tuples and numbers):
             accept_fields(self, "reference")
 
@@ -84,15 +170,25 @@ class Reference:
         """Copy of the reference with a function applied to every number."""
         values: dict[str, Any] = {}
         for name, value in parts(self).items():
-            mapped = tuple(map(function, value if isinstance(value, Vec3 | tuple) else (value,)))
+            mapped = tuple(
+                map(function, value if isinstance(value, Vec3 | tuple) else (value,))
+            )
             values[name] = (
-                Vec3(*mapped) if isinstance(value, Vec3) else mapped if isinstance(value, tuple) else mapped[0]
+                Vec3(*mapped)
+                if isinstance(value, Vec3)
+                else mapped
+                if isinstance(value, tuple)
+                else mapped[0]
             )
         return Reference(**values)
 
     def dense(self) -> Reference:
-        """Copy of the reference with all integers as floats, so that one compiled program fits every reference."""
-        return self.map_scalars(lambda value: float(value) if isinstance(value, int | float) else value)
+        """Copy of the reference with all integers as floats, so that one compiled
+        program fits every reference.
+        """
+        return self.map_scalars(
+            lambda value: float(value) if isinstance(value, int | float) else value
+        )
 
 
 PLAIN_NUMBERS = {float, int}
@@ -111,36 +207,55 @@ ZERO = Constant(0.0)
 @immutable
 @checked("trajectory")
 class Trajectory:
-    """Desired motion over time: signals of base position, heading and joints, with optional tip and contact.
+    """Desired motion over time: signals of base position, heading and joints, with
+    optional tip and contact.
 
-    With a ``tip`` the base is where it carries that tip (:mod:`skyarm.reference.tip_motion`), moved by the
-    signals ``x``, ``y``, ``z``. A ``push`` requests contact, a ``load`` defines when the tip has to hold one.
-    With ``guards`` it waits for the flight (:mod:`skyarm.simulate.reference_clock`); ``phases`` are those of its task.
+    With a ``tip`` the base is where it carries that tip
+    (:mod:`skyarm.reference.tip_motion`), moved by the signals ``x``, ``y``, ``z``. A
+    ``push`` requests contact, a ``load`` defines when the tip has to hold one. With
+    ``guards`` it waits for the flight (:mod:`skyarm.simulate.reference_clock`);
+    ``phases`` are those of its task.
     """
 
     x: Annotated[Signal, Unit("m", "desired x of the base origin, world axes")] = ZERO
     y: Annotated[Signal, Unit("m", "desired y of the base origin, world axes")] = ZERO
     z: Annotated[Signal, Unit("m", "desired z of the base origin, world axes")] = ZERO
     yaw: Annotated[Signal, Unit("rad", "desired heading about world z")] = ZERO
-    joints: Annotated[tuple[Signal, ...], Unit("rad or m", "desired joint positions, in the vehicle's order")] = ()
+    joints: Annotated[
+        tuple[Signal, ...],
+        Unit("rad or m", "desired joint positions, in the vehicle's order"),
+    ] = ()
     tip: TipMotion | None = field_if_any(default=None)
     push: TipPush | None = field_if_any(default=None)
-    load: Annotated[Signal | None, Unit("", "above 0.5 while the tip holds a load")] = field_if_any(default=None)
+    load: Annotated[Signal | None, Unit("", "above 0.5 while the tip holds a load")] = (
+        field_if_any(default=None)
+    )
     planned: PlannedBody | None = field_if_any(default=None)
     guards: tuple[Guard, ...] = field_if_any(default=())
     phases: tuple[Phase, ...] = field_if_any(default=())
 
     def path_names(self) -> Names:
-        """Names, in parameter paths, of the fields that are set and of the base motion's parameters."""
+        """Names, in parameter paths, of the fields that are set and of the base
+        motion's parameters.
+        """
         names = field_paths(self) | {"base": motion_names(self.x, self.y, self.z)}
-        return {name: places for name, places in names.items() if getattr(self, name, self) is not None}
+        return {
+            name: places
+            for name, places in names.items()
+            if getattr(self, name, self) is not None
+        }
 
     def at(self, t: Scalar) -> Reference:
-        """Reference at time t (s): position, heading and joints with derivatives, and contact request."""
+        """Reference at time t (s): position, heading and joints with derivatives, and
+        contact request.
+        """
         base = vector_derivatives((self.x, self.y, self.z), t)
         heading = self.yaw.derivatives(t)
         yaw, yaw_rate, yaw_acceleration, _, _ = heading
-        q = tuple(zip(*(k.derivatives(t) for k in self.joints), strict=True)) or ((),) * 5
+        q = (
+            tuple(zip(*(k.derivatives(t) for k in self.joints), strict=True))
+            or ((),) * 5
+        )
         tip: Scalars = ()
         if self.tip is not None:
             carried = self.tip.base(t, heading, q)
@@ -148,7 +263,9 @@ class Trajectory:
             tip = tuple(self.tip.path(t)[0])
         if self.planned is not None:
             tip = tuple(signal.derivatives(t)[0] for signal in self.planned.tip)
-        moving: dict[str, Any] = dict(zip((*VECTORS, *JOINTS), (*base, *q), strict=True))
+        moving: dict[str, Any] = dict(
+            zip((*VECTORS, *JOINTS), (*base, *q), strict=True)
+        )
         return Reference(
             **moving,
             yaw=yaw,
@@ -162,11 +279,15 @@ class Trajectory:
         )
 
     def switch_times(self) -> tuple[float, ...]:
-        """List the times (s), in order, at which the trajectory or one of its derivatives may jump."""
+        """List the times (s), in order, at which the trajectory or one of its
+        derivatives may jump.
+        """
         return switch_times(self)
 
     def with_joints(self, *joints: Signal | float) -> Trajectory:
-        """Copy of the trajectory with other joint signals; a number is a constant signal."""
+        """Copy of the trajectory with other joint signals; a number is a constant
+        signal.
+        """
         return replace(self, joints=signals(joints))
 
     def shifted(self, delay: Scalar) -> Trajectory:
@@ -175,28 +296,54 @@ class Trajectory:
         if not self.guards:
             return moved
         later = float(delay)
-        guards = tuple(replace(each, at=each.at + later, begin=each.begin + later) for each in self.guards)
-        return replace(moved, guards=guards, phases=tuple(each.later(later) for each in self.phases))
+        guards = tuple(
+            replace(each, at=each.at + later, begin=each.begin + later)
+            for each in self.guards
+        )
+        return replace(
+            moved,
+            guards=guards,
+            phases=tuple(each.later(later) for each in self.phases),
+        )
 
     @property
     def returns(self) -> tuple[tuple[float, float], ...]:
-        """Time intervals (s) of the task phases in which a position offset returns to zero."""
+        """Time intervals (s) of the task phases in which a position offset returns to
+        zero.
+        """
         return tuple(phase.back for phase in self.phases if phase.back is not None)
 
     def __add__(self, other: Trajectory) -> Trajectory:
         """Return the sum of two trajectories."""
         if self.joints and other.joints and len(self.joints) != len(other.joints):
-            raise ValueError(f"trajectories of {len(self.joints)} and {len(other.joints)} joints do not add")
-        joints = tuple(a + b for a, b in zip(self.joints, other.joints, strict=False)) or self.joints or other.joints
+            raise ValueError(
+                f"trajectories of {len(self.joints)} and {len(other.joints)} joints do"
+                " not add"
+            )
+        joints = (
+            tuple(a + b for a, b in zip(self.joints, other.joints, strict=False))
+            or self.joints
+            or other.joints
+        )
         for name in ("tip", "push", "load", "planned"):
             if getattr(self, name) is not None and getattr(other, name) is not None:
                 raise ValueError(f"two trajectories that each have a {name} do not add")
         return Trajectory(
-            **{name: getattr(self, name) + getattr(other, name) for name in ("x", "y", "z", "yaw")},
-            **{name: getattr(self, name) or getattr(other, name) for name in ("tip", "push", "load", "planned")},
+            **{
+                name: getattr(self, name) + getattr(other, name)
+                for name in ("x", "y", "z", "yaw")
+            },
+            **{
+                name: getattr(self, name) or getattr(other, name)
+                for name in ("tip", "push", "load", "planned")
+            },
             joints=joints,
-            guards=tuple(sorted((*self.guards, *other.guards), key=lambda guard: guard.at)),
-            phases=tuple(sorted((*self.phases, *other.phases), key=lambda phase: phase.end)),
+            guards=tuple(
+                sorted((*self.guards, *other.guards), key=lambda guard: guard.at)
+            ),
+            phases=tuple(
+                sorted((*self.phases, *other.phases), key=lambda phase: phase.end)
+            ),
         )
 
 
@@ -207,11 +354,19 @@ def resting_arm(joints: int) -> dict[str, Any]:
 
 def signals(values: Sequence[Signal | Any]) -> tuple[Signal, ...]:
     """Convert numbers in a list of time signals to constant signals."""
-    return tuple(value if isinstance(value, Signal) else Constant(value) for value in values)
+    return tuple(
+        value if isinstance(value, Signal) else Constant(value) for value in values
+    )
 
 
-def hover(position: Sequence[Scalar], *, yaw: Scalar = 0.0, joints: Sequence[Signal | Scalar] = ()) -> Trajectory:
-    """Make a trajectory at a constant position (m) and heading (rad), with optional joint signals.
+def hover(
+    position: Sequence[Scalar],
+    *,
+    yaw: Scalar = 0.0,
+    joints: Sequence[Signal | Scalar] = (),
+) -> Trajectory:
+    """Make a trajectory at a constant position (m) and heading (rad), with optional
+    joint signals.
 
     Args:
         position: position of the base, m, world.
@@ -220,7 +375,9 @@ def hover(position: Sequence[Scalar], *, yaw: Scalar = 0.0, joints: Sequence[Sig
     """
     place = coerce.items("hover.position", position, (3,), "must be three numbers")
     x, y, z, heading = signals((*place, yaw))
-    followed = coerce.items("hover.joints", joints, None, "must be signals or numbers, one per joint")
+    followed = coerce.items(
+        "hover.joints", joints, None, "must be signals or numbers, one per joint"
+    )
     return Trajectory(x=x, y=y, z=z, yaw=heading, joints=signals(followed))
 
 
@@ -234,10 +391,11 @@ def circle(
     yaw: Scalar = 0.0,
     joints: Sequence[Signal | Scalar] = (),
 ) -> Trajectory:
-    """Make a horizontal circular trajectory within [start, stop), at the centre otherwise.
+    """Make a horizontal circular trajectory within [start, stop), at the centre
+    otherwise.
 
-    It begins with a step: x = radius cos(2 pi f (t - start)), y = radius sin(...), as in the paper's Case 3. Without a
-    ``start`` the angle counts from t = 0.
+    It begins with a step: x = radius cos(2 pi f (t - start)), y = radius sin(...), as
+    in the paper's Case 3. Without a ``start`` the angle counts from t = 0.
 
     Args:
         radius: m.
@@ -250,7 +408,13 @@ def circle(
     """
     origin = 0.0 if isinstance(start, float) and math.isinf(start) else start
     motion = [
-        Windowed(Shifted(Sine(amplitude=radius, frequency_hz=frequency_hz, phase=phase), origin), start, stop)
+        Windowed(
+            Shifted(
+                Sine(amplitude=radius, frequency_hz=frequency_hz, phase=phase), origin
+            ),
+            start,
+            stop,
+        )
         for phase in (math.pi / 2.0, 0.0)
     ]
     at_center = hover(center, yaw=yaw, joints=joints)
@@ -262,7 +426,8 @@ Tick = TypeVar("Tick", int, AnyArray)
 
 @immutable
 class Publisher:
-    """Zero-order hold of a reference that is sampled at a lower rate than the control rate.
+    """Zero-order hold of a reference that is sampled at a lower rate than the control
+    rate.
 
     Attributes:
         control_rate: Hz, of the controller's ticks.
@@ -276,12 +441,15 @@ class Publisher:
         for name in ("control_rate", "reference_rate"):
             value = getattr(self, name)
             if not 0.0 < value < float("inf"):
-                raise ValueError(f"{name} = {value!r}: must be a finite number of Hz above 0")
+                raise ValueError(
+                    f"{name} = {value!r}: must be a finite number of Hz above 0"
+                )
         quotient = self.control_rate / self.reference_rate
         # 1e-9: rates such as 1000/3 Hz are given rounded
         if round(quotient) < 1 or abs(quotient - round(quotient)) > 1e-9 * quotient:
             raise ValueError(
-                f"reference_rate = {self.reference_rate!r}: must divide control_rate = {self.control_rate!r} Hz"
+                f"reference_rate = {self.reference_rate!r}: must divide control_rate ="
+                f" {self.control_rate!r} Hz"
             )
 
     @property
@@ -299,8 +467,8 @@ class Publisher:
 
 
 PASSED = 1e-6
-"""Path time (s) beyond the planned end of a phase at which the phase is completed; the reference may wait at that
-end."""
+"""Path time (s) beyond the planned end of a phase at which the phase is completed; the
+reference may wait at that end."""
 
 
 def phase_numbers(trajectory: Trajectory, path_time: Scalar) -> Array:
@@ -312,10 +480,25 @@ def phase_numbers(trajectory: Trajectory, path_time: Scalar) -> Array:
 def failure_words(trajectory: Trajectory, guard: Guard) -> str:
     """Error text for a task phase whose end condition was not met in time."""
     words = {
-        "force": "no contact of {:g} N", "force_below": "force not below {:g} N", "closed": "switch '{}' not closed",
-        "open": "switch '{}' not open", "distance": "not moved by {:g} m", "error": "error not below {:g} m",
+        "force": "no contact of {:g} N",
+        "force_below": "force not below {:g} N",
+        "closed": "switch '{}' not closed",
+        "open": "switch '{}' not open",
+        "distance": "not moved by {:g} m",
+        "error": "error not below {:g} m",
     }
     values = {name: getattr(guard, name) for name in words}
-    asked = [words[name].format(value) for name, value in values.items() if value not in (None, "")]
-    named = trajectory.phases[guard.phase].name if guard.phase < len(trajectory.phases) else "guard"
-    return f"phase {guard.phase} '{named}': {' or '.join(asked)} within {float(guard.timeout):g} s"
+    asked = [
+        words[name].format(value)
+        for name, value in values.items()
+        if value not in (None, "")
+    ]
+    named = (
+        trajectory.phases[guard.phase].name
+        if guard.phase < len(trajectory.phases)
+        else "guard"
+    )
+    return (
+        f"phase {guard.phase} '{named}': {' or '.join(asked)} within"
+        f" {float(guard.timeout):g} s"
+    )

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from skyarm.world.scene.clearance import Clearances
 
 FAR = 1e4
-"""Size of a speed (m/s), rate (rad/s) or joint position (rad or m) that counts as divergence."""
+"""Size of a speed (m/s), rate (rad/s) or joint position (rad or m) that counts as
+divergence."""
 
 LOST = 1e3
 """Distance (m) from the reference that counts as divergence."""
@@ -34,7 +35,9 @@ Distance = tuple[Scalar, *tuple[str, ...]]
 
 
 class Ending:
-    """Base class of termination conditions of an episode, whose subclasses are frozen dataclasses of numbers."""
+    """Base class of termination conditions of an episode, whose subclasses are frozen
+    dataclasses of numbers.
+    """
 
     __slots__ = ()
 
@@ -43,8 +46,11 @@ class Ending:
     status: ClassVar[str]
     """Word for the log's status after this ending."""
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
-        """True while a state does not meet the termination condition; false if the state contains NaN.
+    def fine(
+        self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar
+    ) -> Scalar:
+        """True while a state does not meet the termination condition; false if the
+        state contains NaN.
 
         Args:
             scenario: scenario of the episode.
@@ -65,20 +71,33 @@ class Divergence(Ending):
 
     status: ClassVar[str] = "diverged"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
-        """True if every number of the state is finite and within the divergence bounds."""
-        # any comparison with NaN is false, so that a state that is not finite is not fine
+    def fine(
+        self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar
+    ) -> Scalar:
+        """True if every number of the state is finite and within the divergence
+        bounds.
+        """
+        # any comparison with NaN is false, so that a state that is not finite is not
+        # fine
         fine: Scalar = absolute(state.quaternion.w) < LONG
         for value in list(state.quaternion)[1:]:
             fine = logical_and(fine, absolute(value) < LONG)
-        for value in (*state.velocity, *state.rate, *state.joints, *state.joint_rates, *state.rotor_speeds):
+        for value in (
+            *state.velocity,
+            *state.rate,
+            *state.joints,
+            *state.joint_rates,
+            *state.rotor_speeds,
+        ):
             fine = logical_and(fine, absolute(value) < FAR)
         for value, target in zip(state.position, goal, strict=True):
             fine = logical_and(fine, absolute(value - target) < LOST)
         return fine
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """Message naming the first number that is not finite, else the first that is too large."""
+        """Message naming the first number that is not finite, else the first that is
+        too large.
+        """
         words, x = state_words(scenario.agent.vehicle), leaves(state)
         for name, value in zip(words, x, strict=True):
             if not math.isfinite(value):
@@ -87,7 +106,11 @@ class Divergence(Ending):
         for name, value, limit in zip(words, x, limits, strict=True):
             if not -limit < value < limit:
                 return f"{name} passed {limit:g}"
-        away = (name for name, value, target in zip(words, x, goal, strict=False) if not -LOST < value - target < LOST)
+        away = (
+            name
+            for name, value, target in zip(words, x, goal, strict=False)
+            if not -LOST < value - target < LOST
+        )
         return f"{next(away)} is over {LOST:g} m from the reference"
 
 
@@ -96,25 +119,39 @@ class JointLimits(Ending):
     """Termination when a joint exceeds a limit.
 
     Attributes:
-        stops: also of joints that hard stops hold at their limits: a touch then ends the episode.
+        stops: also of joints that hard stops hold at their limits: a touch then ends
+            the episode.
     """
 
     stops: bool = True
 
     status: ClassVar[str] = "joint_limit"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
+    def fine(
+        self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar
+    ) -> Scalar:
         """True if every joint is within its limits."""
         fine: Scalar = True
         for value, link in self._checked_joints(scenario, state):
-            inside = logical_and(add(link.joint.lower, slack) <= value, value <= sub(link.joint.upper, slack))
+            inside = logical_and(
+                add(link.joint.lower, slack) <= value,
+                value <= sub(link.joint.upper, slack),
+            )
             fine = logical_and(fine, inside)
         return fine
 
-    def _checked_joints(self, scenario: Scenario, state: State) -> list[tuple[Scalar, Link]]:
-        """Value and link of each joint whose limits are checked; joints with end stops may be exempt."""
+    def _checked_joints(
+        self, scenario: Scenario, state: State
+    ) -> list[tuple[Scalar, Link]]:
+        """Value and link of each joint whose limits are checked; joints with end stops
+        may be exempt.
+        """
         every = zip(state.joints, scenario.agent.vehicle.links, strict=True)
-        return [(value, link) for value, link in every if self.stops or not link.joint.has_stops]
+        return [
+            (value, link)
+            for value, link in every
+            if self.stops or not link.joint.has_stops
+        ]
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
         """Message naming the first joint beyond its limit."""
@@ -122,7 +159,10 @@ class JointLimits(Ending):
             joint = link.joint
             if not joint.lower <= value <= joint.upper:
                 limit = float(joint.upper if value > joint.upper else joint.lower)
-                return f"joint '{joint.name}' at {' passed '.join(apart(float(value), limit))}"
+                return (
+                    f"joint '{joint.name}' at"
+                    f" {' passed '.join(apart(float(value), limit))}"
+                )
         return self.status
 
 
@@ -132,13 +172,19 @@ class LawUndefined(Ending):
 
     status: ClassVar[str] = "controller_undefined"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
-        """True if the attitude is within the law's domain of definition; always true for a law without a limit."""
+    def fine(
+        self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar
+    ) -> Scalar:
+        """True if the attitude is within the law's domain of definition; always true
+        for a law without a limit.
+        """
         margin = scenario.agent.controller.margin
         return True if margin is None else margin(state.quaternion) >= slack
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """Message of the control law about the attitude at which its equations are singular."""
+        """Message of the control law about the attitude at which its equations are
+        singular.
+        """
         return scenario.agent.controller.limit
 
 
@@ -153,10 +199,14 @@ class DistanceEnding(Ending):
     margin: Scalar = 0
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
-        """Distances (m), each with names for the message, that end the episode where one is below the margin."""
+        """Distances (m), each with names for the message, that end the episode where
+        one is below the margin.
+        """
         raise NotImplementedError(f"{type(self).__name__} must define distances()")
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
+    def fine(
+        self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar
+    ) -> Scalar:
         """True if every distance is at least the margin."""
         fine: Scalar = True
         for distance, *_ in self.distances(scenario, state):
@@ -165,7 +215,9 @@ class DistanceEnding(Ending):
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
         """Message with the smallest distance and its names."""
-        least, *names = min(self.distances(scenario, state), key=lambda each: float(each[0]))
+        least, *names = min(
+            self.distances(scenario, state), key=lambda each: float(each[0])
+        )
         return self.words.format(float(least), *names)
 
 
@@ -178,7 +230,9 @@ class Ground(DistanceEnding):
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
         """Height of the vehicle's lowest point above the ground, if there is one."""
-        return [(lowest_point(scenario.agent.vehicle, state),)] if scenario.ground else []
+        return (
+            [(lowest_point(scenario.agent.vehicle, state),)] if scenario.ground else []
+        )
 
 
 @immutable
@@ -189,7 +243,9 @@ class RotorContact(DistanceEnding):
     words: ClassVar[str] = "rotor '{1}' touched surface '{2}'"
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
-        """Clearance of each rotor disc from each fixed surface, with the names of both."""
+        """Clearance of each rotor disc from each fixed surface, with the names of
+        both.
+        """
         R, clearances = state.rotation, list[Distance]()
         for contact in scenario.worlds:
             for rotor in turn_rotors(scenario.agent.vehicle, state.tilts).rotors:
@@ -208,26 +264,38 @@ class BodyContact(DistanceEnding):
     words: ClassVar[str] = "{1} is inside surface '{2}'"
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
-        """Distance of the base's origin and of each joint from each fixed surface, with the names of both."""
+        """Distance of the base's origin and of each joint from each fixed surface, with
+        the names of both.
+        """
         vehicle, distances = scenario.agent.vehicle, list[Distance]()
         for contact in scenario.worlds:
             R, poses = state.rotation, link_poses(vehicle, state.joints)
             points = [("the base", state.position)]
             joints = zip(vehicle.links, poses, strict=False)
-            points += [(f"joint '{link.joint.name}'", state.position + R.apply(pose.p)) for link, pose in joints]
+            points += [
+                (f"joint '{link.joint.name}'", state.position + R.apply(pose.p))
+                for link, pose in joints
+            ]
             for name, at in points:
-                distances += [(-surface.depth(at, 0, 0.0)[0], name, surface.name) for surface in contact.still]
+                distances += [
+                    (-surface.depth(at, 0, 0.0)[0], name, surface.name)
+                    for surface in contact.still
+                ]
         return distances
 
 
 @immutable
 class Clearance(DistanceEnding):
-    """Termination when a body of the vehicle comes too near to a fixed surface or to another body of the vehicle.
+    """Termination when a body of the vehicle comes too near to a fixed surface or to
+    another body of the vehicle.
 
     Rods of links that bear contact points, grippers or grasps may touch surfaces.
     """
 
-    margin: Annotated[Scalar, nonnegative("m", "smallest distance of a body that does not end the flight")] = 0.0
+    margin: Annotated[
+        Scalar,
+        nonnegative("m", "smallest distance of a body that does not end the flight"),
+    ] = 0.0
 
     status: ClassVar[str] = "clearance"
     words: ClassVar[str] = "{1} are {0:.4g} m apart"
@@ -252,11 +320,19 @@ BUILT_IN: tuple[Ending, ...] = (
 PHASE_FAILED = "phase_failed"
 """Status of a flight whose task has a phase that failed."""
 
-STATUSES = ("completed", *(ending.status for ending in BUILT_IN), PHASE_FAILED, Clearance.status)
+STATUSES = (
+    "completed",
+    *(ending.status for ending in BUILT_IN),
+    PHASE_FAILED,
+    Clearance.status,
+)
 
 
-def clearances_of(scenario: Scenario, *, moving: bool = True, touching: bool = True) -> Clearances:
-    """Pairs of the bodies of the only vehicle with surfaces, ``moving`` ones too, and with each other.
+def clearances_of(
+    scenario: Scenario, *, moving: bool = True, touching: bool = True
+) -> Clearances:
+    """Pairs of the bodies of the only vehicle with surfaces, ``moving`` ones too, and
+    with each other.
 
     Bodies with contact points may touch surfaces, unless ``touching`` is False.
     """
@@ -264,17 +340,30 @@ def clearances_of(scenario: Scenario, *, moving: bool = True, touching: bool = T
 
     vehicle, (name,) = scenario.agent.vehicle, scenario.agents
     contacts = [each.of_agent(name) for each in scenario.worlds]
-    surfaces = (surface for each in contacts for surface in (each.surfaces if moving else each.still))
-    return clearances(vehicle, surfaces, {body for each in contacts * touching for body in each.touching(vehicle)})
+    surfaces = (
+        surface
+        for each in contacts
+        for surface in (each.surfaces if moving else each.still)
+    )
+    return clearances(
+        vehicle,
+        surfaces,
+        {body for each in contacts * touching for body in each.touching(vehicle)},
+    )
 
 
 def lowest_point(vehicle: Vehicle, state: State) -> Scalar:
-    """World height of the vehicle's lowest point: base origin, rotor hubs, joints and named frames."""
+    """World height of the vehicle's lowest point: base origin, rotor hubs, joints and
+    named frames.
+    """
     R = state.rotation
     poses = link_poses(vehicle, state.joints, summed=True)
     points = [rotor.position for rotor in vehicle.rotors]
     points += [pose.p for pose in poses]
-    points += [f.position if f.link == BASE else poses[f.link].apply(f.position) for f in vehicle.frames]
+    points += [
+        f.position if f.link == BASE else poses[f.link].apply(f.position)
+        for f in vehicle.frames
+    ]
     lowest: Scalar = 0.0
     for point in points:
         lowest = minimum(lowest, R.r2.dot(point))
@@ -282,30 +371,56 @@ def lowest_point(vehicle: Vehicle, state: State) -> Scalar:
 
 
 def state_words(vehicle: Vehicle) -> list[str]:
-    """Names of all numbers of a plant state, in order, for messages: position.x, joint 'elbow', and so on."""
-    axes = [("position", "xyz"), ("quaternion", "wxyz"), ("velocity", "xyz"), ("rate", "xyz")]
+    """Names of all numbers of a plant state, in order, for messages: position.x, joint
+    'elbow', and so on.
+    """
+    axes = [
+        ("position", "xyz"),
+        ("quaternion", "wxyz"),
+        ("velocity", "xyz"),
+        ("rate", "xyz"),
+    ]
     named = [f"{word}.{axis}" for word, letters in axes for axis in letters]
     joints = vehicle.joint_names
-    named += [f"joint '{name}'" for name in joints] + [f"rate of joint '{name}'" for name in joints]
+    named += [f"joint '{name}'" for name in joints] + [
+        f"rate of joint '{name}'" for name in joints
+    ]
     named += [f"speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
-    return named + [f"angle of rotor '{rotor.name}'" for rotor in vehicle.rotors if rotor.tilt is not None]
+    return named + [
+        f"angle of rotor '{rotor.name}'"
+        for rotor in vehicle.rotors
+        if rotor.tilt is not None
+    ]
 
 
 def command_words(vehicle: Vehicle) -> list[str]:
-    """Names of all numbers of a command, in order, for messages: rotor speeds, joint efforts, rotor angles."""
+    """Names of all numbers of a command, in order, for messages: rotor speeds, joint
+    efforts, rotor angles.
+    """
     words = [f"commanded speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
     words += [f"commanded effort of joint '{joint.name}'" for joint in vehicle.joints]
-    return words + [f"commanded angle of rotor '{rotor.name}'" for rotor in vehicle.rotors if rotor.tilt is not None]
+    return words + [
+        f"commanded angle of rotor '{rotor.name}'"
+        for rotor in vehicle.rotors
+        if rotor.tilt is not None
+    ]
 
 
 def not_finite(vehicle: Vehicle, command: Sequence[float]) -> str | None:
-    """Message naming the first number of a command that is not finite; None if all are finite."""
+    """Message naming the first number of a command that is not finite; None if all are
+    finite.
+    """
     pairs = zip(command_words(vehicle), command, strict=True)
-    return next((f"{name} is not finite" for name, value in pairs if not math.isfinite(value)), None)
+    return next(
+        (f"{name} is not finite" for name, value in pairs if not math.isfinite(value)),
+        None,
+    )
 
 
 def apart(value: float, limit: float) -> tuple[str, str]:
-    """Format two different numbers with just enough digits (at least four) that their texts differ."""
+    """Format two different numbers with just enough digits (at least four) that their
+    texts differ.
+    """
     for digits in range(4, 18):
         texts = f"{value:.{digits}g}", f"{limit:.{digits}g}"
         if texts[0] != texts[1]:

@@ -1,7 +1,9 @@
-"""Grammar of a scenario file: its keys with type, unit, bounds and the times at which they may change.
+"""Grammar of a scenario file: its keys with type, unit, bounds and the times at which
+they may change.
 
-Left out are the words of tasks (``waypoints``, ``phases``), of ``reference.tip``, ``push`` and ``object``, which
-functions read from a table (:data:`BY_HAND`). The documents list them.
+Left out are the words of tasks (``waypoints``, ``phases``), of ``reference.tip``,
+``push`` and ``object``, which functions read from a table (:data:`BY_HAND`). The
+documents list them.
 """
 
 from __future__ import annotations
@@ -57,13 +59,31 @@ SHAPING = (str, int, bool)
 SIGNAL = "number, list or table: a signal"
 
 ENTRIES: Mapping[object, str] = {
-    **{float: "number", Scalar: "number", int: "whole number", str: "text", bool: "true or false"},
-    **{Vec3: "three numbers", Quaternion: "four numbers", Window: "[start, stop]", Terms: "list of names"},
-    **{"Command": SIGNAL, SignalList: "list of signals", SignalVector: "list of three signals"},
+    **{
+        float: "number",
+        Scalar: "number",
+        int: "whole number",
+        str: "text",
+        bool: "true or false",
+    },
+    **{
+        Vec3: "three numbers",
+        Quaternion: "four numbers",
+        Window: "[start, stop]",
+        Terms: "list of names",
+    },
+    **{
+        "Command": SIGNAL,
+        SignalList: "list of signals",
+        SignalVector: "list of three signals",
+    },
 }
 """Description in words of the entry for each type that is not a table of its fields."""
 
-CHOICES: Mapping[tuple[str, str], tuple[str, ...]] = {("Solver", "integrator"): INTEGRATORS, ("Gust", "shape"): SHAPES}
+CHOICES: Mapping[tuple[str, str], tuple[str, ...]] = {
+    ("Solver", "integrator"): INTEGRATORS,
+    ("Gust", "shape"): SHAPES,
+}
 """Allowed texts of a field whose type does not list them, by class and field."""
 
 OTHERWISE: Mapping[tuple[str, str], str] = {
@@ -72,13 +92,16 @@ OTHERWISE: Mapping[tuple[str, str], str] = {
     ("TimedPayload", "drop"): "number, or a table: a place",
     ("GustyWind", "gust"): "table, or a list of them",
 }
-"""Descriptions of entries that allow more than their field's type, by class and field."""
+"""Descriptions of entries that allow more than their field's type, by class and
+field."""
 
 NAMED_BY = {"environment.wind": "mode", "team": "law"}
-"""Keys that name the class of a table otherwise than by ``kind``, by the table's path."""
+"""Keys that name the class of a table otherwise than by ``kind``, by the table's
+path."""
 
 NO_WORDS = (("Fault", "signal"), ("Team", "motion"))
-"""Fields that have no key of their own because another key states them, by class and field."""
+"""Fields that have no key of their own because another key states them, by class and
+field."""
 
 BY_HAND = ("reference.base", "reference.tip", "reference.push", "reference.object")
 """Tables of which some or all keys, except the kinds, are not listed."""
@@ -88,10 +111,12 @@ class GrammarRow(NamedTuple):
     """One key of a scenario file, with its type, unit, bounds and meaning.
 
     Attributes:
-        path: dotted; ``*`` stands for a name of one's own, ``[]`` for each item of a list, ``SIGNAL`` for any signal.
+        path: dotted; ``*`` stands for a name of one's own, ``[]`` for each item of a
+            list, ``SIGNAL`` for any signal.
         of: kind of the table that has the word, where tables have kinds.
         entry: its type, in words.
-        unit: SI. bounds: bounds in words. varies: times at which its numbers may change.
+        unit: SI. bounds: bounds in words. varies: times at which its numbers may
+            change.
         whole: True if a change may replace all of it.
         meaning: meaning in words.
         effect: consequence of a higher or lower value, of a number that people tune.
@@ -111,9 +136,16 @@ class GrammarRow(NamedTuple):
 
 
 def grammar() -> tuple[GrammarRow, ...]:
-    """List the keys of a scenario file in field order; keys of registered classes follow the key that holds them."""
+    """List the keys of a scenario file in field order; keys of registered classes
+    follow the key that holds them.
+    """
     of_slots = (row for slot in slots(Scenario) for row in _rows(slot))
-    rows = (GrammarRow("schema", "", "whole number", bounds="1"), *of_slots, *_of_numbers(), *_of_signals())
+    rows = (
+        GrammarRow("schema", "", "whole number", bounds="1"),
+        *of_slots,
+        *_of_numbers(),
+        *_of_signals(),
+    )
     return tuple(map(_with_texts, rows))
 
 
@@ -130,7 +162,9 @@ def _with_texts(row: GrammarRow) -> GrammarRow:
 
 def without_links(row: GrammarRow) -> GrammarRow:
     """Row for a terminal: links of the reference page are their words."""
-    return row._replace(meaning=LINK.sub(r"\1", row.meaning), default=LINK.sub(r"\1", row.default))
+    return row._replace(
+        meaning=LINK.sub(r"\1", row.meaning), default=LINK.sub(r"\1", row.default)
+    )
 
 
 LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
@@ -138,7 +172,9 @@ LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
 
 
 def default_in_words(value: object) -> str:
-    """Default value as a file writes it; "required" if there is none, empty for a table."""
+    """Default value as a file writes it; "required" if there is none, empty for a
+    table.
+    """
     if value is dataclasses.MISSING:
         return "required"
     if value is None or value in ((), ""):
@@ -149,7 +185,9 @@ def default_in_words(value: object) -> str:
         return f'"{value}"'
     if isinstance(value, float | int):
         return "no limit" if math.isinf(value) else _exact(value)
-    if isinstance(value, Vec3 | Quaternion | tuple) and all(isinstance(each, float | int) for each in value):
+    if isinstance(value, Vec3 | Quaternion | tuple) and all(
+        isinstance(each, float | int) for each in value
+    ):
         return "[" + ", ".join(map(_exact, value)) + "]"
     return ""
 
@@ -164,14 +202,28 @@ def _of_numbers() -> Iterator[GrammarRow]:
     """Keys of a scenario file that correspond to no field of the scenario dataclass."""
     yield GrammarRow("environment", "", "table")
     yield GrammarRow("plugins", "", "table")
-    yield GrammarRow("plugins.need", "", "list of texts", meaning="plugins that must be loaded")
+    yield GrammarRow(
+        "plugins.need", "", "list of texts", meaning="plugins that must be loaded"
+    )
     yield GrammarRow("numbers", "", "table of numbers by path", meaning="applied last")
-    yield GrammarRow("agents", "", "table of agents by name", meaning="tables of one of several agents")
+    yield GrammarRow(
+        "agents",
+        "",
+        "table of agents by name",
+        meaning="tables of one of several agents",
+    )
 
 
 def _of_signals() -> Iterator[GrammarRow]:
-    """Keys of time signals whose class is a dataclass, and the kinds of all time signals."""
-    yield GrammarRow("SIGNAL.kind", "", _one_of(names("signal")), meaning="of every signal that is a table")
+    """Keys of time signals whose class is a dataclass, and the kinds of all time
+    signals.
+    """
+    yield GrammarRow(
+        "SIGNAL.kind",
+        "",
+        _one_of(names("signal")),
+        meaning="of every signal that is a table",
+    )
     for named in names("signal"):
         kind = find("signal", named)
         if isinstance(kind, type):
@@ -179,12 +231,18 @@ def _of_signals() -> Iterator[GrammarRow]:
         yield from _by_hand(word_texts.SIGNALS, named, "SIGNAL")
 
 
-def _by_hand(words: tuple[word_texts.HandWord, ...], named: str, at: str) -> Iterator[GrammarRow]:
+def _by_hand(
+    words: tuple[word_texts.HandWord, ...], named: str, at: str
+) -> Iterator[GrammarRow]:
     """Keys of a shipped kind that a function reads from its table."""
     for each in words:
         if each.kind == named:
             entry = SIGNAL if each.entry == "signal" else each.entry
-            when = WHEN["always"] if "number" in entry or entry == SIGNAL else WHEN["never"]
+            when = (
+                WHEN["always"]
+                if "number" in entry or entry == SIGNAL
+                else WHEN["never"]
+            )
             yield GrammarRow(
                 f"{at}.{each.name}",
                 named,
@@ -209,11 +267,23 @@ def _rows(slot: Slot) -> Iterator[GrammarRow]:
     if slot.word.whole:
         when = f"{WHOLE}; {when}" if slot.word.varies == "always" else WHOLE
     usual = default_in_words(slot.default)
-    yield GrammarRow(at, "", entry, unit.unit, _bounds(unit), when, slot.word.whole, *_words(unit), usual)
+    yield GrammarRow(
+        at,
+        "",
+        entry,
+        unit.unit,
+        _bounds(unit),
+        when,
+        slot.word.whole,
+        *_words(unit),
+        usual,
+    )
     if slot.word.kind:
         kinds = [named for each in slot.word.kind.split() for named in names(each)]
         usual = f" ({slot.word.usual} if left out)" if slot.word.usual else ""
-        yield GrammarRow(f"{at}.{NAMED_BY.get(slot.path, 'kind')}", "", f"{_one_of(kinds)}{usual}")
+        yield GrammarRow(
+            f"{at}.{NAMED_BY.get(slot.path, 'kind')}", "", f"{_one_of(kinds)}{usual}"
+        )
         for each in slot.word.kind.split():
             for named in names(each):
                 kind = find(each, named)
@@ -229,7 +299,9 @@ def _rows(slot: Slot) -> Iterator[GrammarRow]:
 
 
 def _slot_entry(slot: Slot) -> str:
-    """Description of the entry that a file may have for a key, such as a number, one of some names, or a table."""
+    """Description of the entry that a file may have for a key, such as a number, one of
+    some names, or a table.
+    """
     if slot.path == "plant.kind":
         return _one_of(names("plant"))
     if slot.path == "plant.integrator":
@@ -238,13 +310,24 @@ def _slot_entry(slot: Slot) -> str:
         return _one_of(CLOSURES)
     if slot.path == "reference.governor":
         return "true, false or a table"
-    return "list of tables" if _is_list(slot) else "table" if slot.path != slot.table else entry_in_words(slot.type)
+    return (
+        "list of tables"
+        if _is_list(slot)
+        else "table"
+        if slot.path != slot.table
+        else entry_in_words(slot.type)
+    )
 
 
 def _of_record(
-    kind: type, at: str, varies: str, named: str, called: Mapping[str, str] | None = None
+    kind: type,
+    at: str,
+    varies: str,
+    named: str,
+    called: Mapping[str, str] | None = None,
 ) -> Iterator[GrammarRow]:
-    """Keys for the fields of a dataclass below a table, and for the fields of dataclasses inside it.
+    """Keys for the fields of a dataclass below a table, and for the fields of
+    dataclasses inside it.
 
     Args:
         kind: class of the record.
@@ -261,33 +344,69 @@ def _of_record(
         if any((base, name) in NO_WORDS for base in bases):
             continue
         word = words.get(name, name)
-        lists = "[]" if typing.get_origin(annotation) is tuple and _records_in(annotation) and word == name else ""
+        lists = (
+            "[]"
+            if typing.get_origin(annotation) is tuple
+            and _records_in(annotation)
+            and word == name
+            else ""
+        )
         # else it is another spelling of that field's word
         if words.get(name) not in declared:
-            when = f"where {lifted[name]} is stated" if name in lifted else "never" if unit.fixed else varies
-            when = when if annotation not in SHAPING and "'" not in entry_in_words(annotation) else "never"
+            when = (
+                f"where {lifted[name]} is stated"
+                if name in lifted
+                else "never"
+                if unit.fixed
+                else varies
+            )
+            when = (
+                when
+                if annotation not in SHAPING and "'" not in entry_in_words(annotation)
+                else "never"
+            )
             more = (CHOICES[base, name] for base in bases if (base, name) in CHOICES)
             entry = next(map(_one_of, more), entry_in_words(annotation))
-            entry = next((OTHERWISE[base, name] for base in bases if (base, name) in OTHERWISE), entry)
+            entry = next(
+                (OTHERWISE[base, name] for base in bases if (base, name) in OTHERWISE),
+                entry,
+            )
             text = word_texts.of_field(tuple(bases), name)
             held = next((each.__name__ for each in _records_in(annotation)), "")
             meaning = text.meaning or unit.meaning or word_texts.TYPES.get(held, "")
-            default, effect = text.default or default_in_words(usual[name]), text.effect or unit.effect
+            default, effect = (
+                text.default or default_in_words(usual[name]),
+                text.effect or unit.effect,
+            )
             in_unit, blows = unit.unit, (called or {}).get("peak", "")
             if blows and name == "peak":
                 in_unit, meaning = PEAKS[blows]
             elif blows == "force" and name == "shape":
                 entry = _one_of(SHAPES[:1])  # all that a file may state
             yield GrammarRow(
-                f"{at}.{word}{lists}", named, entry, in_unit, _bounds(unit), when, False, meaning, effect, default
+                f"{at}.{word}{lists}",
+                named,
+                entry,
+                in_unit,
+                _bounds(unit),
+                when,
+                False,
+                meaning,
+                effect,
+                default,
             )
         for each in _records_in(annotation):
             if (word, each) not in inside and each is not kind:
                 inside.add((word, each))
-                peak = {"peak": kind.blows} if each is Gust and hasattr(kind, "blows") else None
+                peak = (
+                    {"peak": kind.blows}
+                    if each is Gust and hasattr(kind, "blows")
+                    else None
+                )
                 yield from _of_record(each, f"{at}.{word}{lists}", varies, named, peak)
                 yield from (
-                    GrammarRow(f"{at}.{word}.{row.path}", named, *row[2:]) for row in MORE.get(each.__name__, ())
+                    GrammarRow(f"{at}.{word}.{row.path}", named, *row[2:])
+                    for row in MORE.get(each.__name__, ())
                 )
 
 
@@ -299,7 +418,16 @@ PEAKS: Mapping[str, tuple[str, str]] = {
 
 MORE: Mapping[str, tuple[GrammarRow, ...]] = {
     "Reach": (
-        GrammarRow("after", "", "number", "s", "at least 0", WHEN["always"], meaning="earliest instant", default="0"),
+        GrammarRow(
+            "after",
+            "",
+            "number",
+            "s",
+            "at least 0",
+            WHEN["always"],
+            meaning="earliest instant",
+            default="0",
+        ),
     ),
     Dryden.__name__: (
         GrammarRow(
@@ -340,26 +468,56 @@ def _words(unit: Unit) -> tuple[str, str]:
 
 
 def _of_truth(path: str, truth: object) -> Iterator[GrammarRow]:
-    """Keys of [plant] and [model], without those of the vehicle, which has a file of its own."""
+    """Keys of [plant] and [model], without those of the vehicle, which has a file of
+    its own.
+    """
     always = WHEN["always"]
     gravity = declared_units(Model if truth is None else truth)["gravity"][1]
-    yield GrammarRow(f"{path}.vehicle", "", "text", meaning="name of a shipped vehicle, or a path")
-    yield GrammarRow(f"{path}.gravity", "", "number", gravity.unit, _bounds(gravity), always, False, gravity.meaning)
+    yield GrammarRow(
+        f"{path}.vehicle", "", "text", meaning="name of a shipped vehicle, or a path"
+    )
+    yield GrammarRow(
+        f"{path}.gravity",
+        "",
+        "number",
+        gravity.unit,
+        _bounds(gravity),
+        always,
+        False,
+        gravity.meaning,
+    )
     yield from _of_record(Payload, f"{path}.payload", always, "")
     declared = declared_fields(Joint)
     for name in JOINT_NUMBERS:
         unit = declared[name][1]
         words = "number, or one for each joint"
         at = f"{path}.joints.{name}"
-        yield GrammarRow(at, "", words, unit.unit, _bounds(unit), always, False, *_words(unit), "the vehicle's")
+        yield GrammarRow(
+            at,
+            "",
+            words,
+            unit.unit,
+            _bounds(unit),
+            always,
+            False,
+            *_words(unit),
+            "the vehicle's",
+        )
 
 
 def _of_controller() -> Iterator[GrammarRow]:
-    """Keys of [controller]: presets, laws and autopilots, the options of each, and the layers around a law."""
+    """Keys of [controller]: presets, laws and autopilots, the options of each, and the
+    layers around a law.
+    """
     yield GrammarRow("controller.preset", "", _one_of(PRESETS), varies=WHOLE)
     yield GrammarRow("controller.law", "", _one_of(LAWS), varies=WHOLE)
     yield GrammarRow("controller.autopilot", "", _one_of(AUTOPILOTS))
-    yield GrammarRow("controller.tuned", "", "true or false, or the path of a file of gains", varies=WHOLE)
+    yield GrammarRow(
+        "controller.tuned",
+        "",
+        "true or false, or the path of a file of gains",
+        varies=WHOLE,
+    )
     yield GrammarRow("controller.servos", "", "true or false", varies=WHOLE)
     yield GrammarRow("controller.safety", "", "true or false, or a table", varies=WHOLE)
     yield from _of_record(Limits, "controller.safety", WHEN["always"], "")
@@ -372,24 +530,48 @@ def _of_controller() -> Iterator[GrammarRow]:
         meaning="joint positions of the stowed arm",
     )
     for law in (*LAWS, *AUTOPILOTS):
-        kinds, texts = declared_units(Options) | declared_units(entry_of(law).function()), option_texts(law)
+        kinds, texts = (
+            declared_units(Options) | declared_units(entry_of(law).function()),
+            option_texts(law),
+        )
         for word, option in option_words(law).items():
             text, annotation = texts[option], kinds.get(option, (None, NUMBER))[0]
-            entry = text.entry or ("as the law takes it" if annotation is None else entry_in_words(annotation))
+            entry = text.entry or (
+                "as the law takes it"
+                if annotation is None
+                else entry_in_words(annotation)
+            )
             bounds = text.allowed.replace("`", "") or _bounds(text.unit)
             unit, effect = text.unit, text.effect or text.unit.effect
             default = text.usual or default_in_words(text.default)
             yield GrammarRow(
-                f"controller.{word}", law, entry, unit.unit, bounds, WHOLE, False, unit.meaning, effect, default
+                f"controller.{word}",
+                law,
+                entry,
+                unit.unit,
+                bounds,
+                WHOLE,
+                False,
+                unit.meaning,
+                effect,
+                default,
             )
             for each in _records_in(annotation):
                 yield from _of_record(each, f"controller.{word}", WHEN["always"], law)
 
 
 def _of_reference() -> Iterator[GrammarRow]:
-    """Keys of [reference], except those of motions and signals that read their whole table themselves."""
+    """Keys of [reference], except those of motions and signals that read their whole
+    table themselves.
+    """
     always = f"{WHOLE}; its numbers {WHEN['always']}"
-    yield GrammarRow("reference.base", "", "table, or a list of them: a motion", varies=always, whole=True)
+    yield GrammarRow(
+        "reference.base",
+        "",
+        "table, or a list of them: a motion",
+        varies=always,
+        whole=True,
+    )
     yield GrammarRow("reference.base.kind", "", _one_of(names("motion")))
     for named in names("motion"):
         yield from _by_hand(word_texts.MOTIONS, named, "reference.base")
@@ -398,25 +580,71 @@ def _of_reference() -> Iterator[GrammarRow]:
             for name, (annotation, unit) in declared_units(make).items():
                 if name != "return":
                     entry = entry_in_words(annotation)
-                    yield GrammarRow(f"reference.base.{name}", named, entry, unit.unit, _bounds(unit), WHEN["always"])
+                    yield GrammarRow(
+                        f"reference.base.{name}",
+                        named,
+                        entry,
+                        unit.unit,
+                        _bounds(unit),
+                        WHEN["always"],
+                    )
     yield GrammarRow(
-        "reference.yaw", "", SIGNAL, "rad", varies=always, whole=True, meaning="desired heading about world z"
+        "reference.yaw",
+        "",
+        SIGNAL,
+        "rad",
+        varies=always,
+        whole=True,
+        meaning="desired heading about world z",
     )
     yield GrammarRow(
-        "reference.joints[]", "", SIGNAL, "rad or m", varies=always, whole=True, meaning="one for each joint"
+        "reference.joints[]",
+        "",
+        SIGNAL,
+        "rad or m",
+        varies=always,
+        whole=True,
+        meaning="one for each joint",
     )
-    yield GrammarRow("reference.tip", "", "table", meaning="motion of the tip, from which base and joints follow")
-    yield GrammarRow("reference.push", "", "table", meaning="force of the tip on a surface")
-    yield GrammarRow("reference.object", "", "table", meaning="motion of an object that a team carries")
-    yield GrammarRow("reference.load", "", SIGNAL, meaning="above 0.5 while the tip holds a load")
+    yield GrammarRow(
+        "reference.tip",
+        "",
+        "table",
+        meaning="motion of the tip, from which base and joints follow",
+    )
+    yield GrammarRow(
+        "reference.push", "", "table", meaning="force of the tip on a surface"
+    )
+    yield GrammarRow(
+        "reference.object",
+        "",
+        "table",
+        meaning="motion of an object that a team carries",
+    )
+    yield GrammarRow(
+        "reference.load", "", SIGNAL, meaning="above 0.5 while the tip holds a load"
+    )
     yield from (GrammarRow(f"reference.{row.path}", *row[1:]) for row in PLAN)
     yield from _of_record(PlannedBody, "reference.planned", WHEN["never"], "")
 
 
 PLAN = (
-    GrammarRow("kind", "", "'plan'", meaning="motion of a plan's file, in place of base, yaw, joints and tip"),
+    GrammarRow(
+        "kind",
+        "",
+        "'plan'",
+        meaning="motion of a plan's file, in place of base, yaw, joints and tip",
+    ),
     GrammarRow("file", "", "text", meaning="file of skyarm plan; only with kind plan"),
-    GrammarRow("start", "", "number", "s", "at least 0", meaning="when the plan begins", default="0"),
+    GrammarRow(
+        "start",
+        "",
+        "number",
+        "s",
+        "at least 0",
+        meaning="when the plan begins",
+        default="0",
+    ),
 )
 """Keys of [reference] that the reader replaces by the signals of a plan."""
 
@@ -424,16 +652,21 @@ PLAN = (
 def _of_start() -> Iterator[GrammarRow]:
     """Keys of [initial]."""
     yield from _of_record(State, "initial", WHEN["between"], "")
-    yield GrammarRow("initial.standing", "", "true or false", meaning="at rest on what is below")
+    yield GrammarRow(
+        "initial.standing", "", "true or false", meaning="at rest on what is below"
+    )
 
 
 SPECIAL: Mapping[str, Callable[[], Iterator[GrammarRow]]] = {
     "controller": _of_controller,
     "reference": _of_reference,
     "initial": _of_start,
-    "reference.governor": lambda: _of_record(GovernorOptions, "reference.governor", WHEN["never"], ""),
+    "reference.governor": lambda: _of_record(
+        GovernorOptions, "reference.governor", WHEN["never"], ""
+    ),
 }
-"""Tables whose keys differ from the fields of their record, each with the function that lists them."""
+"""Tables whose keys differ from the fields of their record, each with the function that
+lists them."""
 
 
 def _is_list(slot: Slot) -> bool:
@@ -441,18 +674,28 @@ def _is_list(slot: Slot) -> bool:
 
 
 def _records_in(annotation: object) -> tuple[type, ...]:
-    """Dataclasses within a field's type that a file writes as tables; none for a vehicle, which has its own file."""
+    """Dataclasses within a field's type that a file writes as tables; none for a
+    vehicle, which has its own file.
+    """
     options = typing.get_args(annotation)
     if options:
         return tuple(record for each in options for record in _records_in(each))
-    if not is_record_class(annotation) or _in_words(annotation) or annotation is Vehicle:
+    if (
+        not is_record_class(annotation)
+        or _in_words(annotation)
+        or annotation is Vehicle
+    ):
         return ()
     return () if issubclass(annotation, Signal) else (annotation,)
 
 
 def _in_words(annotation: object) -> str:
-    """Description of the entry for a type in a file; empty for a type that is written as a table of its fields."""
-    return ENTRIES.get(annotation) or ENTRIES.get(getattr(annotation, "__name__", ""), "")
+    """Description of the entry for a type in a file; empty for a type that is written
+    as a table of its fields.
+    """
+    return ENTRIES.get(annotation) or ENTRIES.get(
+        getattr(annotation, "__name__", ""), ""
+    )
 
 
 def entry_in_words(annotation: object) -> str:
@@ -464,10 +707,16 @@ def entry_in_words(annotation: object) -> str:
         return _one_of(options)
     if typing.get_origin(annotation) is tuple:
         inner = entry_in_words(options[0])
-        return {"number": "list of numbers", "table": "list of tables"}.get(inner, f"list of {inner}")
+        return {"number": "list of numbers", "table": "list of tables"}.get(
+            inner, f"list of {inner}"
+        )
     if options and len(options) < len(typing.get_args(annotation)):
         return entry_in_words(options[0])
-    return SIGNAL if isinstance(annotation, type) and issubclass(annotation, Signal) else "table"
+    return (
+        SIGNAL
+        if isinstance(annotation, type) and issubclass(annotation, Signal)
+        else "table"
+    )
 
 
 def _one_of(texts: typing.Iterable[object]) -> str:
@@ -477,6 +726,14 @@ def _one_of(texts: typing.Iterable[object]) -> str:
 
 def _bounds(unit: Unit) -> str:
     """Text of a number's bounds; empty if it has none."""
-    low = f"{'above' if unit.strict else 'at least'} {unit.low:g}" if unit.low > -float("inf") else ""
-    high = f"{'below' if unit.strict else 'at most'} {unit.high:g}" if unit.high < float("inf") else ""
+    low = (
+        f"{'above' if unit.strict else 'at least'} {unit.low:g}"
+        if unit.low > -float("inf")
+        else ""
+    )
+    high = (
+        f"{'below' if unit.strict else 'at most'} {unit.high:g}"
+        if unit.high < float("inf")
+        else ""
+    )
     return ", ".join(filter(None, (low, high)))

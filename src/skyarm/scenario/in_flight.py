@@ -1,8 +1,10 @@
-"""Scheduled changes during a flight: parameters or whole sections of the scenario, such as the law, are replaced.
+"""Scheduled changes during a flight: parameters or whole sections of the scenario, such
+as the law, are replaced.
 
-Changes replace, they do not add up: at any instant the scenario is the one that began, with each path's latest value
-in the place of its own. A load that a change sets is therefore the load on top of what the vehicle carried at the
-start, whatever was set in between. A part that is replaced as a whole takes the changes below it along: a law that
+Changes replace, they do not add up: at any instant the scenario is the one that began,
+with each path's latest value in the place of its own. A load that a change sets is
+therefore the load on top of what the vehicle carried at the start, whatever was set in
+between. A part that is replaced as a whole takes the changes below it along: a law that
 is changed begins with gains of its own. Parts are replaced first, then numbers.
 """
 
@@ -26,7 +28,14 @@ from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario import readers
 from skyarm.scenario.document import PartDocument
-from skyarm.scenario.numbers import declared_at, is_added, means_the_same, number_at, require_apart, with_numbers
+from skyarm.scenario.numbers import (
+    declared_at,
+    is_added,
+    means_the_same,
+    number_at,
+    require_apart,
+    with_numbers,
+)
 from skyarm.scenario.paths import (
     alone,
     by_agent,
@@ -47,16 +56,21 @@ from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_
 
 @cache
 def whole_parts() -> dict[str, Slot]:
-    """Paths of sections that a scheduled change may replace as a whole, each with the declaration of its file key."""
+    """Paths of sections that a scheduled change may replace as a whole, each with the
+    declaration of its file key.
+    """
     by_path = dict[str, Slot]()
     for slot in slots(Scenario):
         if slot.word.whole:
-            by_path |= {slot.path: slot} | {f"{slot.path}.{entry}": slot for entry, _ in slot.word.entries}
+            by_path |= {slot.path: slot} | {
+                f"{slot.path}.{entry}": slot for entry, _ in slot.word.entries
+            }
     return by_path
 
 
 def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
-    """Scenario with one whole section of its file, such as [controller] or the wind, replaced.
+    """Scenario with one whole section of its file, such as [controller] or the wind,
+    replaced.
 
     Args:
         scenario: scenario with the model and clocks of a new law.
@@ -67,33 +81,54 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
         ValueError: one line with the path, the value and what is allowed.
     """
     if scenario.is_team:
-        changed = by_agent(scenario, {path: value}, lambda one, own: with_part(one, *next(iter(own.items()))))
+        changed = by_agent(
+            scenario,
+            {path: value},
+            lambda one, own: with_part(one, *next(iter(own.items()))),
+        )
         check_scenario(changed)
         return changed
     scenario, path = alone(scenario, path)
     model = scenario.agent.model
-    with errors_as(ValueError, f"model.vehicle = {model.vehicle.name!r}: ", AllocationError):
+    with errors_as(
+        ValueError, f"model.vehicle = {model.vehicle.name!r}: ", AllocationError
+    ):
         fields = _fields_of_part(scenario, path, value)
         changed = replace_at(scenario, fields)
         check_scenario(changed, fields)
         return changed
 
 
-def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place, object]:
-    """New values of scenario fields, by path, if a section of the scenario file, such as the wind, is replaced."""
+def _fields_of_part(
+    scenario: Scenario, path: str, value: object
+) -> dict[Place, object]:
+    """New values of scenario fields, by path, if a section of the scenario file, such
+    as the wind, is replaced.
+    """
     slot = whole_parts()[path]
     document = PartDocument(slot.path, value, scenario)
     if path == LAW:
         return {slot.field: readers.law(scenario, value)}
     if path != slot.path:
-        fixed = "must stay as it is where the reference has a tip" if scenario.agent.reference.tip is not None else ""
+        fixed = (
+            "must stay as it is where the reference has a tip"
+            if scenario.agent.reference.tip is not None
+            else ""
+        )
         fixed = PLANNED if scenario.agent.path_time is not None else fixed
         if fixed:
-            raise ValueError(f"{path} = {shown(value)}: {fixed}; replace reference as a whole")
+            raise ValueError(
+                f"{path} = {shown(value)}: {fixed}; replace reference as a whole"
+            )
         entry = path.removeprefix(f"{slot.path}.")
-        trajectory = trajectory_from({entry: value}, scenario.agent.vehicle.n, "reference", document.setting)
+        trajectory = trajectory_from(
+            {entry: value}, scenario.agent.vehicle.n, "reference", document.setting
+        )
         require_events_as_begun(scenario, document.setting.events)
-        return {(*slot.field, name): getattr(trajectory, name) for name in dict(slot.word.entries)[entry]}
+        return {
+            (*slot.field, name): getattr(trajectory, name)
+            for name in dict(slot.word.entries)[entry]
+        }
     fields = document.planned_fields()
     require_events_as_begun(scenario, document.setting.events)
     return fields
@@ -101,7 +136,8 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place,
 
 @positional
 class Overrides:
-    """Replacements made by scheduled changes so far: pairs of parameter path, such as plant.gravity, and value.
+    """Replacements made by scheduled changes so far: pairs of parameter path, such as
+    plant.gravity, and value.
 
     Attributes:
         parts: whole parts, as a file has them. numbers: changed numbers by path.
@@ -111,7 +147,9 @@ class Overrides:
     numbers: tuple[tuple[str, float], ...] = ()
 
     def with_change(self, change: Change) -> Overrides:
-        """Overrides with one more scheduled change, which replaces an earlier one of the same parameter."""
+        """Overrides with one more scheduled change, which replaces an earlier one of
+        the same parameter.
+        """
         path, value = change.path, change.table
         if not is_part(path, value):
             others = tuple(pair for pair in self.numbers if pair[0] != path)
@@ -121,11 +159,13 @@ class Overrides:
         return Overrides((*parts, (path, value)), numbers)
 
     def data(self, scenario: Scenario, paths: Sequence[str] = ()) -> Overrides:
-        """Overrides in a canonical order, which depends on the order of the changes only where that has an effect.
+        """Overrides in a canonical order, which depends on the order of the changes
+        only where that has an effect.
 
         Args:
             scenario: scenario at the beginning of the flight.
-            paths: paths whose numbers are read too where nothing holds in their place, as far as there are any.
+            paths: paths whose numbers are read too where nothing holds in their place,
+                as far as there are any.
         """
         parts, numbers = self.parts_of(scenario), dict(self.numbers)
         for path in paths:
@@ -140,21 +180,32 @@ class Overrides:
                 numbers = dict(sorted(numbers.items()))
         return Overrides(self.parts, tuple(numbers.items()))
 
-    def _measured_limits(self, scenario: Scenario, numbers: Mapping[str, float]) -> dict[str, float]:
-        """Limits of safety layers, by path, that follow from gains among the numbers; traced code measures none."""
-        gains = [path for path in numbers if is_below(word_of(path), "controller.inner")]
+    def _measured_limits(
+        self, scenario: Scenario, numbers: Mapping[str, float]
+    ) -> dict[str, float]:
+        """Limits of safety layers, by path, that follow from gains among the numbers;
+        traced code measures none.
+        """
+        gains = [
+            path for path in numbers if is_below(word_of(path), "controller.inner")
+        ]
         if not gains:
             return {}
         changed = Overrides(self.parts, tuple(numbers.items())).of(scenario)
         return {
             path: number_at(changed, path)
             for name, agent in changed.agents.items()
-            if any(prefix_of(changed, name) in (path.removesuffix(word_of(path)), "") for path in gains)
+            if any(
+                prefix_of(changed, name) in (path.removesuffix(word_of(path)), "")
+                for path in gains
+            )
             for path in measured_paths(changed, name)
         }
 
     def holds(self, scenario: Scenario, path: str) -> bool:
-        """True if the parameter at a path is overridden, also under another name, as faults.0 for faults.front."""
+        """True if the parameter at a path is overridden, also under another name, as
+        faults.0 for faults.front.
+        """
         if not self.numbers or is_added(scenario, path) or path in dict(self.numbers):
             return path in dict(self.numbers)
         for own, _ in self.numbers:
@@ -164,12 +215,16 @@ class Overrides:
         return False
 
     def hides(self, path: str) -> bool:
-        """True if the overrides replace a parameter, or a whole section that contains the parameter."""
+        """True if the overrides replace a parameter, or a whole section that contains
+        the parameter.
+        """
         gone = any(_replaces(own, path) for own, _ in self.parts)
         return gone or any(path == own for own, _ in self.numbers)
 
     def parts_of(self, scenario: Scenario) -> Scenario:
-        """Scenario with overrides of whole sections applied; single parameters and scheduled changes are left out."""
+        """Scenario with overrides of whole sections applied; single parameters and
+        scheduled changes are left out.
+        """
         scenario = scenario.as_begun
         for path, value in self.parts:
             scenario = with_part(scenario, path, value)
@@ -181,9 +236,14 @@ class Overrides:
 
 
 def measured_paths(scenario: Scenario, name: str) -> tuple[str, ...]:
-    """Paths of the limits of a vehicle's safety layer that are measured on the law inside."""
+    """Paths of the limits of a vehicle's safety layer that are measured on the law
+    inside.
+    """
     one = scenario.of(name)
-    places = (("agent", "controller", *place) for place in measured_places(one.agent.controller))
+    places = (
+        ("agent", "controller", *place)
+        for place in measured_places(one.agent.controller)
+    )
     return tuple(prefix_of(scenario, name) + path_of(one, place) for place in places)
 
 
@@ -192,13 +252,19 @@ NONE = Overrides()
 
 
 def is_part(path: str, value: object) -> bool:
-    """True if a scheduled change replaces a whole section, such as the controller, and not a single number."""
+    """True if a scheduled change replaces a whole section, such as the controller, and
+    not a single number.
+    """
     word = word_of(path)
-    return word in whole_parts() and (word != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping)))
+    return word in whole_parts() and (
+        word != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping))
+    )
 
 
 def _replaces(part: str, path: str) -> bool:
-    """True if replacing a section of a scenario also replaces the parameter at a given path."""
+    """True if replacing a section of a scenario also replaces the parameter at a given
+    path.
+    """
     law = word_of(part) == LAW and is_below(path, part.removesuffix(".law"))
     return is_below(path, part) or law
 
@@ -208,7 +274,8 @@ class Stretch:
     """Interval of control periods between two scheduled changes.
 
     Attributes:
-        start: index of the first control period. overrides: changed values of the interval.
+        start: index of the first control period. overrides: changed values of the
+            interval.
     """
 
     start: int
@@ -216,7 +283,8 @@ class Stretch:
 
 
 def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
-    """Split a flight into intervals between its scheduled changes; the first is empty for a change at t = 0.
+    """Split a flight into intervals between its scheduled changes; the first is empty
+    for a change at t = 0.
 
     Changes after the end of the flight are ignored.
     """
@@ -234,7 +302,9 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
 
 
 def is_traceable(scenario: Scenario) -> bool:
-    """True if machine code can fly a whole flight: all its laws can be traced, and none is an external autopilot."""
+    """True if machine code can fly a whole flight: all its laws can be traced, and none
+    is an external autopilot.
+    """
     flown = [stretch.overrides.parts_of(scenario) for stretch in stretches(scenario)]
     laws = [each.controller for one in flown for each in one.agents.values()]
     return all(law.compiled and autopilot_of(law) is None for law in laws)
@@ -242,35 +312,54 @@ def is_traceable(scenario: Scenario) -> bool:
 
 def overrides_at(scenario: Scenario, tick: int) -> Overrides:
     """Overrides by scheduled changes that apply in a given control period."""
-    return [stretch for stretch in stretches(scenario) if stretch.start <= tick][-1].overrides
+    return [stretch for stretch in stretches(scenario) if stretch.start <= tick][
+        -1
+    ].overrides
 
 
 def sources(scenario: Scenario, tick: int) -> dict[str, int]:
-    """For each parameter changed up to a control period: index of the scheduled change that set it."""
+    """For each parameter changed up to a control period: index of the scheduled change
+    that set it.
+    """
     rate, numbers = scenario.rates.control, dict(overrides_at(scenario, tick).numbers)
-    made = sorted((change.tick(rate), i, change.path) for i, change in enumerate(scheduled_changes(scenario)))
+    made = sorted(
+        (change.tick(rate), i, change.path)
+        for i, change in enumerate(scheduled_changes(scenario))
+    )
     return {path: i for at, i, path in made if at <= tick and path in numbers}
 
 
 @cache
 def what_may() -> str:
     """Text that lists all parameters and sections that may change in flight."""
-    numbers = [slot.path for slot in slots(Scenario) if slot.word.varies == "always" and slot.path in variable_words()]
+    numbers = [
+        slot.path
+        for slot in slots(Scenario)
+        if slot.word.varies == "always" and slot.path in variable_words()
+    ]
     delays, parts = ", ".join(delay_words()), ", ".join(whole_parts())
-    return f"what may is {delays}, a number of {', '.join(numbers)}, or as a whole {parts}"
+    return (
+        f"what may is {delays}, a number of {', '.join(numbers)}, or as a whole {parts}"
+    )
 
 
 def require_changes(scenario: Scenario) -> None:
-    """Raise an error if a scheduled change is invalid; changes are tested in order of time.
+    """Raise an error if a scheduled change is invalid; changes are tested in order of
+    time.
 
     Raises:
-        ScenarioError: one line with the change, its path or its value, and what is allowed.
+        ScenarioError: one line with the change, its path or its value, and what is
+            allowed.
     """
-    if changes := [(f"changes[{i}]", each) for i, each in enumerate(scheduled_changes(scenario))]:
+    if changes := [
+        (f"changes[{i}]", each) for i, each in enumerate(scheduled_changes(scenario))
+    ]:
         _try_in_order(scenario, NONE.parts_of(scenario), NONE, changes)
 
 
-def try_coming(begun: Scenario, now: Scenario, overrides: Overrides, coming: Sequence[Change]) -> None:
+def try_coming(
+    begun: Scenario, now: Scenario, overrides: Overrides, coming: Sequence[Change]
+) -> None:
     """Raise an error if a change made now would make a later scheduled change invalid.
 
     Args:
@@ -283,11 +372,22 @@ def try_coming(begun: Scenario, now: Scenario, overrides: Overrides, coming: Seq
         ScenarioError: one line.
     """
     _try_in_order(
-        begun, now, overrides, [(f"after this the change at {each.at:g} s cannot be made", each) for each in coming]
+        begun,
+        now,
+        overrides,
+        [
+            (f"after this the change at {each.at:g} s cannot be made", each)
+            for each in coming
+        ],
     )
 
 
-def _try_in_order(begun: Scenario, now: Scenario, overrides: Overrides, changes: Sequence[tuple[str, Change]]) -> None:
+def _try_in_order(
+    begun: Scenario,
+    now: Scenario,
+    overrides: Overrides,
+    changes: Sequence[tuple[str, Change]],
+) -> None:
     """Test scheduled changes in order of time, those of one control period together."""
     rate = begun.rates.control
 
@@ -299,7 +399,10 @@ def _try_in_order(begun: Scenario, now: Scenario, overrides: Overrides, changes:
 
 
 def try_changes(
-    begun: Scenario, now: Scenario, overrides: Overrides, changes: Sequence[tuple[str, Change]]
+    begun: Scenario,
+    now: Scenario,
+    overrides: Overrides,
+    changes: Sequence[tuple[str, Change]],
 ) -> tuple[Overrides, Scenario]:
     """Apply simultaneous changes; return the new overrides and the resulting scenario.
 
@@ -318,7 +421,9 @@ def try_changes(
             _require_changeable(begun, change.path)
             if not is_part(change.path, change.value):
                 _require_number(now, change)
-                _require_one_load(now, change.path, [path for path, _ in following.numbers])
+                _require_one_load(
+                    now, change.path, [path for path, _ in following.numbers]
+                )
             following = following.with_change(change)
             if is_part(change.path, change.value):
                 now = following.of(begun)
@@ -330,64 +435,108 @@ def try_changes(
 
 @contextmanager
 def _name_change_in_errors(where: str) -> Iterator[None]:
-    """Context manager that puts the name of a scheduled change, such as changes[2], before error messages."""
+    """Context manager that puts the name of a scheduled change, such as changes[2],
+    before error messages.
+    """
     try:
         yield
     except ValueError as error:
         words = str(error)
-        joint = "." if where.endswith("]") and words.startswith(("path = ", "value = ")) else ": "
+        joint = (
+            "."
+            if where.endswith("]") and words.startswith(("path = ", "value = "))
+            else ": "
+        )
         raise ScenarioError(f"{where}{joint}{words}" if where else words) from None
 
 
 def _require_changeable(scenario: Scenario, path: str) -> None:
-    """Raise an error if a parameter or section of the scenario may not change during a flight."""
+    """Raise an error if a parameter or section of the scenario may not change during a
+    flight.
+    """
     one, word = alone(scenario, path)
     with errors_of_agent(agent_of(path) if word != path else ""):
         _require_changeable_word(one, word)
 
 
 def _require_changeable_word(scenario: Scenario, path: str) -> None:
-    """Raise an error if a parameter or section of a scenario of one vehicle may not change during a flight."""
+    """Raise an error if a parameter or section of a scenario of one vehicle may not
+    change during a flight.
+    """
     if path in whole_parts() or place_of_delay(scenario, path) is not None:
         return
     if path in delay_words():
         raise ScenarioError(
-            f"path = {path!r}: delays.longest_command is missing; it bounds delays that change in flight"
+            f"path = {path!r}: delays.longest_command is missing; it bounds delays that"
+            " change in flight"
         )
     fixed = [slot for slot in slots(Scenario) if slot.word.varies != "always"]
     for slot in fixed:
         if is_below(path, slot.path):
-            raise ScenarioError(f"path = {path!r}: {slot.path} must be as the flight began; {what_may()}")
-    starts = [start for start in roots(scenario) if start not in [slot.path for slot in fixed]]
+            raise ScenarioError(
+                f"path = {path!r}: {slot.path} must be as the flight began;"
+                f" {what_may()}"
+            )
+    starts = [
+        start for start in roots(scenario) if start not in [slot.path for slot in fixed]
+    ]
     if not any(path.startswith(f"{start}.") for start in starts):
         if path in starts:
-            raise ScenarioError(f"path = {path!r}: must lead to a number below it; {what_may()}")
-        near = did_you_mean(path, whole_parts()) or did_you_mean(path.split(".", maxsplit=1)[0], starts)
-        raise ScenarioError(f"path = {shown(path)}: {near}nothing of this name changes in flight; {what_may()}")
+            raise ScenarioError(
+                f"path = {path!r}: must lead to a number below it; {what_may()}"
+            )
+        near = did_you_mean(path, whole_parts()) or did_you_mean(
+            path.split(".", maxsplit=1)[0], starts
+        )
+        raise ScenarioError(
+            f"path = {shown(path)}: {near}nothing of this name changes in flight;"
+            f" {what_may()}"
+        )
 
 
 def _require_number(scenario: Scenario, change: Change) -> None:
-    """Raise an error unless a change's path leads to a number and the change's value is a number."""
+    """Raise an error unless a change's path leads to a number and the change's value is
+    a number.
+    """
     try:
         number_at(scenario, change.path)
         if declared_at(scenario, change.path).begins:
-            raise ScenarioError(f"path = {change.path!r}: must be as the flight began, where alone it is read")
+            raise ScenarioError(
+                f"path = {change.path!r}: must be as the flight began, where alone it"
+                " is read"
+            )
     except ScenarioError as error:
-        near = did_you_mean(change.path, whole_parts()).strip() if change.path.count(".") < 2 else ""
+        near = (
+            did_you_mean(change.path, whole_parts()).strip()
+            if change.path.count(".") < 2
+            else ""
+        )
         raise ScenarioError(f"{error}; {near}" if near else str(error)) from None
     if type(change.value) is not float:
-        raise ScenarioError(f"value = {shown(change.table)}: must be a number, as {change.path} is one")
+        raise ScenarioError(
+            f"value = {shown(change.table)}: must be a number, as {change.path} is one"
+        )
 
 
 def _require_one_load(scenario: Scenario, path: str, changed: Sequence[str]) -> None:
-    """Raise an error if two paths set the payload mass at one frame, because payload masses add up."""
+    """Raise an error if two paths set the payload mass at one frame, because payload
+    masses add up.
+    """
     for other in changed if is_added(scenario, path) else ():
-        if other != path and is_added(scenario, other) and means_the_same(scenario, path, other):
-            raise ScenarioError(f"path = {path!r}: is the same load as {other!r}, must be changed by that name")
+        if (
+            other != path
+            and is_added(scenario, other)
+            and means_the_same(scenario, path, other)
+        ):
+            raise ScenarioError(
+                f"path = {path!r}: is the same load as {other!r}, must be changed by"
+                " that name"
+            )
 
 
 def require_continuous(old: Scenario, new: Scenario) -> None:
-    """Raise an error if a changed scenario differs in what is fixed for a flight, such as clock rates.
+    """Raise an error if a changed scenario differs in what is fixed for a flight, such
+    as clock rates.
 
     Raises:
         ScenarioError: names it.
@@ -396,9 +545,21 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
     for name, began in _held_by_all(old).items():
         value = after.get(name, began)
         if value != began:
-            late = "readings" if name.startswith("sensors.") else "setpoints" if ".drives." in name else ""
-            what, why = ("", f", since {late} are on their way") if late else (f"{shown(began)} ", "")
-            raise ScenarioError(f"{name} = {shown(value)}: must be {what}as the session began{why}")
+            late = (
+                "readings"
+                if name.startswith("sensors.")
+                else "setpoints"
+                if ".drives." in name
+                else ""
+            )
+            what, why = (
+                ("", f", since {late} are on their way")
+                if late
+                else (f"{shown(began)} ", "")
+            )
+            raise ScenarioError(
+                f"{name} = {shown(value)}: must be {what}as the session began{why}"
+            )
 
 
 def _held_by_all(scenario: Scenario) -> dict[str, object]:
@@ -411,8 +572,14 @@ def _held_by_all(scenario: Scenario) -> dict[str, object]:
 
 
 def _held_throughout(scenario: Scenario) -> dict[str, object]:
-    """Settings that must stay the same throughout a flight, by name, such as clocks, delays and sensor latencies."""
-    vehicle, delays, model = scenario.agent.vehicle, scenario.agent.delays, scenario.agent.model
+    """Settings that must stay the same throughout a flight, by name, such as clocks,
+    delays and sensor latencies.
+    """
+    vehicle, delays, model = (
+        scenario.agent.vehicle,
+        scenario.agent.delays,
+        scenario.agent.model,
+    )
     # those of the commands vary within a queue of that length
     if delays.longest_command is not None:
         delays = dataclasses.replace(delays, command=0.0, rotors=0, joints=0)
@@ -423,7 +590,10 @@ def _held_throughout(scenario: Scenario) -> dict[str, object]:
         **{"delays": delays, "joints": vehicle.n, "rotors": len(vehicle.rotors)},
     }
     for named in scenario.agent.sensors:
-        settings |= {f"sensors.{named.name}.{each}": getattr(named.sensor, each) for each in ("frequency", "latency")}
+        settings |= {
+            f"sensors.{named.name}.{each}": getattr(named.sensor, each)
+            for each in ("frequency", "latency")
+        }
     for root, links, drives in (
         ("plant", vehicle.links, scenario.agent.all_drives),
         ("model", model.vehicle.links, believed_drives(model)),

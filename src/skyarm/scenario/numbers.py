@@ -1,23 +1,26 @@
-"""Read and replace parameters of a scenario by dotted path, such as ``plant.vehicle.base.mass``.
+"""Read and replace parameters of a scenario by dotted path, such as
+``plant.vehicle.base.mass``.
 
-A path starts with a word of the scenario file below which numbers vary, such as ``plant`` or ``environment.air``
-(all: :func:`skyarm.scenario.paths.variable_words`), and goes on through the words of the file
-(``reference.base.radius``, ``plant.joints.damping``, ``environment.wind.force.0``) or the fields of the records:
-``plant.vehicle.base.mass``,
-``plant.vehicle.links.forearm.joint.damping``, ``controller.gains.position.x``, ``reference.z.value``. Items of a tuple
-are named by their number or, where they have one, by their name.
+A path starts with a word of the scenario file below which numbers vary, such as
+``plant`` or ``environment.air`` (all: :func:`skyarm.scenario.paths.variable_words`),
+and goes on through the words of the file (``reference.base.radius``,
+``plant.joints.damping``, ``environment.wind.force.0``) or the fields of the records:
+``plant.vehicle.base.mass``, ``plant.vehicle.links.forearm.joint.damping``,
+``controller.gains.position.x``, ``reference.z.value``. Items of a tuple are named by
+their number or, where they have one, by their name.
 
 Some numbers are not a field of any record:
 
-* ``plant.payload.mass``, ``model.payload.mass``: a point mass (kg) at the tip, or at another frame as
-  ``plant.payload.FRAME.mass``, on top of what the vehicle carries;
-* ``initial.*`` of a scenario without an initial state: the number replaced in the hover trim of the episode's own
-  vehicle;
-* ``initial.roll``, ``.pitch``, ``.yaw``: ZYX angles (rad) in place of the quaternion, whose components are scaled to
-  unit length together once one of them is replaced.
+* ``plant.payload.mass``, ``model.payload.mass``: a point mass (kg) at the tip, or at
+  another frame as ``plant.payload.FRAME.mass``, on top of what the vehicle carries;
+* ``initial.*`` of a scenario without an initial state: the number replaced in the hover
+  trim of the episode's own vehicle;
+* ``initial.roll``, ``.pitch``, ``.yaw``: ZYX angles (rad) in place of the quaternion,
+  whose components are scaled to unit length together once one of them is replaced.
 
-What a scenario states of its initial state stays as it is, whatever else changes; the rest is hover trim. A *sequence*
-of the file is the sum of its first value and its ramps, and varies as those: ``reference.joints.0.1.height``.
+What a scenario states of its initial state stays as it is, whatever else changes; the
+rest is hover trim. A *sequence* of the file is the sum of its first value and its
+ramps, and varies as those: ``reference.joints.0.1.height``.
 """
 
 from __future__ import annotations
@@ -35,9 +38,21 @@ from skyarm.records.files import errors_as, shown
 from skyarm.records.leaves import Place, Record, field_names, part, replace_at
 from skyarm.records.path_names import Viewed, agent_of, word_of
 from skyarm.records.units import OF_SIGNAL, Unit, units
-from skyarm.scenario.paths import Target, alone, by_agent, errors_of_agent, places_of, target_of
+from skyarm.scenario.paths import (
+    Target,
+    alone,
+    by_agent,
+    errors_of_agent,
+    places_of,
+    target_of,
+)
 from skyarm.scenario.scenario_checks import check_scenario
-from skyarm.scenario.scenario_record import PartialState, Scenario, ScenarioError, first_state
+from skyarm.scenario.scenario_record import (
+    PartialState,
+    Scenario,
+    ScenarioError,
+    first_state,
+)
 
 INITIAL: Place = ("agent", "initial")
 
@@ -52,10 +67,18 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
     """
     if scenario.is_team:
         for name in ("", *scenario.agents):
-            own = [word_of(path) if name else path for path in paths if agent_of(path) == name]
-            one = [alone(scenario, path)[0] for path in paths if agent_of(path) == name][:1]
+            own = [
+                word_of(path) if name else path
+                for path in paths
+                if agent_of(path) == name
+            ]
+            one = [
+                alone(scenario, path)[0] for path in paths if agent_of(path) == name
+            ][:1]
             with errors_of_agent(name):
-                require_apart(one[0] if one else scenario.of(next(iter(scenario.agents))), own)
+                require_apart(
+                    one[0] if one else scenario.of(next(iter(scenario.agents))), own
+                )
         return
     scenario = _with_initial_state(scenario, paths)
     seen: dict[Place, str] = {}
@@ -64,14 +87,20 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
         target = target_of(scenario, path)
         for place in target.names:
             if place in seen:
-                raise ScenarioError(f"path = {path!r}: is the same number as {seen[place]!r}; vary one of them")
+                raise ScenarioError(
+                    f"path = {path!r}: is the same number as {seen[place]!r}; vary one"
+                    " of them"
+                )
             seen[place] = path
         if target.view is not None and not target.view.adds:
             viewed[target.places[0]] = path
     for place, path in seen.items():
-        # the components of a quaternion are scaled together, and angles take the place of all of them
+        # the components of a quaternion are scaled together, and angles take the place
+        # of all of them
         if place[:-2] in viewed and place[-2] == "quaternion":
-            raise ScenarioError(f"path = {path!r}: must not vary together with {viewed[place[:-2]]!r}")
+            raise ScenarioError(
+                f"path = {path!r}: must not vary together with {viewed[place[:-2]]!r}"
+            )
 
 
 def means_the_same(scenario: Scenario, path: str, other: str) -> bool:
@@ -84,7 +113,9 @@ def means_the_same(scenario: Scenario, path: str, other: str) -> bool:
 
 
 def is_added(scenario: Scenario, path: str) -> bool:
-    """True if a parameter path denotes a payload mass, which adds to the vehicle's own mass."""
+    """True if a parameter path denotes a payload mass, which adds to the vehicle's own
+    mass.
+    """
     try:
         scenario, path = alone(scenario, path)
         view = target_of(_with_initial_state(scenario, (path,)), path).view
@@ -94,24 +125,33 @@ def is_added(scenario: Scenario, path: str) -> bool:
 
 
 def is_computed(scenario: Scenario, path: str) -> bool:
-    """True if the value at a path is computed from fields, or belongs to the reference or the initial state."""
+    """True if the value at a path is computed from fields, or belongs to the reference
+    or the initial state.
+    """
     scenario, path = alone(scenario, path)
     target = target_of(_with_initial_state(scenario, (path,)), path)
-    return target.view is not None or target.places[0][:2] in (INITIAL, ("agent", "reference"))
+    return target.view is not None or target.places[0][:2] in (
+        INITIAL,
+        ("agent", "reference"),
+    )
 
 
 def _with_initial_state(scenario: Scenario, paths: Iterable[str]) -> Scenario:
-    """Scenario with an explicit initial state if a path leads into it: the stated one, else hover trim."""
+    """Scenario with an explicit initial state if a path leads into it: the stated one,
+    else hover trim.
+    """
     if not any(path.startswith("initial.") for path in paths):
         return scenario
     return scenario.with_initial(first_state(scenario))
 
 
 def number_at(scenario: Scenario, path: str) -> float:
-    """Value of the parameter at a dotted path of a scenario, such as plant.vehicle.base.mass.
+    """Value of the parameter at a dotted path of a scenario, such as
+    plant.vehicle.base.mass.
 
     Raises:
-        ScenarioError: a field that does not exist (with those that do), or something that is not a number.
+        ScenarioError: a field that does not exist (with those that do), or something
+            that is not a number.
     """
     one, word = alone(scenario, path)
     with errors_of_agent(agent_of(path) if word != path else ""):
@@ -125,19 +165,28 @@ def _number(scenario: Scenario, path: str, target: Target) -> float:
         seen: Viewed = value
         return seen.number_of_view(target.view.name)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ScenarioError(f"path = {path!r}: must lead to a number, not to {type(value).__name__}")
-    if target.places[0][:2] != INITIAL and _declaration(scenario, target.places[0]).fixed:
-        raise ScenarioError(f"path = {path!r}: must be equal in all episodes and throughout a flight")
+        raise ScenarioError(
+            f"path = {path!r}: must lead to a number, not to {type(value).__name__}"
+        )
+    if (
+        target.places[0][:2] != INITIAL
+        and _declaration(scenario, target.places[0]).fixed
+    ):
+        raise ScenarioError(
+            f"path = {path!r}: must be equal in all episodes and throughout a flight"
+        )
     return float(value)
 
 
 def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
-    """Scenario with the parameters at some paths replaced; values may be symbols of a traced program.
+    """Scenario with the parameters at some paths replaced; values may be symbols of a
+    traced program.
 
-    The mixer follows the model's rotors, a trimmed start the vehicle, and the setpoints that are on their way to a
-    servo of the model its latency. What else a law's maker took from its model
-    stays as it was made: gains, limits, first memory. A study of models therefore asks what a law does whose model is
-    wrong in these numbers, not how it would be tuned for them.
+    The mixer follows the model's rotors, a trimmed start the vehicle, and the setpoints
+    that are on their way to a servo of the model its latency. What else a law's maker
+    took from its model stays as it was made: gains, limits, first memory. A study of
+    models therefore asks what a law does whose model is wrong in these numbers, not how
+    it would be tuned for them.
 
     Args:
         scenario: scenario to change.
@@ -160,12 +209,20 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
         target = target_of(started, path)
         _number(started, path, target)
         if target.view is None:
-            (start if target.places[0][:2] == INITIAL else fields).update(dict.fromkeys(target.places, value))
+            (start if target.places[0][:2] == INITIAL else fields).update(
+                dict.fromkeys(target.places, value)
+            )
         else:
-            views.setdefault(target.places[0], {})[target.view.name] = accept_scalar(path, value, target.view.unit)
+            views.setdefault(target.places[0], {})[target.view.name] = accept_scalar(
+                path, value, target.view.unit
+            )
     replaced, angles = [*fields, *start, *views], views.pop(INITIAL, {})
     changed = _replace_numbers(scenario, fields, views)
-    law = [place[len(CONTROLLER) :] for place in fields if place[: len(CONTROLLER)] == CONTROLLER]
+    law = [
+        place[len(CONTROLLER) :]
+        for place in fields
+        if place[: len(CONTROLLER)] == CONTROLLER
+    ]
     after = with_consequences(changed.agent.controller, law, scenario.rates.period)
     if after is not changed.agent.controller:
         changed = changed.with_controller(after)
@@ -176,12 +233,15 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
 
 
 def _replace_numbers(
-    record: Record, fields: Mapping[Place, Scalar], views: Mapping[Place, Mapping[str, Scalar]]
+    record: Record,
+    fields: Mapping[Place, Scalar],
+    views: Mapping[Place, Mapping[str, Scalar]],
 ) -> Record:
-    """Copy of a record with some fields replaced first, then some values that are computed from several fields.
+    """Copy of a record with some fields replaced first, then some values that are
+    computed from several fields.
 
-    A part with numbers that follow from others has a method ``with_followers``: places of the replaced ones in it ->
-    the part with the others computed anew.
+    A part with numbers that follow from others has a method ``with_followers``: places
+    of the replaced ones in it -> the part with the others computed anew.
     """
     changed = replace_at(record, fields) if fields else record
     for place, numbers in views.items():
@@ -189,32 +249,47 @@ def _replace_numbers(
         changed = replace_at(changed, {place: viewed.with_views(numbers)})
     for owner in {place[:end] for place in fields for end in range(1, len(place))}:
         if hasattr(record_there := part(changed, owner), "with_followers"):
-            own = {place[len(owner) :] for place in fields if place[: len(owner)] == owner}
+            own = {
+                place[len(owner) :] for place in fields if place[: len(owner)] == owner
+            }
             followed = record_there.with_followers(own)
-            changed = changed if followed is record_there else replace_at(changed, {owner: followed})
+            changed = (
+                changed
+                if followed is record_there
+                else replace_at(changed, {owner: followed})
+            )
     return changed
 
 
 def _require_numbers(values: object) -> None:
-    """Raise an error unless every parameter path is a text and every new value a scalar.
+    """Raise an error unless every parameter path is a text and every new value a
+    scalar.
 
     Raises:
         ScenarioError: one line that names the wrong path or value.
     """
     if not isinstance(values, Mapping):
-        raise ScenarioError(f"values = {shown(values)}: must be a mapping of paths to numbers")
+        raise ScenarioError(
+            f"values = {shown(values)}: must be a mapping of paths to numbers"
+        )
     for path, value in values.items():
         if not isinstance(path, str):
-            raise ScenarioError(f"path = {shown(path)}: must be text, as 'plant.gravity'")
+            raise ScenarioError(
+                f"path = {shown(path)}: must be text, as 'plant.gravity'"
+            )
         if type(value) is not float:
             with errors_as(ScenarioError):
                 coerce.number(f"values[{path!r}]", value)
 
 
 def _start_with(
-    started: Scenario, changed: Scenario, fields: Mapping[Place, Scalar], angles: Mapping[str, Scalar]
+    started: Scenario,
+    changed: Scenario,
+    fields: Mapping[Place, Scalar],
+    angles: Mapping[str, Scalar],
 ) -> State:
-    """Initial state with some numbers replaced: the stated one, else the hover trim of the changed vehicle.
+    """Initial state with some numbers replaced: the stated one, else the hover trim of
+    the changed vehicle.
 
     Args:
         started: scenario before the change, with an initial state.
@@ -223,18 +298,31 @@ def _start_with(
         angles: angles of the attitude by name, rad.
     """
     inside = {place[len(INITIAL) :]: value for place, value in fields.items()}
-    joints = {int(place[1]): value for place, value in inside.items() if place[0] == "joints"}
-    initial, vehicle, left_out = changed.agent.initial, changed.agent.vehicle, tuple[str, ...]()
+    joints = {
+        int(place[1]): value for place, value in inside.items() if place[0] == "joints"
+    }
+    initial, vehicle, left_out = (
+        changed.agent.initial,
+        changed.agent.vehicle,
+        tuple[str, ...](),
+    )
     if initial is None or isinstance(initial, PartialState):
-        left_out = tuple(field_names(State) or ()) if initial is None else initial.left_out
+        left_out = (
+            tuple(field_names(State) or ()) if initial is None else initial.left_out
+        )
         if (
             changed.agent.plant is not started.agent.plant
             or changed.agent.reference is not started.agent.reference
             or joints
         ):
             at = first_state(changed)
-            posture = replace(at, joints=tuple(joints.get(i, data(q)) for i, q in enumerate(at.joints)))
-            begun = PartialState.of(posture, [name for name in left_out if name != "joints"], vehicle)
+            posture = replace(
+                at,
+                joints=tuple(joints.get(i, data(q)) for i, q in enumerate(at.joints)),
+            )
+            begun = PartialState.of(
+                posture, [name for name in left_out if name != "joints"], vehicle
+            )
             changed = changed.with_initial(begun)
         # with plain numbers, as any initial state has them
         initial = first_state(changed.with_initial(first_state(changed)))
@@ -243,7 +331,9 @@ def _start_with(
         q, length = state.quaternion, state.quaternion.norm()
         state = replace(state, quaternion=Quaternion(*(divide(c, length) for c in q)))
     touched = {place[0] for place in inside} | ({"quaternion"} if angles else set())
-    return PartialState.of(state, [name for name in left_out if name not in touched], vehicle)
+    return PartialState.of(
+        state, [name for name in left_out if name not in touched], vehicle
+    )
 
 
 LEFT_OUT = ("environment", "vehicle", "body", "value", "par")
@@ -254,7 +344,8 @@ WHOSE = {"plant": "plant", "model": "model", "controller": "law"}
 
 
 def unit_at(scenario: Scenario, path: str) -> str:
-    """SI unit of the parameter at a path, from its field's declaration; empty if dimensionless or unknown.
+    """SI unit of the parameter at a path, from its field's declaration; empty if
+    dimensionless or unknown.
 
     Raises:
         ScenarioError: no number is there.
@@ -265,8 +356,8 @@ def unit_at(scenario: Scenario, path: str) -> str:
 def declared_at(scenario: Scenario, path: str) -> Unit:
     """Unit, meaning and bounds declared for the parameter at a path.
 
-    Of a joint, whose numbers have one unit if it turns and another if it slides, those of its kind; of a number of a
-    signal, those of what the signal is.
+    Of a joint, whose numbers have one unit if it turns and another if it slides, those
+    of its kind; of a number of a signal, those of what the signal is.
 
     Raises:
         ScenarioError: no number is there.
@@ -274,11 +365,17 @@ def declared_at(scenario: Scenario, path: str) -> Unit:
     scenario, path = alone(scenario, path)
     scenario = _with_initial_state(scenario, (path,))
     target = target_of(scenario, path)
-    return _declaration(scenario, target.places[0]) if target.view is None else target.view.unit
+    return (
+        _declaration(scenario, target.places[0])
+        if target.view is None
+        else target.view.unit
+    )
 
 
 def _declaration(record: object, place: Place) -> Unit:
-    """Unit declaration of the innermost field on a parameter's path that declares one."""
+    """Unit declaration of the innermost field on a parameter's path that declares
+    one.
+    """
     unit = Unit()
     for name in place:
         if isinstance(record, tuple):
@@ -295,7 +392,9 @@ def _declaration(record: object, place: Place) -> Unit:
 
 
 def words_of(path: str) -> str:
-    """Parameter path in readable words: ``plant.vehicle.links.0.joint.damping`` is "link 1 joint damping (plant)"."""
+    """Parameter path in readable words: ``plant.vehicle.links.0.joint.damping`` is
+    "link 1 joint damping (plant)".
+    """
     words = [word for word in path.split(".") if word not in LEFT_OUT]
     whose = WHOSE.get(words[0], "") if len(words) > 1 else ""
     if whose:

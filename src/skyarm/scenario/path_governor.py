@@ -1,8 +1,10 @@
-"""Path governor: slows the reference in time where the nominal vehicle could not follow it along its path.
+"""Path governor: slows the reference in time where the nominal vehicle could not follow
+it along its path.
 
-The path stays as it is: no corner is cut. Errors are taken against the reference as it is commanded at each instant,
-and the lag t - s(t) stands beside them. The plan is made before the flight, from the law's model; the scenario
-keeps it as a curve of time (:mod:`skyarm.reference.path_time`), so that every engine flies the same numbers.
+The path stays as it is: no corner is cut. Errors are taken against the reference as it
+is commanded at each instant, and the lag t - s(t) stands beside them. The plan is made
+before the flight, from the law's model; the scenario keeps it as a curve of time
+(:mod:`skyarm.reference.path_time`), so that every engine flies the same numbers.
 """
 
 from __future__ import annotations
@@ -19,7 +21,13 @@ from skyarm.algebra import ZERO3, Scalar
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators import make_mixer
-from skyarm.dynamics.actuators.motion_demand import ActuatorDemand, MotionSamples, attitude, demand_of_motion, motion_of
+from skyarm.dynamics.actuators.motion_demand import (
+    ActuatorDemand,
+    MotionSamples,
+    attitude,
+    demand_of_motion,
+    motion_of,
+)
 from skyarm.dynamics.actuators.servo import Servo
 from skyarm.records.arrays import Array, doubles
 from skyarm.records.field_rules import accept_fields
@@ -36,13 +44,16 @@ from skyarm.scenario.path_plan import Ceilings, Judge, PathPlan, plan
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 JUMP = 1e-9
-"""Time (s) before a switch of the reference at which its value is taken to detect a jump."""
+"""Time (s) before a switch of the reference at which its value is taken to detect a
+jump."""
 
 CORNER = 0.02, 0.05
-"""Largest jumps of velocity at a corner: m/s of the base, and rad/s or m/s of a joint."""
+"""Largest jumps of velocity at a corner: m/s of the base, and rad/s or m/s of a
+joint."""
 
 MISSED = 1.05
-"""Fraction of a limit above which the governor warns that it cannot satisfy the limit."""
+"""Fraction of a limit above which the governor warns that it cannot satisfy the
+limit."""
 
 LONGEST = 1000.0
 """Longest flight (s) that is planned; longer ones take minutes."""
@@ -53,28 +64,35 @@ class GovernorWarning(RuntimeWarning):
 
 
 def govern(scenario: Scenario, **options: float) -> Scenario:
-    """Return the scenario with a path governor, which slows the reference to feasible speeds.
+    """Return the scenario with a path governor, which slows the reference to feasible
+    speeds.
 
     A reference that is feasible as commanded is not changed.
 
     Args:
         scenario: scenario with the reference and the law's model.
-        options: reserve, tilt, turning, joint_speed, as ``[reference.governor]`` of a scenario file has them.
+        options: reserve, tilt, turning, joint_speed, as ``[reference.governor]`` of a
+            scenario file has them.
 
     Raises:
-        ScenarioError: an option that there is not, or cannot be; a reference with phases that wait (until).
+        ScenarioError: an option that there is not, or cannot be; a reference with
+            phases that wait (until).
     """
     if not isinstance(scenario, Scenario):
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario")
     names = field_names(GovernorOptions) or ()
     for name in options:
         if name not in names:
-            raise ScenarioError(f"{name}: is no option of a governor; there are {', '.join(names)}")
+            raise ScenarioError(
+                f"{name}: is no option of a governor; there are {', '.join(names)}"
+            )
     with errors_as(ScenarioError):
         return governed_scenario(scenario, GovernorOptions(**options))
 
 
-def governed_by_table(scenario: Scenario, table: object, events: Sequence[TaskEvent]) -> Scenario:
+def governed_by_table(
+    scenario: Scenario, table: object, events: Sequence[TaskEvent]
+) -> Scenario:
     """Scenario with the path governor that [reference.governor] describes.
 
     Args:
@@ -86,26 +104,42 @@ def governed_by_table(scenario: Scenario, table: object, events: Sequence[TaskEv
         ValueError: one line.
     """
     if table is not True and not isinstance(table, Mapping):
-        raise ValueError(f"reference.governor = {shown(table)}: must be true, false or a table of limits")
-    options = record_from(GovernorOptions, Fields({} if table is True else dict(table), "reference.governor"))
+        raise ValueError(
+            f"reference.governor = {shown(table)}: must be true, false or a table of"
+            " limits"
+        )
+    options = record_from(
+        GovernorOptions,
+        Fields({} if table is True else dict(table), "reference.governor"),
+    )
     return governed_scenario(scenario, options, events)
 
 
-def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequence[TaskEvent] = ()) -> Scenario:
-    """Scenario whose reference is slowed to feasible speeds; unchanged if the reference is already feasible.
+def governed_scenario(
+    scenario: Scenario, options: GovernorOptions, events: Sequence[TaskEvent] = ()
+) -> Scenario:
+    """Scenario whose reference is slowed to feasible speeds; unchanged if the reference
+    is already feasible.
 
     Raises:
-        ValueError: one line: events at fixed instants, after which a slowed vehicle would arrive; or a long flight.
+        ValueError: one line: events at fixed instants, after which a slowed vehicle
+            would arrive; or a long flight.
     """
     if scenario.agent.reference.planned is not None:
-        raise ValueError("reference.governor: must be left out with a plan, which is within its limits in its own time")
+        raise ValueError(
+            "reference.governor: must be left out with a plan, which is within its"
+            " limits in its own time"
+        )
     bare = scenario.with_agent(replace(scenario.agent, path_time=None))
     for reason in _reasons_against(bare, events):
         raise ValueError(f"reference.governor: must be left out {reason}")
     plan = plan_of(bare, options)
     if plan.beyond > MISSED:
         name = PathLimits(bare.agent.model, options).names()[plan.limit]
-        line = f"asks for {plan.beyond:.3g} times its limit of {name} at {plan.at:.3g} s of the path, however slow"
+        line = (
+            f"asks for {plan.beyond:.3g} times its limit of {name} at {plan.at:.3g} s"
+            " of the path, however slow"
+        )
         warnings.warn(f"reference.governor: {line}", GovernorWarning, stacklevel=3)
     if plan.path_time is None:
         return bare
@@ -113,7 +147,9 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequ
 
 
 def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterator[str]:
-    """Reasons why the reference of a scenario cannot be slowed, such as phases that wait for contact."""
+    """Reasons why the reference of a scenario cannot be slowed, such as phases that
+    wait for contact.
+    """
     if events:
         yield f"of a reference that picks or places something ({events[0].where})"
     if scenario.duration > LONGEST:
@@ -129,13 +165,24 @@ def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterato
 
 def _switches(scenario: Scenario) -> list[float]:
     """Times within the flight at which the reference may be discontinuous, s."""
-    return [t for t in scenario.agent.reference.switch_times() if 0.0 < t < scenario.duration]
+    return [
+        t
+        for t in scenario.agent.reference.switch_times()
+        if 0.0 < t < scenario.duration
+    ]
 
 
 def plan_of(scenario: Scenario, options: GovernorOptions) -> PathPlan:
-    """Plan the time law along a scenario's reference with the nominal model of its control law."""
-    trajectory, limits = scenario.agent.reference, PathLimits(scenario.agent.model, options)
-    ceilings = Ceilings(duration=float(scenario.duration), stops=_corners(trajectory, scenario))
+    """Plan the time law along a scenario's reference with the nominal model of its
+    control law.
+    """
+    trajectory, limits = (
+        scenario.agent.reference,
+        PathLimits(scenario.agent.model, options),
+    )
+    ceilings = Ceilings(
+        duration=float(scenario.duration), stops=_corners(trajectory, scenario)
+    )
 
     def motion(s: Derivatives, time: Array) -> MotionSamples:
         return motion_of(by_flight_time(trajectory.at(s[0]), s), time)
@@ -145,24 +192,37 @@ def plan_of(scenario: Scenario, options: GovernorOptions) -> PathPlan:
 
 
 def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
-    """Times (s) at which the path has a corner, or starts with nonzero speed from rest."""
+    """Times (s) at which the path has a corner, or starts with nonzero speed from
+    rest.
+    """
     corners = []
     first = trajectory.at(0.0)
     rest = replace(first, velocity=ZERO3, joint_rates=(0.0,) * len(first.joint_rates))
     if scenario.agent.initial is None and _is_corner(rest, first):
         corners.append(0.0)
-    return [*corners, *(t for t in _switches(scenario) if _is_corner(trajectory.at(t - JUMP), trajectory.at(t)))]
+    return [
+        *corners,
+        *(
+            t
+            for t in _switches(scenario)
+            if _is_corner(trajectory.at(t - JUMP), trajectory.at(t))
+        ),
+    ]
 
 
 def _is_corner(before: Reference, after: Reference) -> bool:
     base = math.hypot(*map(float, after.velocity - before.velocity))
-    joints = [abs(float(a) - float(b)) for a, b in zip(before.joint_rates, after.joint_rates, strict=True)]
+    joints = [
+        abs(float(a) - float(b))
+        for a, b in zip(before.joint_rates, after.joint_rates, strict=True)
+    ]
     return base > CORNER[0] or max(joints, default=0.0) > CORNER[1]
 
 
 SETTLES = 0.08
-"""Averaging time (s) of the thrust direction that the planned attitude follows; the average is taken twice. The
-attitude loop of a vehicle of this size reaches a commanded tilt within about 0.15 s."""
+"""Averaging time (s) of the thrust direction that the planned attitude follows; the
+average is taken twice. The attitude loop of a vehicle of this size reaches a commanded
+tilt within about 0.15 s."""
 
 
 _SLOWER = "lower values plan slower paths"
@@ -170,12 +230,15 @@ _SLOWER = "lower values plan slower paths"
 
 @immutable
 class GovernorOptions:
-    """Options of the path governor: reserve of the actuators, and limits of tilt, turning and joint speed.
+    """Options of the path governor: reserve of the actuators, and limits of tilt,
+    turning and joint speed.
 
     Attributes:
-        reserve: share of rotors and joints that is left to the control: it plans with the rest.
+        reserve: share of rotors and joints that is left to the control: it plans with
+            the rest.
         tilt: rad, of the base. turning: rad/s^2, angular acceleration of the base.
-        joint_speed: rad/s or m/s, of every joint; servos have limits of their own besides.
+        joint_speed: rad/s or m/s, of every joint; servos have limits of their own
+            besides.
     """
 
     reserve: Annotated[
@@ -187,16 +250,26 @@ class GovernorOptions:
             effect="higher values plan slower paths and leave more for disturbances",
         ),
     ] = 0.2
-    tilt: Annotated[float, positive("rad", "largest tilt of the base on the governed path", effect=_SLOWER)] = 0.6
+    tilt: Annotated[
+        float,
+        positive(
+            "rad", "largest tilt of the base on the governed path", effect=_SLOWER
+        ),
+    ] = 0.6
     turning: Annotated[
         float,
-        positive("rad/s^2", "largest angular acceleration of the base on the governed path", effect=_SLOWER),
+        positive(
+            "rad/s^2",
+            "largest angular acceleration of the base on the governed path",
+            effect=_SLOWER,
+        ),
     ] = 10.0
     joint_speed: Annotated[
         Scalar,
         positive(
             "rad/s or m/s",
-            "largest speed of every joint on the governed path; servos add limits of their own",
+            "largest speed of every joint on the governed path; servos add limits of"
+            " their own",
             infinite=True,
             effect=_SLOWER,
         ),
@@ -205,32 +278,45 @@ class GovernorOptions:
     def __post_init__(self) -> None:
         accept_fields(self, "reference.governor")
         if self.tilt > 1.5:
-            raise ValueError(f"reference.governor.tilt = {self.tilt!r}: must be at most 1.5")
+            raise ValueError(
+                f"reference.governor.tilt = {self.tilt!r}: must be at most 1.5"
+            )
 
 
 class PathLimits:
-    """Vehicle limits for the path governor, and the demands of a motion as fractions of these limits.
+    """Vehicle limits for the path governor, and the demands of a motion as fractions of
+    these limits.
 
     Args:
         model: law's model. options: governor's options.
     """
 
     def __init__(self, model: Model, options: GovernorOptions) -> None:
-        self._vehicle, self._gravity, self._options = model.vehicle, float(model.gravity), options
+        self._vehicle, self._gravity, self._options = (
+            model.vehicle,
+            float(model.gravity),
+            options,
+        )
         mixer = make_mixer(model.vehicle)
         self._highest = np.array(mixer.highest, dtype=float)[:, None]
         # squared speeds that lift the weight without any torque
         weight = np.array([0.0, 0.0, 0.0, float(model.vehicle.mass) * self._gravity])
         lifting = np.array(mixer.inverse, dtype=float) @ weight
         self._hover = np.maximum(lifting[:, None], 1e-9 * self._highest)
-        efforts = [float(joint.effort_limit) or math.inf for joint in model.vehicle.joints]
+        efforts = [
+            float(joint.effort_limit) or math.inf for joint in model.vehicle.joints
+        ]
         self._efforts = np.array(efforts)[:, None]
         named = {each.name: each.drive for each in model.vehicle.drives}
-        drives = [(i, named.get(joint.name)) for i, joint in enumerate(model.vehicle.joints)]
+        drives = [
+            (i, named.get(joint.name)) for i, joint in enumerate(model.vehicle.joints)
+        ]
         self._tip = model.vehicle.end_effector if model.vehicle.n else ""
         self._servos = [(i, drive) for i, drive in drives if isinstance(drive, Servo)]
         for i, servo in self._servos:
-            self._efforts[i] = min(float(self._efforts[i, 0]), float(servo.largest_effort()))
+            self._efforts[i] = min(
+                float(self._efforts[i, 0]), float(servo.largest_effort())
+            )
 
     def names(self) -> list[str]:
         """Names of the vehicle limits, one for each row of the array of demands."""
@@ -246,21 +332,29 @@ class PathLimits:
         ]
 
     def shares(self, motion: MotionSamples) -> Array:
-        """Demands of a motion as fractions of the vehicle's limits, (limits, K): above 1 is infeasible."""
+        """Demands of a motion as fractions of the vehicle's limits, (limits, K): above
+        1 is infeasible.
+        """
         settled = self._window_means(motion.time)
         demand = demand_of_motion(self._vehicle, self._gravity, motion, settled)
         shares = self._shares(demand)
         if self._tip:
             # a law may hold the tip or the base: the vehicle must be able to do both
-            motion = replace(motion, acceleration=motion.acceleration + self._shift(motion, settled))
+            motion = replace(
+                motion, acceleration=motion.acceleration + self._shift(motion, settled)
+            )
             demand = demand_of_motion(self._vehicle, self._gravity, motion, settled)
             shares = np.maximum(shares, self._shares(demand))
         return shares
 
     def _shift(self, motion: MotionSamples, settled: Callable[[Array], Array]) -> Array:
-        """Extra base acceleration (m/s^2), shape (3, K), that keeps the tip on its path although the base tilts."""
+        """Extra base acceleration (m/s^2), shape (3, K), that keeps the tip on its path
+        although the base tilts.
+        """
         force = motion.acceleration + np.array([[0.0], [0.0], [self._gravity]])
-        tip = frame_pose(self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)).p
+        tip = frame_pose(
+            self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)
+        ).p
         arm = np.stack([np.broadcast_to(doubles(c), len(motion.time)) for c in tip])
         c, s = np.cos(motion.yaw), np.sin(motion.yaw)
         level = np.stack([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], arm[2]])
@@ -269,11 +363,17 @@ class PathLimits:
         return settled(np.gradient(velocity, motion.time, axis=1, edge_order=2))
 
     def at_rest(self, motion: MotionSamples) -> Array:
-        """Static demands of each posture of a motion as fractions of the limits, (limits, K): a lower bound."""
+        """Static demands of each posture of a motion as fractions of the limits,
+        (limits, K): a lower bound.
+        """
         nothing = np.zeros_like
         still = MotionSamples(
-            time=motion.time, acceleration=nothing(motion.acceleration), yaw=motion.yaw, joints=motion.joints,
-            rates=nothing(motion.rates), accelerations=nothing(motion.accelerations),
+            time=motion.time,
+            acceleration=nothing(motion.acceleration),
+            yaw=motion.yaw,
+            joints=motion.joints,
+            rates=nothing(motion.rates),
+            accelerations=nothing(motion.accelerations),
         )
         # turned by nothing but the posture, which does not change
         demand = demand_of_motion(self._vehicle, self._gravity, still, _upright)
@@ -282,19 +382,31 @@ class PathLimits:
     def _shares(self, demand: ActuatorDemand) -> Array:
         most = 1.0 - float(self._options.reserve)
         up = demand.squared / (most * self._highest)
-        # the least that a rotor is left with: the reserve's share of what it turns with in hover
+        # the least that a rotor is left with: the reserve's share of what it turns with
+        # in hover
         least = (self._hover - demand.squared) / (self._hover * most)
         efforts = demand.effort_limits(self._efforts, self._servos)
         speeds = np.full_like(demand.rates, float(self._options.joint_speed))
         for i, servo in self._servos:
             speeds[i] = np.minimum(speeds[i], float(servo.speed_limit))
-        attitude = [demand.tilt / float(self._options.tilt), demand.turning / float(self._options.turning)]
+        attitude = [
+            demand.tilt / float(self._options.tilt),
+            demand.turning / float(self._options.turning),
+        ]
         return np.vstack(
-            [up, least, np.abs(demand.efforts) / (most * efforts), np.abs(demand.rates) / speeds, *attitude]
+            [
+                up,
+                least,
+                np.abs(demand.efforts) / (most * efforts),
+                np.abs(demand.rates) / speeds,
+                *attitude,
+            ]
         )
 
     def _window_means(self, time: Array) -> Callable[[Array], Array]:
-        """Smoothing function for a force: two moving averages over SETTLES seconds, a model of attitude lag."""
+        """Smoothing function for a force: two moving averages over SETTLES seconds, a
+        model of attitude lag.
+        """
         step = float(time[1] - time[0]) if len(time) > 1 else SETTLES
         half = max(0, round(0.5 * SETTLES / step))
 
@@ -313,10 +425,19 @@ def _upright(force: Array) -> Array:
 
 
 def _mean(rows: Array, half: int) -> Array:
-    """Centred moving average over 2 half + 1 samples; the window shrinks symmetrically at the ends."""
+    """Centred moving average over 2 half + 1 samples; the window shrinks symmetrically
+    at the ends.
+    """
     if half == 0:
         return rows
-    padded = np.concatenate([np.repeat(rows[:, :1], half, axis=1), rows, np.repeat(rows[:, -1:], half, axis=1)], axis=1)
+    padded = np.concatenate(
+        [
+            np.repeat(rows[:, :1], half, axis=1),
+            rows,
+            np.repeat(rows[:, -1:], half, axis=1),
+        ],
+        axis=1,
+    )
     sums = np.cumsum(np.concatenate([np.zeros((len(rows), 1)), padded], axis=1), axis=1)
     width = 2 * half + 1
     return np.asarray((sums[:, width:] - sums[:, :-width]) / width)

@@ -1,11 +1,16 @@
-"""Time scaling of a reference: upper bounds (ceilings) of ds/dt along the path, and the time law below them.
+"""Time scaling of a reference: upper bounds (ceilings) of ds/dt along the path, and the
+time law below them.
 
-1. The ceilings are at most the commanded speed (1), and 0 where the path turns a corner: where a velocity jumps.
-2. ds/dt falls and rises no faster than the path's acceleration allows; a flight stands still at a corner for a moment.
-3. What the resulting motion asks of the vehicle is judged by inverse dynamics. Where it is too much, the ceiling is
-   lowered there, or the path's acceleration where that alone is to blame; then again from 2.
+1. The ceilings are at most the commanded speed (1), and 0 where the path turns a
+  corner: where a velocity jumps.
+2. ds/dt falls and rises no faster than the path's acceleration allows; a flight stands
+  still at a corner for a moment.
+3. What the resulting motion asks of the vehicle is judged by inverse dynamics. Where it
+   is too much, the ceiling is lowered there, or the path's acceleration where that
+   alone is to blame; then again from 2.
 
-A limit applies to the motion as commanded, with its smoothing and its jerk, not to a bound for it.
+A limit applies to the motion as commanded, with its smoothing and its jerk, not to a
+bound for it.
 """
 
 from __future__ import annotations
@@ -23,7 +28,8 @@ from skyarm.reference.path_time import PathTime
 from skyarm.reference.signals import Derivatives
 
 STEP = 0.2
-"""Time (s) between control points of the path time; its rate follows a change within three of them."""
+"""Time (s) between control points of the path time; its rate follows a change within
+three of them."""
 
 GRID = 0.01
 """Step of the path (s) between two speed bounds."""
@@ -32,7 +38,8 @@ LOOK = 0.01
 """Time (s) between two instants of the flight at which the demands are evaluated."""
 
 CALM = 0.5
-"""Time (s) before and after an infeasible instant that is slowed down with it, for a smooth motion."""
+"""Time (s) before and after an infeasible instant that is slowed down with it, for a
+smooth motion."""
 
 ACCELERATION = 1.0
 """Largest second derivative (1/s) of the path time."""
@@ -46,7 +53,8 @@ RATES = tuple(0.93**k for k in range(54))
 ROUNDS = 60
 
 DIGITS = 9
-"""Decimal digits to which control points (s) are rounded, so that results do not depend on the machine's last bits."""
+"""Decimal digits to which control points (s) are rounded, so that results do not depend
+on the machine's last bits."""
 
 
 @dataclass(kw_only=True)
@@ -54,7 +62,8 @@ class Ceilings:
     """Upper bounds of the path speed ds/dt, sampled every GRID seconds of the path.
 
     Attributes:
-        rate: ds/dt. acceleration: 1/s. stops: s, corners at which the path stands still.
+        rate: ds/dt. acceleration: 1/s. stops: s, corners at which the path stands
+            still.
     """
 
     duration: float
@@ -66,8 +75,11 @@ class Ceilings:
         count = math.ceil(self.duration / GRID) + 2
         self.rate, self.acceleration = np.ones(count), np.full(count, ACCELERATION)
 
-    def lower(self, values: Array, at: Array, to: Array, least: float, rate: float = 1.0) -> None:
-        """Lower the path-speed bounds at some path times (s), and around them within CALM seconds of flight.
+    def lower(
+        self, values: Array, at: Array, to: Array, least: float, rate: float = 1.0
+    ) -> None:
+        """Lower the path-speed bounds at some path times (s), and around them within
+        CALM seconds of flight.
 
         No bound is lowered below ``least``.
         """
@@ -75,12 +87,18 @@ class Ceilings:
         lowered = np.full_like(values, math.inf)
         np.minimum.at(lowered, index, to)
         reach = math.ceil(CALM * rate / GRID)
-        padded = np.concatenate([np.full(reach, math.inf), lowered, np.full(reach, math.inf)])
-        around = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=1)
+        padded = np.concatenate(
+            [np.full(reach, math.inf), lowered, np.full(reach, math.inf)]
+        )
+        around = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(
+            axis=1
+        )
         np.copyto(values, np.maximum(np.minimum(values, around), least))
 
     def squares(self) -> Array:
-        """Squared path speed (ds/dt)^2 that satisfies the speed bounds and the path's acceleration limit."""
+        """Squared path speed (ds/dt)^2 that satisfies the speed bounds and the path's
+        acceleration limit.
+        """
         square = self.rate**2
         for stop in self.stops:
             index = min(round(stop / GRID), len(square) - 1)
@@ -96,7 +114,9 @@ class Ceilings:
 
 
 def follow(ceilings: Ceilings, duration: float) -> PathTime:
-    """Time law of the fastest motion along the path within speed bounds, with a short rest at each stop."""
+    """Time law of the fastest motion along the path within speed bounds, with a short
+    rest at each stop.
+    """
     square, parts = ceilings.squares(), 10
     small = STEP / parts
     stops = [stop for stop in sorted(ceilings.stops) if stop < duration]
@@ -125,21 +145,29 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
 
 
 def _first_rate(square: Array) -> float:
-    """Largest initial path speed ds/dt that the speed bounds allow over the first two spacings of control points.
+    """Largest initial path speed ds/dt that the speed bounds allow over the first two
+    spacings of control points.
 
-    Of the control points in these s(0) is made: they stand on one line, so that it is exactly 0.
+    Of the control points in these s(0) is made: they stand on one line, so that it is
+    exactly 0.
     """
-    rates = (share for share in RATES if square[: round(2.0 * STEP * share / GRID) + 1].min() >= share**2)
+    rates = (
+        share
+        for share in RATES
+        if square[: round(2.0 * STEP * share / GRID) + 1].min() >= share**2
+    )
     return next(rates, SLOWEST)
 
 
 @immutable
 class PathPlan:
-    """Result of planning: time law of the reference, and the largest remaining demand on the vehicle.
+    """Result of planning: time law of the reference, and the largest remaining demand
+    on the vehicle.
 
     Attributes:
         path_time: time law; None if the reference is feasible as commanded.
-        beyond: largest demand as a fraction of its limit, at most 1 if feasible. limit: index of that limit.
+        beyond: largest demand as a fraction of its limit, at most 1 if feasible. limit:
+            index of that limit.
         at: place on the path of the largest demand, s.
     """
 
@@ -158,11 +186,14 @@ NOTHING = 1e-7
 
 @immutable
 class Judge:
-    """Evaluator of the demands of a motion on the vehicle, relative to the vehicle's limits.
+    """Evaluator of the demands of a motion on the vehicle, relative to the vehicle's
+    limits.
 
     Attributes:
-        motion: motion from the path parameter and its derivatives at K instants, and from these instants, s.
-        shares: demands of a motion as fractions of the limits. at_rest: static demands of its postures, a lower bound.
+        motion: motion from the path parameter and its derivatives at K instants, and
+            from these instants, s.
+        shares: demands of a motion as fractions of the limits. at_rest: static demands
+            of its postures, a lower bound.
     """
 
     motion: Callable[[Derivatives, Array], MotionSamples]
@@ -170,33 +201,52 @@ class Judge:
     at_rest: Callable[[MotionSamples], Array]
 
     def over(self, s: Derivatives, time: Array) -> Array:
-        """Ratio of demand to allowed demand, (limits, K); the static demand of a posture is always allowed."""
+        """Ratio of demand to allowed demand, (limits, K); the static demand of a
+        posture is always allowed.
+        """
         with np.errstate(all="ignore"):
             motion = self.motion(s, time)
-            ratios = np.asarray(self.shares(motion) / np.maximum(1.0, self.at_rest(motion)))
+            ratios = np.asarray(
+                self.shares(motion) / np.maximum(1.0, self.at_rest(motion))
+            )
         sound = np.isfinite(ratios).all(axis=0)
         if not sound.all():
             at = float(s[0][int(np.argmin(sound))])
-            raise ValueError(f"reference: asks for what is not finite at {at:.3g} s; must have a motion to plan for")
+            raise ValueError(
+                f"reference: asks for what is not finite at {at:.3g} s; must have a"
+                " motion to plan for"
+            )
         return ratios
 
 
 def even_rates(judge: Judge, ceilings: Ceilings) -> None:
-    """Lower the bounds along the path to the largest constant path speed that is feasible at each position."""
+    """Lower the bounds along the path to the largest constant path speed that is
+    feasible at each position.
+    """
     path = np.arange(-BEYOND, ceilings.duration + BEYOND + 0.5 * GRID, GRID)
     inside = (path > -0.5 * GRID) & (path < ceilings.duration + 0.5 * GRID)
     open_, still = np.ones(len(path), dtype=bool), np.zeros_like(path)
     for rate in RATES:
         if rate <= SLOWEST or not open_.any():
             break
-        over = judge.over((path, still + rate, still, still, still), path / rate).max(axis=0)
+        over = judge.over((path, still + rate, still, still, still), path / rate).max(
+            axis=0
+        )
         open_ &= (over > SLACK) & inside
         if open_.any():
-            ceilings.lower(ceilings.rate, path[open_], np.full(int(open_.sum()), rate * RATES[1]), SLOWEST, rate)
+            ceilings.lower(
+                ceilings.rate,
+                path[open_],
+                np.full(int(open_.sum()), rate * RATES[1]),
+                SLOWEST,
+                rate,
+            )
 
 
 def plan(judge: Judge, ceilings: Ceilings) -> PathPlan:
-    """Plan the time law: lower the bounds until the motion, with its speed changes, satisfies all limits."""
+    """Plan the time law: lower the bounds until the motion, with its speed changes,
+    satisfies all limits.
+    """
     duration = ceilings.duration
     time = np.arange(0.0, duration + BEYOND + 0.5 * LOOK, LOOK)
     inside = time < duration + 0.5 * LOOK
@@ -212,7 +262,10 @@ def plan(judge: Judge, ceilings: Ceilings) -> PathPlan:
             i, k = np.unravel_index(int(np.argmax(over)), over.shape)
             as_commanded = float(np.abs(s[0] - time[inside]).max()) < NOTHING
             best = PathPlan(
-                path_time=None if as_commanded else path_time, beyond=worst, limit=int(i), at=float(s[0][k])
+                path_time=None if as_commanded else path_time,
+                beyond=worst,
+                limit=int(i),
+                at=float(s[0][k]),
             )
         if worst <= SLACK:
             break
@@ -221,7 +274,9 @@ def plan(judge: Judge, ceilings: Ceilings) -> PathPlan:
 
 
 def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
-    """Slightly lower the bounds of path speed and acceleration where the motion exceeds a vehicle limit."""
+    """Slightly lower the bounds of path speed and acceleration where the motion exceeds
+    a vehicle limit.
+    """
     more = over > SLACK
     place, rate = s[0][more], np.maximum(s[1][more], SLOWEST)
     index = np.clip(np.round(place / GRID).astype(int), 0, len(ceilings.rate) - 1)
@@ -245,4 +300,5 @@ LEAST_ACCELERATION = 0.1
 """Smallest acceleration limit (1/s) of the path."""
 
 BEYOND = 0.3
-"""Time (s) that is evaluated beyond both ends of the flight for differences and means."""
+"""Time (s) that is evaluated beyond both ends of the flight for differences and
+means."""

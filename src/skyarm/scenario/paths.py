@@ -1,7 +1,9 @@
-"""Parameter paths: dotted names as in a scenario file, converted to fields of the Scenario dataclass.
+"""Parameter paths: dotted names as in a scenario file, converted to fields of the
+Scenario dataclass.
 
-One number of a file may have several places in the records (a circle's radius is the amplitude of two sines), and a
-file's word may be another than the record's (``force`` is ``force_W``). Both words lead to the record.
+One number of a file may have several places in the records (a circle's radius is the
+amplitude of two sines), and a file's word may be another than the record's (``force``
+is ``force_W``). Both words lead to the record.
 """
 
 from __future__ import annotations
@@ -17,7 +19,15 @@ from skyarm.algebra import Scalar
 from skyarm.records.files import did_you_mean, must_be_one_of
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Place, part, replace_at
-from skyarm.records.path_names import AGENTS, OF_AGENT, Names, NumberView, agent_of, path_names, word_of
+from skyarm.records.path_names import (
+    AGENTS,
+    OF_AGENT,
+    Names,
+    NumberView,
+    agent_of,
+    path_names,
+    word_of,
+)
 from skyarm.records.words import EACH, Slot, lifted_fields, slots
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -29,16 +39,20 @@ LATE = "delays.command"
 
 
 OF_STUDIES = "the same for all episodes; fly two studies"
-"""Advice in messages about structural numbers, for those who vary them between episodes."""
+"""Advice in messages about structural numbers, for those who vary them between
+episodes."""
 
 
 def alone(scenario: Scenario, path: str) -> tuple[Scenario, str]:
-    """Flight of the vehicle that a parameter path names, as a scenario, and the path in it.
+    """Flight of the vehicle that a parameter path names, as a scenario, and the path in
+    it.
 
-    Of a path that names none the flight is the whole scenario, or that of the first of several vehicles.
+    Of a path that names none the flight is the whole scenario, or that of the first of
+    several vehicles.
 
     Raises:
-        ScenarioError: there is no such vehicle, or the path is of one vehicle and does not say which.
+        ScenarioError: there is no such vehicle, or the path is of one vehicle and does
+            not say which.
     """
     name, word = agent_of(path), word_of(path)
     if name and word != path:
@@ -50,7 +64,10 @@ def alone(scenario: Scenario, path: str) -> tuple[Scenario, str]:
         return scenario.of(name), word
     if scenario.is_team and is_of_agent(path):
         names = ", ".join(scenario.agents)
-        raise ScenarioError(f"path = {path!r}: is of one agent, must be agents.NAME.{path} with one of {names}")
+        raise ScenarioError(
+            f"path = {path!r}: is of one agent, must be agents.NAME.{path} with one of"
+            f" {names}"
+        )
     one = scenario.of(next(iter(scenario.agents)))
     if one is not scenario and is_below(path, "changes"):  # numbered among those of all
         one = replace(one, changes=scenario.changes)
@@ -58,21 +75,30 @@ def alone(scenario: Scenario, path: str) -> tuple[Scenario, str]:
 
 
 def prefix_of(scenario: Scenario, name: str) -> str:
-    """Beginning of the parameter paths of one of a scenario's vehicles; empty for the only one."""
+    """Beginning of the parameter paths of one of a scenario's vehicles; empty for the
+    only one.
+    """
     return f"{OF_AGENT}{name}." if scenario.is_team else ""
 
 
 def is_of_agent(path: str) -> bool:
-    """True if a key path of a scenario file is of one vehicle, such as plant.gravity, and not of all."""
+    """True if a key path of a scenario file is of one vehicle, such as plant.gravity,
+    and not of all.
+    """
     return any(
-        is_below(path, slot.table) or is_below(slot.table, path) for slot in slots(Scenario) if slot.place[0] == "agent"
+        is_below(path, slot.table) or is_below(slot.table, path)
+        for slot in slots(Scenario)
+        if slot.place[0] == "agent"
     )
 
 
 def by_agent(
-    scenario: Scenario, values: Mapping[str, V], change: Callable[[Scenario, Mapping[str, V]], Scenario]
+    scenario: Scenario,
+    values: Mapping[str, V],
+    change: Callable[[Scenario, Mapping[str, V]], Scenario],
 ) -> Scenario:
-    """Scenario of several vehicles with values replaced, in each vehicle's own flight or in what all share.
+    """Scenario of several vehicles with values replaced, in each vehicle's own flight
+    or in what all share.
 
     Args:
         scenario: scenario of several vehicles.
@@ -80,19 +106,26 @@ def by_agent(
         change: function that replaces values in a scenario of one vehicle.
 
     Raises:
-        ScenarioError: as :func:`alone`, and as ``change`` with the vehicle's name in the path.
+        ScenarioError: as :func:`alone`, and as ``change`` with the vehicle's name in
+            the path.
     """
     groups: dict[str, dict[str, V]] = {}
     for path, value in values.items():
         _, word = alone(scenario, path)
         groups.setdefault(agent_of(path) if word != path else "", {})[word] = value
     changed, shared = scenario, groups.pop("", {})
-    later = {path: shared.pop(path) for path in [*shared] if path.startswith("changes.")}
+    later = {
+        path: shared.pop(path) for path in [*shared] if path.startswith("changes.")
+    }
     if later:
-        changed = replace_at(changed, {tuple(path.split(".")): value for path, value in later.items()})
+        changed = replace_at(
+            changed, {tuple(path.split(".")): value for path, value in later.items()}
+        )
     if shared:
         one = change(scenario.of(next(iter(scenario.agents))), shared)
-        shared_parts = {name: getattr(one, name) for name in ("environment", "endings", "team")}
+        shared_parts = {
+            name: getattr(one, name) for name in ("environment", "endings", "team")
+        }
         changed = replace(changed, **shared_parts)
     agents = dict(changed.agents)
     for name, own in groups.items():
@@ -103,7 +136,9 @@ def by_agent(
 
 @contextmanager
 def errors_of_agent(name: str) -> Iterator[None]:
-    """Context manager that puts a vehicle's name into the path with which an error message begins; "" for none."""
+    """Context manager that puts a vehicle's name into the path with which an error
+    message begins; "" for none.
+    """
     try:
         yield
     except ValueError as error:
@@ -111,14 +146,17 @@ def errors_of_agent(name: str) -> Iterator[None]:
             raise
         words = str(error)
         if words.startswith("path = '"):
-            raise ScenarioError(words.replace("path = '", f"path = '{OF_AGENT}{name}.", 1)) from None
+            raise ScenarioError(
+                words.replace("path = '", f"path = '{OF_AGENT}{name}.", 1)
+            ) from None
         of = is_of_agent(re.split(r"[ :\[]", words, maxsplit=1)[0])
         raise ScenarioError(f"{OF_AGENT}{name}.{words}" if of else words) from None
 
 
 @positional
 class Target:
-    """Target of a parameter path: the fields that store the number, or a record that computes it from its fields.
+    """Target of a parameter path: the fields that store the number, or a record that
+    computes it from its fields.
 
     Attributes:
         places: fields; of a view its record. view: None for fields.
@@ -129,12 +167,19 @@ class Target:
 
     @property
     def names(self) -> tuple[Place, ...]:
-        """Identifiers of the number at a parameter path; two paths with a common identifier denote the same number."""
-        return self.places if self.view is None else ((*self.places[0], f"view of {self.view.name}"),)
+        """Identifiers of the number at a parameter path; two paths with a common
+        identifier denote the same number.
+        """
+        return (
+            self.places
+            if self.view is None
+            else ((*self.places[0], f"view of {self.view.name}"),)
+        )
 
 
 def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
-    """Fields of a scenario that store the parameter at a path; several if one number is stored more than once.
+    """Fields of a scenario that store the parameter at a path; several if one number is
+    stored more than once.
 
     Raises:
         ScenarioError: as :func:`target_of`.
@@ -143,22 +188,34 @@ def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
 
 
 def target_of(scenario: Scenario, path: str) -> Target:
-    """Resolve a parameter path, in keys of a scenario file or field names of records, to the number that it denotes.
+    """Resolve a parameter path, in keys of a scenario file or field names of records,
+    to the number that it denotes.
 
     Raises:
-        ScenarioError: a field that does not exist (with those that do), or one that is structure.
+        ScenarioError: a field that does not exist (with those that do), or one that is
+            structure.
     """
     if (delay := place_of_delay(scenario, path)) is not None:
         return Target((delay,))
     for slot in slots(Scenario):
         if slot.word.varies == "never" and is_below(path, slot.path):
-            raise ScenarioError(f"path = {path!r}: {slot.path} is structure, {OF_STUDIES}")
+            raise ScenarioError(
+                f"path = {path!r}: {slot.path} is structure, {OF_STUDIES}"
+            )
         if slot.type is Scalar and path == slot.path:
             return Target((slot.place,))
-    if path.startswith(("reference.", "model.")) and scenario.agent.path_time is not None:
-        raise ScenarioError(f"path = {path!r}: {PLANNED}; make a scenario of each (skyarm.govern)")
+    if (
+        path.startswith(("reference.", "model."))
+        and scenario.agent.path_time is not None
+    ):
+        raise ScenarioError(
+            f"path = {path!r}: {PLANNED}; make a scenario of each (skyarm.govern)"
+        )
     if path.startswith("changes.") and not path.endswith(".value"):
-        raise ScenarioError(f"path = {path!r}: must be changes.NUMBER.value; when a change comes is structure")
+        raise ScenarioError(
+            f"path = {path!r}: must be changes.NUMBER.value; when a change comes is"
+            " structure"
+        )
     for root, start in roots(scenario).items():
         if path.startswith(f"{root}."):
             return _follow(scenario, path, start, path[len(root) + 1 :].split("."))
@@ -166,11 +223,15 @@ def target_of(scenario: Scenario, path: str) -> Target:
     near = did_you_mean(".".join(path.split(".")[:2]), beginnings) or did_you_mean(
         path.split(".", maxsplit=1)[0], beginnings
     )
-    raise ScenarioError(f"path = {path!r}: {near}must start with one of {', '.join(beginnings)}")
+    raise ScenarioError(
+        f"path = {path!r}: {near}must start with one of {', '.join(beginnings)}"
+    )
 
 
 def path_of(scenario: Scenario, place: Place) -> str:
-    """Parameter path of a scenario field, in keys of the scenario file and field names of records."""
+    """Parameter path of a scenario field, in keys of the scenario file and field names
+    of records.
+    """
     own = place_in_agent(place)
     if own != place:
         member = [*scenario.agents][int(place[2])]
@@ -183,40 +244,62 @@ def path_of(scenario: Scenario, place: Place) -> str:
 
 
 def place_in_agent(place: Place) -> Place:
-    """Place below ``agent`` of a field of any of the vehicles, as in a scenario of it alone; others stay."""
+    """Place below ``agent`` of a field of any of the vehicles, as in a scenario of it
+    alone; others stay.
+    """
     return ("agent", *place[3:]) if place[:2] == (AGENTS, "records") else place
 
 
 def slot_at(place: Sequence[str]) -> tuple[Slot, str]:
-    """Innermost scenario-file key that contains a field, and the item of the key's list in which the field lies."""
-    inside = [slot for slot in slots(Scenario) if matches(place[: len(slot.place)], slot.place)]
+    """Innermost scenario-file key that contains a field, and the item of the key's list
+    in which the field lies.
+    """
+    inside = [
+        slot
+        for slot in slots(Scenario)
+        if matches(place[: len(slot.place)], slot.place)
+    ]
     slot = max(inside, key=lambda each: len(each.place))
-    return slot, next((a for a, b in zip(place, slot.place, strict=False) if b == EACH), "")
+    return slot, next(
+        (a for a, b in zip(place, slot.place, strict=False) if b == EACH), ""
+    )
 
 
 def matches(place: Sequence[str], pattern: Place) -> bool:
-    """True if a field path matches that of a scenario-file key, in which ``*`` matches any item of a list."""
-    return len(place) == len(pattern) and all(b in (a, EACH) for a, b in zip(place, pattern, strict=True))
+    """True if a field path matches that of a scenario-file key, in which ``*`` matches
+    any item of a list.
+    """
+    return len(place) == len(pattern) and all(
+        b in (a, EACH) for a, b in zip(place, pattern, strict=True)
+    )
 
 
 def is_below(path: str, word: str) -> bool:
-    """True if a parameter path equals a key path of a file or leads to something below it."""
+    """True if a parameter path equals a key path of a file or leads to something below
+    it.
+    """
     return path == word or path.startswith(f"{word}.")
 
 
 @cache
 def variable_words() -> dict[str, Place]:
-    """Keys of a scenario file below which numbers may vary, each with the field that it denotes."""
+    """Keys of a scenario file below which numbers may vary, each with the field that it
+    denotes.
+    """
     return {
         slot.path: slot.place
         for slot in slots(Scenario)
-        if slot.word.varies != "never" and slot.type is not Scalar and EACH not in slot.path
+        if slot.word.varies != "never"
+        and slot.type is not Scalar
+        and EACH not in slot.path
     }
 
 
 @cache
 def delay_words() -> dict[str, tuple[Place, str]]:
-    """Parameters that may vary only if another field is stated: path -> record, and name of that other field."""
+    """Parameters that may vary only if another field is stated: path -> record, and
+    name of that other field.
+    """
     return {
         f"{slot.path}.{name}": (slot.place, other)
         for slot in slots(Scenario)
@@ -226,7 +309,9 @@ def delay_words() -> dict[str, tuple[Place, str]]:
 
 
 def place_of_delay(scenario: Scenario, path: str) -> Place | None:
-    """Field of a delay that may vary because the scenario states an upper bound for it; None for other parameters."""
+    """Field of a delay that may vary because the scenario states an upper bound for it;
+    None for other parameters.
+    """
     record, other = delay_words().get(path, ((), ""))
     if not other or part(scenario, (*record, other)) is None:
         return None
@@ -234,10 +319,13 @@ def place_of_delay(scenario: Scenario, path: str) -> Place | None:
 
 
 def roots(scenario: Scenario) -> dict[str, Place]:
-    """Beginnings of parameter paths, such as plant or sensors.imu, with the scenario fields that they denote."""
+    """Beginnings of parameter paths, such as plant or sensors.imu, with the scenario
+    fields that they denote.
+    """
     carried = ("agent", "plant", "vehicle", "drives")
     places: dict[str, Place] = {
-        f"plant.drives.{each.name}": (*carried, str(i), "drive") for i, each in enumerate(scenario.agent.vehicle.drives)
+        f"plant.drives.{each.name}": (*carried, str(i), "drive")
+        for i, each in enumerate(scenario.agent.vehicle.drives)
     }
     for slot in slots(Scenario):
         if EACH in slot.path:
@@ -253,11 +341,23 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> Ta
     view: NumberView | None = None
     whole = True
     for word in words:
-        options = {} if view is not None else path_names(part(scenario, places[0])) if tree is None else tree
+        options = (
+            {}
+            if view is not None
+            else path_names(part(scenario, places[0]))
+            if tree is None
+            else tree
+        )
         if word not in options:
             at_word = whole and start in variable_words().values()
-            names = [*options, *(_named_sensors_and_drives(scenario, path) if at_word else ())]
-            there = f"{did_you_mean(word, names)}there are {', '.join(names) or 'no fields'}"
+            names = [
+                *options,
+                *(_named_sensors_and_drives(scenario, path) if at_word else ()),
+            ]
+            there = (
+                f"{did_you_mean(word, names)}there are"
+                f" {', '.join(names) or 'no fields'}"
+            )
             raise ScenarioError(f"path = {path!r}: no {word!r} here; {there}")
         denoted, whole = options[word], False
         view = denoted if isinstance(denoted, NumberView) else None
@@ -267,13 +367,21 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> Ta
     if view is not None:
         return Target(((*places[0], *view.inside),), view)
     if tree is not None:
-        raise ScenarioError(f"path = {path!r}: must lead to a number; there are {', '.join(tree)}")
-    return Target(tuple((*at, *getattr(part(scenario, at), "own_number", ())) for at in places))
+        raise ScenarioError(
+            f"path = {path!r}: must lead to a number; there are {', '.join(tree)}"
+        )
+    return Target(
+        tuple((*at, *getattr(part(scenario, at), "own_number", ())) for at in places)
+    )
 
 
 def _named_sensors_and_drives(scenario: Scenario, path: str) -> list[str]:
-    """Names of sensors and drives, listed as suggestions for a misspelt parameter path."""
+    """Names of sensors and drives, listed as suggestions for a misspelt parameter
+    path.
+    """
     head = path[: path.index(".") + 1]
     return [
-        name.removeprefix(head) for name in roots(scenario) if name not in variable_words() and name.startswith(head)
+        name.removeprefix(head)
+        for name in roots(scenario)
+        if name not in variable_words() and name.startswith(head)
     ]

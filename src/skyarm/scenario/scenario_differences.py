@@ -23,13 +23,18 @@ Words = tuple[str, ...]
 
 
 def scenario_differences(a: object, b: object) -> dict[str, tuple[Plain, Plain]]:
-    """Values that differ between two scenarios, as a dict from parameter path to pair of values.
+    """Values that differ between two scenarios, as a dict from parameter path to pair
+    of values.
 
     Args:
-        a: plain data of a scenario (``log.info["scenario_record"]``); anything else counts as empty.
+        a: plain data of a scenario (``log.info["scenario_record"]``); anything else
+            counts as empty.
         b: plain data of the other scenario.
     """
-    ours, theirs = (dict(_leaves(dict(each), ())) if isinstance(each, Mapping) else {} for each in (a, b))
+    ours, theirs = (
+        dict(_leaves(dict(each), ())) if isinstance(each, Mapping) else {}
+        for each in (a, b)
+    )
     differences = {}
     for words in {**ours, **theirs}:
         pair = ours.get(words, ABSENT), theirs.get(words, ABSENT)
@@ -40,20 +45,32 @@ def scenario_differences(a: object, b: object) -> dict[str, tuple[Plain, Plain]]
 
 def _leaves(data: Plain, words: Words) -> Iterator[tuple[Words, Plain]]:
     """Field path and value of each number, text or flag in a scenario's plain data."""
-    inner = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
+    inner = (
+        data.items()
+        if isinstance(data, Mapping)
+        else enumerate(data)
+        if isinstance(data, list)
+        else ()
+    )
     if not inner:
         yield words, data
     for name, each in inner:
-        # a class is told where it is a law, a plant or another kind of wind; elsewhere it follows from the field
-        if name not in FOR_PEOPLE or (name == "type" and isinstance(each, str) and _has_choice(words)):
+        # a class is told where it is a law, a plant or another kind of wind; elsewhere
+        # it follows from the field
+        if name not in FOR_PEOPLE or (
+            name == "type" and isinstance(each, str) and _has_choice(words)
+        ):
             yield from _leaves(each, (*words, str(name)))
 
 
 def _has_choice(words: Words) -> bool:
-    """True for a field path, such as environment.wind, where values of several classes are allowed."""
+    """True for a field path, such as environment.wind, where values of several classes
+    are allowed.
+    """
     words = ("agent", *words[2:]) if words[:1] == (AGENTS,) else words
     return any(
-        slot.word.kind and matches(words, (*slot.place, EACH) if _is_list(slot) else slot.place)
+        slot.word.kind
+        and matches(words, (*slot.place, EACH) if _is_list(slot) else slot.place)
         for slot in slots(Scenario)
     )
 
@@ -64,13 +81,17 @@ def _is_list(slot: Slot) -> bool:
 
 
 def _path(words: Words) -> str:
-    """Parameter path of a value in a scenario's plain data; the field names joined by dots if no path exists."""
+    """Parameter path of a value in a scenario's plain data; the field names joined by
+    dots if no path exists.
+    """
     if words[0] == AGENTS and len(words) > 2:
         return f"{OF_AGENT}{words[1]}.{_path(('agent', *words[2:])).removeprefix('agent.')}"
     for slot in sorted(slots(Scenario), key=lambda slot: -len(slot.place)):
         head, tail = words[: len(slot.place)], words[len(slot.place) :]
         if matches(head, slot.place):
-            number = next((a for a, b in zip(head, slot.place, strict=True) if b == EACH), "")
+            number = next(
+                (a for a, b in zip(head, slot.place, strict=True) if b == EACH), ""
+            )
             return ".".join((slot.path.replace(EACH, number), *tail))
     return ".".join(words)
 
@@ -79,13 +100,20 @@ MOST_FIELDS = 20
 """Number of fields that a terminal shows; ``--json`` has all."""
 
 
-def changed_field_lines(differences: Mapping[str, tuple[Plain, Plain]], laws: list[str]) -> list[str]:
+def changed_field_lines(
+    differences: Mapping[str, tuple[Plain, Plain]], laws: list[str]
+) -> list[str]:
     """Text of the scenario fields in which two logs differ."""
     lines = ["the scenarios differ in"] if differences else []
     if any(word_of(path).startswith("controller.law.") for path in differences):
         lines.append("  controller: " + " and ".join(map(shown, laws)))
-        differences = {path: pair for path, pair in differences.items() if not word_of(path).startswith("controller.")}
-    lines += [f"  {path}: {shown(ours)} and {shown(theirs)}" for path, (ours, theirs) in differences.items()][
-        :MOST_FIELDS
-    ]
+        differences = {
+            path: pair
+            for path, pair in differences.items()
+            if not word_of(path).startswith("controller.")
+        }
+    lines += [
+        f"  {path}: {shown(ours)} and {shown(theirs)}"
+        for path, (ours, theirs) in differences.items()
+    ][:MOST_FIELDS]
     return lines + more_lines(len(differences) - MOST_FIELDS, "fields")

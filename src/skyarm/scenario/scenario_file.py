@@ -14,33 +14,44 @@ A file has ``schema = 1``, ``name``, ``title``, ``duration`` (s) and these table
                   without = ["coriolis", "coupling", "full_gravity", "feedforward"];
                   friction_compensation, rate_weights (one number a joint);
                   safety = true, or a table of limits (skyarm.control.safety.limits)
-    [reference]   see skyarm.reference.reference_tables; tracking_start (s): until then the law gets that of t = 0;
+    [reference]   see skyarm.reference.reference_tables; tracking_start (s): until then
+                  the law gets that of t = 0;
                   governor = true, or a table of limits (skyarm.scenario.path_governor)
     [environment] wind (see skyarm.world.wind), ground (true),
                   faults = [{ rotor or joint = name, effectiveness (a number or a signal), start }],
                   or { joint = name, stuck = true, start }
                   [[environment.air]], [[environment.forces]] kind = NAME and its numbers, added to the wind
-    [sensors]     one sigma: position, velocity, attitude, rate, specific_force, joints, joint_rates, rotor_speeds
-    [sensors.X]   kind = NAME and its numbers: a sensor beside the full state, X to the estimator
-    [estimator]   kind = NAME and its numbers: from all readings to the law's measurement
+    [sensors]     one sigma: position, velocity, attitude, rate, specific_force, joints,
+                  joint_rates, rotor_speeds
+    [sensors.X]   kind = NAME and its numbers: a sensor beside the full state, X to the
+                  estimator
+    [estimator]   kind = NAME and its numbers: from all readings to the law's
+                  measurement
     [plant.drives.JOINT]  kind = NAME and its numbers: what the joint's setpoint means
     [[endings]]   kind = NAME and its numbers, beside the library's
-    [plugins]     need = [names]: plugins that must be loaded; a file never loads one itself
-    [delays]      measurement, command, and on top of it rotors, joints (s); longest_command
-    [initial]     position, quaternion_wxyz, velocity, rate, joints, joint_rates, rotor_speeds; left out: hover trim;
+    [plugins]     need = [names]: plugins that must be loaded; a file never loads one
+                  itself
+    [delays]      measurement, command, and on top of it rotors, joints (s);
+                  longest_command
+    [initial]     position, quaternion_wxyz, velocity, rate, joints, joint_rates,
+                  rotor_speeds; left out: hover trim;
                   standing = true sets the vehicle down on what is below it, at rest
                   (skyarm.world.contact.static_equilibrium)
-    [windows]     when its metrics look: steady, transient, gust, hover = [start, stop), s; holds = [...]; last = s
-    [[changes]]   at (s), path, value: what is other from then on (:mod:`skyarm.scenario.in_flight`)
-    [world]       [[world.surfaces]], [[world.points]]: what the vehicle may touch, and where (skyarm.world.contact)
+    [windows]     when its metrics look: steady, transient, gust, hover = [start, stop),
+                  s; holds = [...]; last = s
+    [[changes]]   at (s), path, value: what is other from then on
+                  (:mod:`skyarm.scenario.in_flight`)
+    [world]       [[world.surfaces]], [[world.points]]: what the vehicle may touch, and
+                  where (skyarm.world.contact)
     [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight (skyarm.scenario.payload_tables)
     [numbers]     numbers by their path, applied last (:mod:`skyarm.scenario.numbers`)
     [agents.NAME] the tables of one of several vehicles, but those of what they share; what stands at the top is of all
                   vehicles that do not say otherwise; faults = [...] are its own
     seed, episode
 
-A vehicle is a name of the library or a path beside the file. Without [model] the controller's model is the plant's
-vehicle and gravity, but knows of no payload. Every error is one line: file, field, value, what is allowed.
+A vehicle is a name of the library or a path beside the file. Without [model] the
+controller's model is the plant's vehicle and gravity, but knows of no payload. Every
+error is one line: file, field, value, what is allowed.
 """
 
 from __future__ import annotations
@@ -55,7 +66,15 @@ from typing import Any
 
 from skyarm.algebra import Scalar
 from skyarm.dynamics.actuators import AllocationError
-from skyarm.records.files import PathLike, errors_as, file_name, one_line, read_toml, shown, unreadable
+from skyarm.records.files import (
+    PathLike,
+    errors_as,
+    file_name,
+    one_line,
+    read_toml,
+    shown,
+    unreadable,
+)
 from skyarm.records.files.names import kind_of, names_in, read_named
 from skyarm.records.members import SOLE
 from skyarm.records.path_names import AGENTS, agent_of, word_of
@@ -86,24 +105,36 @@ def load_scenario(
     seed: int | None = None,
     duration: float | None = None,
 ) -> Scenario:
-    """Load a scenario by library name, from a .toml file or from a log; keywords replace stated values.
+    """Load a scenario by library name, from a .toml file or from a log; keywords
+    replace stated values.
 
     Args:
-        name_or_path: a name of :func:`list_scenarios`, or the path of a .toml file or of a log of a flight.
+        name_or_path: a name of :func:`list_scenarios`, or the path of a .toml file or
+            of a log of a flight.
         plant: "rigid_body" or "mujoco".
-        controller: name of a preset or a law, or ``LAW_tuned`` (:mod:`skyarm.control.catalogue`).
+        controller: name of a preset or a law, or ``LAW_tuned``
+            (:mod:`skyarm.control.catalogue`).
         seed: seed of the noise.
         duration: s.
 
-    Warns of parts without effect on the flight (:class:`skyarm.scenario.without_effect.WithoutEffectWarning`).
+    Warns of parts without effect on the flight
+    (:class:`skyarm.scenario.without_effect.WithoutEffectWarning`).
 
     Raises:
         ScenarioError: one line, ``file: field = value: what is allowed``.
     """
     from skyarm.scenario.without_effect import WithoutEffectWarning, without_effect
 
-    stated = {"plant": plant, "controller": controller, "seed": seed, "duration": duration}
-    scenario = _read_scenario(name_or_path, {name: value for name, value in stated.items() if value is not None})
+    stated = {
+        "plant": plant,
+        "controller": controller,
+        "seed": seed,
+        "duration": duration,
+    }
+    scenario = _read_scenario(
+        name_or_path,
+        {name: value for name, value in stated.items() if value is not None},
+    )
     for line in without_effect(scenario):
         warnings.warn(f"{scenario.name}: {line}", WithoutEffectWarning, stacklevel=2)
     return scenario
@@ -121,7 +152,8 @@ def _read_scenario(name_or_path: PathLike, given: Mapping[str, Any]) -> Scenario
 
 
 def as_scenario(given: Scenario | PathLike, controller: str | None = None) -> Scenario:
-    """Return a given scenario, or load one by its shipped name, from a .toml file or from a log.
+    """Return a given scenario, or load one by its shipped name, from a .toml file or
+    from a log.
 
     Args:
         given: a record, a name or a path.
@@ -133,22 +165,31 @@ def as_scenario(given: Scenario | PathLike, controller: str | None = None) -> Sc
     if isinstance(given, (str, os.PathLike)):
         return load_scenario(given, controller=controller)
     if not isinstance(given, Scenario):
-        raise ScenarioError(f"scenario = {shown(given)}: must be a Scenario, or the name or path of one")
+        raise ScenarioError(
+            f"scenario = {shown(given)}: must be a Scenario, or the name or path of one"
+        )
     return given if controller is None else under_law(given, controller)
 
 
 def is_scenario(name: str) -> bool:
     """True if a name denotes a scenario: a shipped one, a scenario file or a log.
 
-    All else is read as a vehicle, whose reader says what is wrong with a file that nobody can read.
+    All else is read as a vehicle, whose reader says what is wrong with a file that
+    nobody can read.
     """
     if name in list_vehicles():
         return False
-    return name in list_scenarios() or name.endswith(".npz") or kind_of_file(name) == "scenario"
+    return (
+        name in list_scenarios()
+        or name.endswith(".npz")
+        or kind_of_file(name) == "scenario"
+    )
 
 
 def kind_of_file(name: str) -> str:
-    """Kind of a TOML file (vehicle, scenario, study, gains) by its tables; empty for other files."""
+    """Kind of a TOML file (vehicle, scenario, study, gains) by its tables; empty for
+    other files.
+    """
     if not name.endswith(".toml") or unreadable(Path(name)):
         return ""
     try:
@@ -168,19 +209,31 @@ def _scenario_of_log(path: str, given: Mapping[str, Any]) -> Scenario:
         log = load_log(path)
         warn_of_commands(log.info)
         scenario: Scenario = log.scenario_with(_by_path(given))
-        return under_law(scenario, given["controller"]) if "controller" in given else scenario
+        return (
+            under_law(scenario, given["controller"])
+            if "controller" in given
+            else scenario
+        )
     except (ValueError, OSError, AllocationError) as error:
         words = str(error).removeprefix(f"log = {shown(path)}: ")
         raise ScenarioError(f"{path}: {words}") from None
 
 
 def _by_path(given: Mapping[str, object]) -> dict[str, object]:
-    """Replacement values by key path of a scenario file, without the law; ``plant`` means ``plant.kind``."""
-    return {"plant.kind" if name == "plant" else name: value for name, value in given.items() if name != "controller"}
+    """Replacement values by key path of a scenario file, without the law; ``plant``
+    means ``plant.kind``.
+    """
+    return {
+        "plant.kind" if name == "plant" else name: value
+        for name, value in given.items()
+        if name != "controller"
+    }
 
 
 def scenario_from(
-    document: Mapping[str, object], folder: PathLike = "", replaced: Mapping[str, Any] | None = None
+    document: Mapping[str, object],
+    folder: PathLike = "",
+    replaced: Mapping[str, Any] | None = None,
 ) -> Scenario:
     """Make the scenario that a TOML document describes.
 
@@ -196,7 +249,9 @@ def scenario_from(
         raise ScenarioError(f"document = {shown(document)}: must be a table")
     try:
         given = replaced or {}
-        return _scenario_of(Document(document, Path(folder), _by_path(given), given.get("controller")))
+        return _scenario_of(
+            Document(document, Path(folder), _by_path(given), given.get("controller"))
+        )
     except ValueError as error:
         raise ScenarioError(one_line(str(error))) from None
 
@@ -210,14 +265,20 @@ def _scenario_of(document: Document) -> Scenario:
     document.word("duration")
     readers.require_plugins(top)
     agents, changes = dict[str, Agent](), document.word("changes")
-    changes = [each for each in changes if not (each.of_law and document.law is not None)]
+    changes = [
+        each for each in changes if not (each.of_law and document.law is not None)
+    ]
     for name, each in members.items():
         with each.errors_at():
             controller = each.stated_table("controller")
-            require_servos_said(controller, each.word("plant").vehicle, each.word("model"))
+            require_servos_said(
+                controller, each.word("plant").vehicle, each.word("model")
+            )
             # and the reference, of whose faults the law's would distract
             each.word("payloads")
-            agents[name] = Agent(**{place[-1]: value for place, value in each.fields(agent=True).items()})
+            agents[name] = Agent(
+                **{place[-1]: value for place, value in each.fields(agent=True).items()}
+            )
     shared = {place[-1]: value for place, value in document.fields(agent=False).items()}
     scenario = Scenario(**shared | {"agents": agents, "changes": tuple(changes)})
     check_scenario(scenario)
@@ -229,10 +290,24 @@ def _scenario_of(document: Document) -> Scenario:
     numbers, initial = document.table("numbers").table, slot_of("initial")
     # gains of a law that does not fly, as changes of it are
     if document.law is not None:
-        numbers = {path: value for path, value in numbers.items() if not is_below(word_of(path), "controller")}
+        numbers = {
+            path: value
+            for path, value in numbers.items()
+            if not is_below(word_of(path), "controller")
+        }
     for name, each in members.items():
-        _warn_of_two_loads(each, [word_of(c.path) for c in scenario.changes if agent_of(c.path) in ("", name)])
-    initials = {name: (each.entry(initial), each.at("initial")) for name, each in members.items()}
+        _warn_of_two_loads(
+            each,
+            [
+                word_of(c.path)
+                for c in scenario.changes
+                if agent_of(c.path) in ("", name)
+            ],
+        )
+    initials = {
+        name: (each.entry(initial), each.at("initial"))
+        for name, each in members.items()
+    }
     for name in members if members.keys() != {SOLE} else ():
         document.table(f"{AGENTS}.{name}").done(words_of_agent())
     top.done()
@@ -241,15 +316,23 @@ def _scenario_of(document: Document) -> Scenario:
     if numbers:
         with errors_as(ScenarioError, "numbers: "):
             made = _with_stated_numbers(made, numbers)
-    return replace(made, agents={name: each.plan_time(made.of(name)).agent for name, each in members.items()})
+    return replace(
+        made,
+        agents={
+            name: each.plan_time(made.of(name)).agent for name, each in members.items()
+        },
+    )
 
 
 class TwoLoadsWarning(UserWarning):
-    """Warning about a payload of a vehicle's table to which a change in flight adds another."""
+    """Warning about a payload of a vehicle's table to which a change in flight adds
+    another.
+    """
 
 
 def _warn_of_two_loads(document: Document, paths: Iterable[str]) -> None:
-    """Warn where a change of one vehicle sets a payload at a frame where [plant] or [model] states another.
+    """Warn where a change of one vehicle sets a payload at a frame where [plant] or
+    [model] states another.
 
     Numbers by path may add to it on purpose: saved files have them.
     """
@@ -261,12 +344,16 @@ def _warn_of_two_loads(document: Document, paths: Iterable[str]) -> None:
         tip, frame = document.word(root).vehicle.end_effector, load.rpartition(".")[0]
         if stated.get("mass") and (stated.get("frame") or tip) == (frame or tip):
             own = f"{document.at(root)}.payload.mass = {shown(stated['mass'])}"
-            words = f"{path}: is a load beside {own}, which it does not replace; set both by the path"
+            words = (
+                f"{path}: is a load beside {own}, which it does not replace; set both"
+                " by the path"
+            )
             warnings.warn(words, TwoLoadsWarning, stacklevel=2)
 
 
 def _require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
-    """Raise an error if a scheduled change lies outside of the flight's control periods.
+    """Raise an error if a scheduled change lies outside of the flight's control
+    periods.
 
     Raises:
         ScenarioError: one line.
@@ -274,11 +361,16 @@ def _require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
     for i, change in enumerate(changes):
         if change.tick(rate) >= steps:
             last = (steps - 1) / rate
-            raise ScenarioError(f"changes[{i}].at = {change.at!r}: must be at most {last:g} s, the last control period")
+            raise ScenarioError(
+                f"changes[{i}].at = {change.at!r}: must be at most {last:g} s, the last"
+                " control period"
+            )
 
 
 def _with_stated_numbers(scenario: Scenario, numbers: Mapping[str, Scalar]) -> Scenario:
-    """Scenario with the numbers that a file states by parameter path, checked like values stated in tables."""
+    """Scenario with the numbers that a file states by parameter path, checked like
+    values stated in tables.
+    """
     try:
         require_apart(scenario, tuple(numbers))
         changed = with_numbers(scenario, numbers)
@@ -289,8 +381,11 @@ def _with_stated_numbers(scenario: Scenario, numbers: Mapping[str, Scalar]) -> S
     return changed
 
 
-def _by_its_path(scenario: Scenario, numbers: Mapping[str, Scalar], words: str) -> ScenarioError:
-    """Error about a number that a file states by parameter path; the message names that path, not a record's field.
+def _by_its_path(
+    scenario: Scenario, numbers: Mapping[str, Scalar], words: str
+) -> ScenarioError:
+    """Error about a number that a file states by parameter path; the message names that
+    path, not a record's field.
 
     Args:
         scenario: scenario without the numbers.
@@ -303,6 +398,13 @@ def _by_its_path(scenario: Scenario, numbers: Mapping[str, Scalar], words: str) 
         except ValueError as error:
             # as it is and as a record holds a whole number
             message, texts = str(error), (shown(value), f"{value}.0")
-            why = next((tail for each in texts if (tail := message.partition(f" = {each}: ")[2])), message)
+            why = next(
+                (
+                    tail
+                    for each in texts
+                    if (tail := message.partition(f" = {each}: ")[2])
+                ),
+                message,
+            )
             return ScenarioError(f"{path} = {shown(value)}: {why}")
     return ScenarioError(words.replace(OF_STUDIES, "must be written in its table"))

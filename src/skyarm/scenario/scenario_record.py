@@ -1,4 +1,6 @@
-"""Scenario dataclass: plant, model, controller, reference, environment, clocks and scheduled changes of a flight."""
+"""Scenario dataclass: plant, model, controller, reference, environment, clocks and
+scheduled changes of a flight.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,12 @@ from skyarm.reference import Trajectory
 from skyarm.reference.path_time import PathTime
 from skyarm.reference.planned_motion import PlannedBody
 from skyarm.scenario.endings import Ending
-from skyarm.sensing.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
+from skyarm.sensing.estimate.estimator import (
+    FULL_STATE,
+    PASS_THROUGH,
+    Estimator,
+    PassThrough,
+)
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle import Vehicle
@@ -69,8 +76,11 @@ LATEST = 1e7
 
 PERFECT_SENSORS = SensorNoise()
 
-SEVERAL = "agents = {}: must be one here; scenario.of(NAME) is the flight of one of them"
-"""Message about a scenario of several vehicles where the word of one is read, completed by their names."""
+SEVERAL = (
+    "agents = {}: must be one here; scenario.of(NAME) is the flight of one of them"
+)
+"""Message about a scenario of several vehicles where the word of one is read, completed
+by their names."""
 
 Record = TypeVar("Record")
 
@@ -81,12 +91,18 @@ class ScenarioError(ValueError):
 
 def whole(value: object) -> int | None:
     """Convert a whole number (NumPy's too) to int; None for anything else."""
-    return int(value) if not isinstance(value, bool) and isinstance(value, numbers.Integral) else None
+    return (
+        int(value)
+        if not isinstance(value, bool) and isinstance(value, numbers.Integral)
+        else None
+    )
 
 
 @immutable
 class Rates:
-    """Rates of physics, control and reference, Hz; physics / control and control / reference are whole numbers."""
+    """Rates of physics, control and reference, Hz; physics / control and control /
+    reference are whole numbers.
+    """
 
     physics: Annotated[
         int,
@@ -95,7 +111,10 @@ class Rates:
             "integration steps a second",
             low=1.0,
             high=HIGHEST_RATE,
-            effect="higher rates integrate more exactly and take more time; stiff contact needs them",
+            effect=(
+                "higher rates integrate more exactly and take more time; stiff contact"
+                " needs them"
+            ),
         ),
     ] = 1000
     control: Annotated[
@@ -129,39 +148,58 @@ class Rates:
         for fast, slow in (("physics", "control"), ("control", "reference")):
             if getattr(self, fast) % getattr(self, slow):
                 raise ScenarioError(
-                    f"rates.{slow} = {getattr(self, slow)}: must divide rates.{fast} = {getattr(self, fast)}"
+                    f"rates.{slow} = {getattr(self, slow)}: must divide rates.{fast} ="
+                    f" {getattr(self, fast)}"
                 )
 
 
 OF_TRIM = ("position", "quaternion", "joints", "rotor_speeds")
-"""Fields of a state in hover trim that follow from vehicle and reference; the others are zero in any."""
+"""Fields of a state in hover trim that follow from vehicle and reference; the others
+are zero in any."""
 
 
 @immutable
 class PartialState(State):
-    """Initial state of which some fields are left out: those of hover trim at the reference, of any vehicle.
+    """Initial state of which some fields are left out: those of hover trim at the
+    reference, of any vehicle.
 
     Attributes:
-        left_out: names of these fields, which hold zeros here (:func:`first_state` completes them).
+        left_out: names of these fields, which hold zeros here (:func:`first_state`
+            completes them).
     """
 
     left_out: tuple[str, ...] = field_if_any(default=())
 
     @staticmethod
     def of(state: State, left_out: Collection[str], vehicle: Vehicle) -> State:
-        """Partial state with the fields of a complete one, but those left out; the complete one if none is."""
+        """Partial state with the fields of a complete one, but those left out; the
+        complete one if none is.
+        """
         blank = leaves.parts(example_state(*vehicle.sizes))
-        lacking = tuple(name for name in OF_TRIM if name in left_out and blank[name] != ())
-        fields = {name: blank[name] if name in lacking else getattr(state, name) for name in blank}
+        lacking = tuple(
+            name for name in OF_TRIM if name in left_out and blank[name] != ()
+        )
+        fields = {
+            name: blank[name] if name in lacking else getattr(state, name)
+            for name in blank
+        }
         return PartialState(**fields, left_out=lacking) if lacking else State(**fields)
 
     def path_names(self) -> Names:
         """Parameter paths of a complete state."""
-        return {name: each for name, each in State.path_names(self).items() if name != "left_out"}
+        return {
+            name: each
+            for name, each in State.path_names(self).items()
+            if name != "left_out"
+        }
 
     def completed(self, trim: State) -> State:
         """State with the fields of hover trim where they are left out."""
-        own = {name: getattr(self, name) for name in leaves.parts(trim) if name not in self.left_out}
+        own = {
+            name: getattr(self, name)
+            for name in leaves.parts(trim)
+            if name not in self.left_out
+        }
         return replace(trim, **own)
 
     def to_entry(self) -> dict[str, Entry]:
@@ -175,19 +213,22 @@ class PartialState(State):
 
 
 QUEUED = Word(unless="longest_command")
-"""Declaration of a delay that may vary if the longest is stated, which sets the length of the loop's queue."""
+"""Declaration of a delay that may vary if the longest is stated, which sets the length
+of the loop's queue."""
 
 
 @immutable
 @checked("delays", ScenarioError)
 class Delays:
-    """Dead times of the control loop: of measurements, of all commands, and of rotor or joint commands alone.
+    """Dead times of the control loop: of measurements, of all commands, and of rotor or
+    joint commands alone.
 
-    ``measurement`` is a whole number of control periods, the others are of physics steps. ``rotors`` and ``joints`` are
-    what the rotors' and the joints' part of a command takes on top of ``command``; an int of 0 is structure: they
-    travel together. ``longest_command`` is the longest that ``command`` and the larger of the two get together in a
-    batch that varies them from episode to episode; its episodes may have any delay from 0 to that. None: all episodes
-    have the same.
+    ``measurement`` is a whole number of control periods, the others are of physics
+    steps. ``rotors`` and ``joints`` are what the rotors' and the joints' part of a
+    command takes on top of ``command``; an int of 0 is structure: they travel together.
+    ``longest_command`` is the longest that ``command`` and the larger of the two get
+    together in a batch that varies them from episode to episode; its episodes may have
+    any delay from 0 to that. None: all episodes have the same.
     """
 
     measurement: Annotated[
@@ -211,19 +252,33 @@ class Delays:
     ] = 0.0
     longest_command: Annotated[
         float | None,
-        positive("s", "longest total command delay in a batch that varies it; None: equal in all episodes"),
+        positive(
+            "s",
+            "longest total command delay in a batch that varies it; None: equal in all"
+            " episodes",
+        ),
     ] = None
-    rotors: Annotated[Scalar, nonnegative("s", "additional dead time of rotor commands"), QUEUED] = 0
-    joints: Annotated[Scalar, nonnegative("s", "additional dead time of joint commands"), QUEUED] = 0
+    rotors: Annotated[
+        Scalar, nonnegative("s", "additional dead time of rotor commands"), QUEUED
+    ] = 0
+    joints: Annotated[
+        Scalar, nonnegative("s", "additional dead time of joint commands"), QUEUED
+    ] = 0
 
     @property
     def apart(self) -> bool:
-        """True if rotor or joint commands have a delay of their own in addition to the common command delay."""
-        return any(not concrete(value) or value != 0 for value in (self.rotors, self.joints))
+        """True if rotor or joint commands have a delay of their own in addition to the
+        common command delay.
+        """
+        return any(
+            not concrete(value) or value != 0 for value in (self.rotors, self.joints)
+        )
 
     @property
     def longest(self) -> float:
-        """Longest command delay (s): the stated upper bound if delays vary between episodes."""
+        """Longest command delay (s): the stated upper bound if delays vary between
+        episodes.
+        """
         if self.longest_command is not None:
             return self.longest_command
         return float(self.command) + max(float(self.rotors), float(self.joints))
@@ -231,16 +286,27 @@ class Delays:
 
 @immutable
 class NamedSensor:
-    """Named sensor in addition to the full state; an estimator receives its readings under this name."""
+    """Named sensor in addition to the full state; an estimator receives its readings
+    under this name.
+    """
 
     name: str
     sensor: Sensor
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name.isidentifier() or self.name == FULL_STATE:
-            raise ScenarioError(f"sensors: name = {shown(self.name)}: must be a word, and not {FULL_STATE!r}")
+        if (
+            not isinstance(self.name, str)
+            or not self.name.isidentifier()
+            or self.name == FULL_STATE
+        ):
+            raise ScenarioError(
+                f"sensors: name = {shown(self.name)}: must be a word, and not"
+                f" {FULL_STATE!r}"
+            )
         if not isinstance(self.sensor, Sensor):
-            raise ScenarioError(f"sensors.{self.name} = {shown(self.sensor)}: must be a Sensor")
+            raise ScenarioError(
+                f"sensors.{self.name} = {shown(self.sensor)}: must be a Sensor"
+            )
 
 
 @immutable
@@ -257,23 +323,33 @@ class JointDrive:
 
     def __post_init__(self) -> None:
         if not isinstance(self.joint, str):
-            raise ScenarioError(f"drives: joint = {shown(self.joint)}: must be the name of a joint")
+            raise ScenarioError(
+                f"drives: joint = {shown(self.joint)}: must be the name of a joint"
+            )
         if not isinstance(self.drive, Drive):
-            raise ScenarioError(f"drives.{self.joint} = {shown(self.drive)}: must be a Drive")
+            raise ScenarioError(
+                f"drives.{self.joint} = {shown(self.drive)}: must be a Drive"
+            )
 
 
 @immutable
 class Change:
-    """Scheduled change of a parameter or section of the scenario, from the first control period at or after ``at``.
+    """Scheduled change of a parameter or section of the scenario, from the first
+    control period at or after ``at``.
 
     Attributes:
         at: s.
         path: path of a number, or of a part as a whole.
-        value: the number, or what a scenario file would hold in the part's place: text, true or false, lists (held as
-            tuples) or tables.
+        value: the number, or what a scenario file would hold in the part's place: text,
+            true or false, lists (held as tuples) or tables.
     """
 
-    at: Annotated[float, nonnegative("s", "time of the change; it takes effect at the next control period")]
+    at: Annotated[
+        float,
+        nonnegative(
+            "s", "time of the change; it takes effect at the next control period"
+        ),
+    ]
     path: str
     value: Any
 
@@ -281,18 +357,29 @@ class Change:
         try:
             at = number(coerce.plain_number(self.at), "at", low=0.0)
             if at > LATEST:
-                raise ScenarioError(f"at = {at!r}: must be at most {LATEST:g} s, beyond which no flight lasts")
+                raise ScenarioError(
+                    f"at = {at!r}: must be at most {LATEST:g} s, beyond which no flight"
+                    " lasts"
+                )
             object.__setattr__(self, "at", at)
             if not isinstance(self.path, str) or not self.path:
-                raise ScenarioError(f"path = {shown(self.path)}: must be text that is not empty")
-            object.__setattr__(self, "value", _plain_value("value", self.value, whole=False))
+                raise ScenarioError(
+                    f"path = {shown(self.path)}: must be text that is not empty"
+                )
+            object.__setattr__(
+                self, "value", _plain_value("value", self.value, whole=False)
+            )
         except ValueError as error:
             raise ScenarioError(str(error)) from None
         except RecursionError:
-            raise ScenarioError("value: has too many lists or tables within each other") from None
+            raise ScenarioError(
+                "value: has too many lists or tables within each other"
+            ) from None
 
     def tick(self, rate: int) -> int:
-        """Index of the control period in which the change takes effect, at a control rate in Hz."""
+        """Index of the control period in which the change takes effect, at a control
+        rate in Hz.
+        """
         k = math.floor(self.at * rate)
         # against the instants as the loop has them: k / rate
         while k / rate < self.at:
@@ -301,34 +388,53 @@ class Change:
 
     @property
     def of_law(self) -> bool:
-        """True for a change of the controller; such changes are dropped when the law is replaced."""
+        """True for a change of the controller; such changes are dropped when the law is
+        replaced.
+        """
         return word_of(self.path).split(".", maxsplit=1)[0] == "controller"
 
     @property
     def table(self) -> Any:
-        """Value of a scheduled change in the format of a scenario file: lists in place of tuples."""
+        """Value of a scheduled change in the format of a scenario file: lists in place
+        of tuples.
+        """
         return _table(self.value)
 
 
 def _plain_value(field: str, value: object, whole: bool = True) -> Any:
-    """Convert the value of a scheduled change: lists to tuples, numbers to floats unless ``whole``."""
+    """Convert the value of a scheduled change: lists to tuples, numbers to floats
+    unless ``whole``.
+    """
     value = coerce.plain_number(value)
     if isinstance(value, Mapping):
         if not all(isinstance(name, str) for name in value):
-            raise RecordError(f"{field} = {shown(value)}: must have names that are texts")
-        return {name: _plain_value(f"{field}.{name}", each) for name, each in value.items()}
+            raise RecordError(
+                f"{field} = {shown(value)}: must have names that are texts"
+            )
+        return {
+            name: _plain_value(f"{field}.{name}", each) for name, each in value.items()
+        }
     if isinstance(value, (list, tuple)):
-        return tuple(_plain_value(f"{field}[{i}]", each) for i, each in enumerate(value))
+        return tuple(
+            _plain_value(f"{field}[{i}]", each) for i, each in enumerate(value)
+        )
     if isinstance(value, (bool, str)) or (whole and isinstance(value, (int, float))):
         return value
     if isinstance(value, numbers.Real):
         return number(value, field)
     try:
-        if not whole and value is not None and not isinstance(value, (bytes, set, frozenset)):
+        if (
+            not whole
+            and value is not None
+            and not isinstance(value, (bytes, set, frozenset))
+        ):
             return coerce.number(field, value)  # lanes of a batch, nodes of a trace
     except RecordError:
         pass
-    raise RecordError(f"{field} = {shown(value)}: must be a number, text, true, false, a list or a table")
+    raise RecordError(
+        f"{field} = {shown(value)}: must be a number, text, true, false, a list or a"
+        " table"
+    )
 
 
 def _table(value: object) -> Any:
@@ -338,7 +444,9 @@ def _table(value: object) -> Any:
 
 
 def in_order(changes: Iterable[Change], rate: int) -> tuple[Change, ...]:
-    """Sort scheduled changes by control period, and keep the order within one period."""
+    """Sort scheduled changes by control period, and keep the order within one
+    period.
+    """
     return tuple(sorted(changes, key=lambda change: change.tick(rate)))
 
 
@@ -352,12 +460,15 @@ class Solver:
 
     Attributes:
         kind: "rigid_body" or "mujoco". integrator: "rk4", "euler" or "rk4_staged".
-        closure: grasps are forces of a "spring", or constraints of MuJoCo of the same stiffness and damping, a "weld".
+        closure: grasps are forces of a "spring", or constraints of MuJoCo of the same
+            stiffness and damping, a "weld".
     """
 
     kind: Annotated[str, STRUCTURAL] = "rigid_body"
     integrator: Annotated[str, STRUCTURAL] = "rk4"
-    closure: Annotated[str, STRUCTURAL] = dataclasses.field(default="spring", metadata={UNWRITTEN: "spring"})
+    closure: Annotated[str, STRUCTURAL] = dataclasses.field(
+        default="spring", metadata={UNWRITTEN: "spring"}
+    )
 
     def __post_init__(self) -> None:
         for field, value, allowed in (
@@ -366,33 +477,46 @@ class Solver:
             ("closure", self.closure, dict.fromkeys(CLOSURES)),
         ):
             if not isinstance(value, str) or value not in allowed:
-                raise ScenarioError(f"plant.{field} = {shown(value)}: {must_be_one_of(allowed, value)}")
-        if self.closure == "weld" and (self.kind != "mujoco" or self.integrator == "euler"):
-            words = "must be 'spring' unless kind is 'mujoco' and integrator is not 'euler'"
+                raise ScenarioError(
+                    f"plant.{field} = {shown(value)}: {must_be_one_of(allowed, value)}"
+                )
+        if self.closure == "weld" and (
+            self.kind != "mujoco" or self.integrator == "euler"
+        ):
+            words = (
+                "must be 'spring' unless kind is 'mujoco' and integrator is not 'euler'"
+            )
             raise ScenarioError(f"plant.closure = 'weld': {words}")
 
 
 @immutable
 class Environment:
-    """Surroundings shared by all vehicles: wind, other air motion, forces, ground and contact model.
+    """Surroundings shared by all vehicles: wind, other air motion, forces, ground and
+    contact model.
 
     Attributes:
-        wind: motion of the air. air, forces: further components (:mod:`skyarm.world.component`).
+        wind: motion of the air. air, forces: further components
+            (:mod:`skyarm.world.component`).
         ground: end the episode when the lowest point reaches z = 0.
-        world: surfaces, and the vehicle's points that touch them (:mod:`skyarm.world.contact`); None for free flight.
+        world: surfaces, and the vehicle's points that touch them
+            (:mod:`skyarm.world.contact`); None for free flight.
     """
 
-    wind: Annotated[AnyComponent, Word(whole=True, kind="air force", reader="wind")] = NO_WIND
+    wind: Annotated[AnyComponent, Word(whole=True, kind="air force", reader="wind")] = (
+        NO_WIND
+    )
     air: Annotated[tuple[AnyComponent, ...], Word(whole=True, kind="air")] = ()
     forces: Annotated[tuple[AnyComponent, ...], Word(whole=True, kind="force")] = ()
     ground: Annotated[bool, Word(whole=True, varies="never")] = True
-    world: Annotated[Contact | None, Word("/world", kind="world", usual="contact", reader="world")] = field_if_any(
-        default=None
-    )
+    world: Annotated[
+        Contact | None, Word("/world", kind="world", usual="contact", reader="world")
+    ] = field_if_any(default=None)
 
     def __post_init__(self) -> None:
         if self.world is not None and not hasattr(self.world, "on"):
-            raise ScenarioError(f"world = {shown(self.world)}: must be a Contact or None")
+            raise ScenarioError(
+                f"world = {shown(self.world)}: must be a Contact or None"
+            )
         accept_fields(self, "", ScenarioError)
 
     @property
@@ -413,29 +537,37 @@ class Environment:
 
     @property
     def placed_models(self) -> tuple[tuple[str, AnyComponent], ...]:
-        """Wind, air and added forces with their parameter paths, such as ``environment.air[0]``."""
+        """Wind, air and added forces with their parameter paths, such as
+        ``environment.air[0]``.
+        """
         lists = {"environment.air": self.air, "environment.forces": self.forces}
-        numbered = [(f"{where}[{i}]", each) for where, several in lists.items() for i, each in enumerate(several)]
+        numbered = [
+            (f"{where}[{i}]", each)
+            for where, several in lists.items()
+            for i, each in enumerate(several)
+        ]
         return (("environment.wind", self.wind), *numbered)
 
 
 @immutable
 class Agent:
-    """One vehicle with its plant, law, reference, sensors, estimator, drives, delays and payloads.
+    """One vehicle with its plant, law, reference, sensors, estimator, drives, delays
+    and payloads.
 
     Attributes:
         plant: true vehicle and gravity.
         controller: law with its model.
         reference: desired motion.
-        tracking_start: s; before it the law receives the initial reference at rest. Errors always refer to the running
-            reference. An int of 0 is structure: the law tracks from the first instant.
+        tracking_start: s; before it the law receives the initial reference at rest.
+            Errors always refer to the running reference. An int of 0 is structure: the
+            law tracks from the first instant.
         path_time: planned time of the reference (:func:`skyarm.govern`); None for none.
         noise: noise of the full state. sensors: sensors in addition to it.
         estimator: estimator from all readings to the measurement that the law receives.
         drives: drives of joints whose setpoint is not the torque.
         delays: dead times of the loop.
-        initial: state at t = 0; None, or what it leaves out, is hover trim of the truth at the reference, as far as its
-            rotors can turn.
+        initial: state at t = 0; None, or what it leaves out, is hover trim of the truth
+            at the reference, as far as its rotors can turn.
         faults: losses of single actuators.
         payloads: loads that are picked up and set down in flight.
     """
@@ -450,16 +582,26 @@ class Agent:
         Trajectory,
         Word(
             whole=True,
-            entries=(("base", ("x", "y", "z")), ("yaw", ("yaw",)), ("joints", ("joints",))),
+            entries=(
+                ("base", ("x", "y", "z")),
+                ("yaw", ("yaw",)),
+                ("joints", ("joints",)),
+            ),
             reader="reference",
         ),
     ]
     tracking_start: Annotated[
         Scalar,
-        nonnegative("s", "time at which the law begins to track; before, it holds the initial reference"),
+        nonnegative(
+            "s",
+            "time at which the law begins to track; before, it holds the initial"
+            " reference",
+        ),
         Word("reference.tracking_start"),
     ] = 0
-    path_time: Annotated[PathTime | None, Word("reference.governor", varies="never")] = field_if_any(default=None)
+    path_time: Annotated[
+        PathTime | None, Word("reference.governor", varies="never")
+    ] = field_if_any(default=None)
     noise: Annotated[SensorNoise, Word("sensors")] = PERFECT_SENSORS
     sensors: Annotated[
         tuple[NamedSensor, ...],
@@ -472,7 +614,10 @@ class Agent:
     ] = ()
     delays: Annotated[Delays, STRUCTURAL] = Delays()
     initial: Annotated[State | None, Word(varies="between")] = None
-    faults: Annotated[tuple[Fault, ...], Word("/environment.faults", whole=True, kind="fault", usual="loss")] = ()
+    faults: Annotated[
+        tuple[Fault, ...],
+        Word("/environment.faults", whole=True, kind="fault", usual="loss"),
+    ] = ()
     payloads: Annotated[
         tuple[TimedPayload, ...],
         Word(kind="payload", usual="rigid", reader="payloads"),
@@ -483,7 +628,9 @@ class Agent:
         names = [payload.name for payload in self.payloads]
         for i, name in enumerate(names):
             if name and names.count(name) > 1:
-                raise ScenarioError(f"payloads[{i}].name = {name!r}: must be of one payload only")
+                raise ScenarioError(
+                    f"payloads[{i}].name = {name!r}: must be of one payload only"
+                )
         if self.initial is not None:
             with errors_as(ScenarioError):
                 require_fields(self.initial, "initial")
@@ -502,7 +649,9 @@ class Agent:
 
     @property
     def law_reference(self) -> Trajectory:
-        """Reference as the law receives it: attitude and rotors of a plan if it follows the whole state."""
+        """Reference as the law receives it: attitude and rotors of a plan if it follows
+        the whole state.
+        """
         planned = self.reference.planned
         if planned is None or follows_plan(self.controller.par):
             return self.reference
@@ -511,7 +660,9 @@ class Agent:
 
     @property
     def power(self) -> tuple[BatteryDrain, ...]:
-        """Model of the electrical load on the plant's battery, as a tuple of one; empty without a battery."""
+        """Model of the electrical load on the plant's battery, as a tuple of one; empty
+        without a battery.
+        """
         vehicle = self.plant.vehicle
         if vehicle.battery is None:
             return ()
@@ -532,27 +683,41 @@ class Agent:
     @property
     def all_sensors(self) -> tuple[tuple[str, Sensor], ...]:
         """All sensors by name: the full-state sensor first, then the named sensors."""
-        return ((FULL_STATE, self.noise), *((each.name, each.sensor) for each in self.sensors))
+        return (
+            (FULL_STATE, self.noise),
+            *((each.name, each.sensor) for each in self.sensors),
+        )
 
     @property
     def modelled_payloads(self) -> tuple[TimedPayload, ...]:
-        """Payloads that the law's model has from pick to drop, apart from those that waiting phases pick.
+        """Payloads that the law's model has from pick to drop, apart from those that
+        waiting phases pick.
 
-        The loop adds the latter to the model, since their instants are unknown before the flight.
+        The loop adds the latter to the model, since their instants are unknown before
+        the flight.
         """
         waiting = {name for guard in self.reference.guards for name in guard.loads}
-        return tuple(each for each in self.payloads if each.believed and each.name not in waiting)
+        return tuple(
+            each for each in self.payloads if each.believed and each.name not in waiting
+        )
 
     @property
     def joint_drives(self) -> tuple[JointDrive, ...]:
-        """Drives of joints by joint name: those of the scenario, and those of the vehicle for other joints."""
+        """Drives of joints by joint name: those of the scenario, and those of the
+        vehicle for other joints.
+        """
         named = [each.joint for each in self.drives]
         carried = (each for each in self.plant.vehicle.drives if each.name not in named)
-        return (*self.drives, *(JointDrive(joint=each.name, drive=each.drive) for each in carried))
+        return (
+            *self.drives,
+            *(JointDrive(joint=each.name, drive=each.drive) for each in carried),
+        )
 
     @property
     def commands_setpoints(self) -> tuple[bool, ...]:
-        """For each joint, true if the law commands a setpoint of the joint's drive, not a torque or force."""
+        """For each joint, true if the law commands a setpoint of the joint's drive, not
+        a torque or force.
+        """
         drives = self.all_drives or (TORQUE_DRIVE,) * self.plant.vehicle.n
         return tuple(not drive.takes_torque for drive in drives)
 
@@ -560,10 +725,21 @@ class Agent:
     def all_drives(self) -> tuple[Drive, ...]:
         """Drive of each joint in order; empty if every joint is commanded by torque."""
         given = {each.joint: each.drive for each in self.joint_drives}
-        return tuple(given.get(joint.name, TORQUE_DRIVE) for joint in self.plant.vehicle.joints) if given else ()
+        return (
+            tuple(
+                given.get(joint.name, TORQUE_DRIVE)
+                for joint in self.plant.vehicle.joints
+            )
+            if given
+            else ()
+        )
 
-    def placed_models(self, environment: Environment) -> tuple[tuple[str, AnyComponent], ...]:
-        """Environment models that the vehicle has for itself, with their parameter paths: wind, payloads, battery."""
+    def placed_models(
+        self, environment: Environment
+    ) -> tuple[tuple[str, AnyComponent], ...]:
+        """Environment models that the vehicle has for itself, with their parameter
+        paths: wind, payloads, battery.
+        """
         return (
             *((at, each) for at, each in environment.placed_models if not each.shared),
             *((f"payloads[{i}]", each) for i, each in enumerate(self.payloads)),
@@ -574,14 +750,19 @@ class Agent:
 def _with_steady_model(agent: Agent) -> Agent:
     """Agent whose law's model takes up no payload at a known instant."""
     names = [each.name for each in agent.modelled_payloads]
-    kept = (replace(each, believed=each.believed and each.name not in names) for each in agent.payloads)
+    kept = (
+        replace(each, believed=each.believed and each.name not in names)
+        for each in agent.payloads
+    )
     return replace(agent, payloads=tuple(kept))
 
 
 def words_as_keywords(kind: type[Record]) -> type[Record]:
-    """Decorator of a dataclass that also accepts fields of its groups as keywords, such as ``wind`` of ``environment``.
+    """Decorator of a dataclass that also accepts fields of its groups as keywords, such
+    as ``wind`` of ``environment``.
 
-    ``dataclasses.replace`` calls the class and takes them too. Type checkers see the record's own fields alone.
+    ``dataclasses.replace`` calls the class and takes them too. Type checkers see the
+    record's own fields alone.
     """
     generated: Callable[..., None] = kind.__init__
 
@@ -595,27 +776,43 @@ def words_as_keywords(kind: type[Record]) -> type[Record]:
 
 
 def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object]:
-    """Sort keyword arguments, such as ``wind``, into the groups of fields, such as ``environment``, that have them.
+    """Sort keyword arguments, such as ``wind``, into the groups of fields, such as
+    ``environment``, that have them.
 
     Raises:
         TypeError: a field is missing, or there is no such field or word.
     """
-    fields: dict[str, Any] = {name: words.pop(name) for name in (*defaults(kind), *groups(kind)) if name in words}
+    fields: dict[str, Any] = {
+        name: words.pop(name)
+        for name in (*defaults(kind), *groups(kind))
+        if name in words
+    }
     members = fields.get("agents")
     if isinstance(members, Mapping) and len(members) == 1:
         (_, only), _ = *members.items(), fields.pop("agents")
         fields.setdefault("agent", only)
     for group, group_kind in groups(kind).items() if words else ():
-        if inner := {word: words.pop(word) for word in field_names(group_kind) or () if word in words}:
+        if inner := {
+            word: words.pop(word)
+            for word in field_names(group_kind) or ()
+            if word in words
+        }:
             if group == "agent" and "agents" in fields:
-                raise ScenarioError(f"{next(iter(inner))}: {SEVERAL.format(', '.join(fields['agents']))}")
+                raise ScenarioError(
+                    f"{next(iter(inner))}:"
+                    f" {SEVERAL.format(', '.join(fields['agents']))}"
+                )
             if group not in fields:
                 fields[group] = group_kind(**inner)
             elif isinstance(fields[group], group_kind):
                 # what is not is refused as the group
                 fields[group] = replace(fields[group], **inner)
     if "agent" in fields:
-        known = members if isinstance(members, Members) else Members(tuple(members or (SOLE,)))
+        known = (
+            members
+            if isinstance(members, Members)
+            else Members(tuple(members or (SOLE,)))
+        )
         fields["agents"] = replace(known, records=(fields.pop("agent"),))
     for name, usual in defaults(kind).items():
         if usual is dataclasses.MISSING and name not in fields:
@@ -627,13 +824,16 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
 
 
 class ShortNames:
-    """Base of :class:`Scenario` with the fields of its groups, and of its only vehicle, under their own names.
+    """Base of :class:`Scenario` with the fields of its groups, and of its only vehicle,
+    under their own names.
 
-    ``scenario.wind`` is ``scenario.environment.wind``, ``scenario.plant`` is ``scenario.agent.plant``, and
-    ``scenario.with_plant(plant)`` is the scenario with another one.
+    ``scenario.wind`` is ``scenario.environment.wind``, ``scenario.plant`` is
+    ``scenario.agent.plant``, and ``scenario.with_plant(plant)`` is the scenario with
+    another one.
 
     Raises:
-        ScenarioError: a field of the only vehicle, or another one in its place, where several fly.
+        ScenarioError: a field of the only vehicle, or another one in its place, where
+            several fly.
     """
 
     __slots__ = ()
@@ -661,7 +861,9 @@ class ShortNames:
 
     @property
     def plant(self) -> Truth:
-        """Vehicle and gravity that are simulated, as opposed to the control law's model of them."""
+        """Vehicle and gravity that are simulated, as opposed to the control law's model
+        of them.
+        """
         return self.agent.plant
 
     @property
@@ -701,7 +903,9 @@ class ShortNames:
 
     @property
     def drives(self) -> tuple[JointDrive, ...]:
-        """Joint drives that the scenario assigns, in place of the vehicle's drives for the same joints."""
+        """Joint drives that the scenario assigns, in place of the vehicle's drives for
+        the same joints.
+        """
         return self.agent.drives
 
     @property
@@ -736,7 +940,9 @@ class ShortNames:
 
     @property
     def closure(self) -> str:
-        """Closure of grasps: forces of a "spring", or constraints of MuJoCo, a "weld"."""
+        """Closure of grasps: forces of a "spring", or constraints of MuJoCo, a
+        "weld".
+        """
         return self.solver.closure
 
     @property
@@ -756,16 +962,22 @@ class ShortNames:
 
     @property
     def ground(self) -> bool:
-        """True if the episode ends when the vehicle reaches the ground at z = 0; planes of the world take its place."""
+        """True if the episode ends when the vehicle reaches the ground at z = 0; planes
+        of the world take its place.
+        """
         return self.environment.has_ground
 
     @property
     def world(self) -> Contact | None:
-        """Contact model: surfaces and the vehicle's points that touch them; None for free flight."""
+        """Contact model: surfaces and the vehicle's points that touch them; None for
+        free flight.
+        """
         return self.environment.world
 
     def with_controller(self, controller: Controller) -> Scenario:
-        """Scenario with another control law; scheduled changes of the law stay (:meth:`under` leaves them out)."""
+        """Scenario with another control law; scheduled changes of the law stay
+        (:meth:`under` leaves them out).
+        """
         return self.with_agent(replace(self.agent, controller=controller))
 
     def with_plant(self, plant: Truth) -> Scenario:
@@ -790,18 +1002,22 @@ class ShortNames:
 class Scenario(ShortNames):
     """Complete definition of one experiment.
 
-    ``scenario.wind`` means ``scenario.environment.wind``. It is made of its fields or, as type checkers do not see, of
-    the words of a group in the group's place: ``Scenario(wind=...)``, ``replace(scenario, wind=...)``.
+    ``scenario.wind`` means ``scenario.environment.wind``. It is made of its fields or,
+    as type checkers do not see, of the words of a group in the group's place:
+    ``Scenario(wind=...)``, ``replace(scenario, wind=...)``.
 
     Attributes:
         name: short name. title: one-line description.
         duration: s.
-        solver: simulation of the plant. agent: the vehicle with its law. environment: surroundings.
+        solver: simulation of the plant. agent: the vehicle with its law. environment:
+            surroundings.
         team: law by which vehicles share the load of a body; None without one.
-        endings: conditions that end the episode in addition to the library's endings (:mod:`skyarm.scenario.endings`).
-        windows: spans of time of its metrics; those that end after a shortened flight are general in it.
-        changes: scheduled changes (:mod:`skyarm.scenario.in_flight`); those after the end of a shortened flight are
-            left out.
+        endings: conditions that end the episode in addition to the library's endings
+            (:mod:`skyarm.scenario.endings`).
+        windows: spans of time of its metrics; those that end after a shortened flight
+            are general in it.
+        changes: scheduled changes (:mod:`skyarm.scenario.in_flight`); those after the
+            end of a shortened flight are left out.
         seed, episode: keys of all noise.
     """
 
@@ -812,14 +1028,22 @@ class Scenario(ShortNames):
     solver: Annotated[Solver, Word("plant", group=True)] = Solver()
     agents: Annotated[
         Mapping[str, Agent],
-        Unit("", "vehicles by name, in order; the one of a file without names is main", rule=members_of("Agent")),
+        Unit(
+            "",
+            "vehicles by name, in order; the one of a file without names is main",
+            rule=members_of("Agent"),
+        ),
         Word("", group=True),
     ] = dataclasses.field(metadata={"alone": "agent"})
     environment: Annotated[Environment, Word(group=True)] = Environment()
-    team: Annotated[Team | None, Word(kind="team", reader="team")] = field_if_any(default=None)
+    team: Annotated[Team | None, Word(kind="team", reader="team")] = field_if_any(
+        default=None
+    )
     endings: Annotated[tuple[Ending, ...], Word(whole=True, kind="ending")] = ()
     windows: Annotated[Windows, STRUCTURAL] = Windows()
-    changes: Annotated[tuple[Change, ...], Word(varies="between", reader="changes")] = field_if_any(default=())
+    changes: Annotated[tuple[Change, ...], Word(varies="between", reader="changes")] = (
+        field_if_any(default=())
+    )
     seed: Annotated[int, STRUCTURAL] = 0
     episode: Annotated[int, STRUCTURAL] = 0
 
@@ -831,19 +1055,27 @@ class Scenario(ShortNames):
             accept_fields(self, "")
             world = self.environment.world
             if world is not None and (fitted := world.on(self.vehicles)) is not world:
-                object.__setattr__(self, "environment", replace(self.environment, world=fitted))
+                object.__setattr__(
+                    self, "environment", replace(self.environment, world=fitted)
+                )
 
     def _repr_html_(self) -> str:
         return notebook_html(self)
 
     @property
     def as_begun(self) -> Scenario:
-        """Scenario at the start of the flight, without scheduled changes: the law's model takes up no payload."""
+        """Scenario at the start of the flight, without scheduled changes: the law's
+        model takes up no payload.
+        """
         begun = replace(self, changes=()) if self.changes else self
         if not any(each.modelled_payloads for each in self.agents.values()):
             return begun
         return replace(
-            begun, agents=replace(self._members, records=tuple(map(_with_steady_model, self._members.records)))
+            begun,
+            agents=replace(
+                self._members,
+                records=tuple(map(_with_steady_model, self._members.records)),
+            ),
         )
 
     @property
@@ -865,28 +1097,38 @@ class Scenario(ShortNames):
 
     @property
     def others(self) -> tuple[str, ...]:
-        """Names of the vehicles that fly beside the one of this scenario, which :meth:`of` made; () of a whole one."""
+        """Names of the vehicles that fly beside the one of this scenario, which
+        :meth:`of` made; () of a whole one.
+        """
         return cast("Members[Agent]", self.agents).others
 
     def alone(self, purpose: str) -> Scenario:
-        """Scenario itself, for a purpose that takes the flight of one vehicle without others.
+        """Scenario itself, for a purpose that takes the flight of one vehicle without
+        others.
 
         Raises:
-            ScenarioError: there are several, or it is the view of one of them; the message names them.
+            ScenarioError: there are several, or it is the view of one of them; the
+                message names them.
         """
         if len(names := (*self.agents, *self.others)) > 1:
-            words = f"must be one for {purpose}; leave the others, and what they hold, out of the scenario"
+            words = (
+                f"must be one for {purpose}; leave the others, and what they hold, out"
+                " of the scenario"
+            )
             raise ScenarioError(f"agents = {', '.join(names)}: {words}")
         return self
 
     def of(self, name: str) -> Scenario:
-        """Flight of one vehicle of the scenario, in the surroundings of all, as a scenario.
+        """Flight of one vehicle of the scenario, in the surroundings of all, as a
+        scenario.
 
         Raises:
             ScenarioError: there is none of this name.
         """
         if name not in self.agents:
-            raise ScenarioError(f"agents = {shown(name)}: {must_be_one_of(self.agents, name)}")
+            raise ScenarioError(
+                f"agents = {shown(name)}: {must_be_one_of(self.agents, name)}"
+            )
         if len(self.agents) == 1:
             return self
         of_it = (each for each in self.changes if agent_of(each.path) in ("", name))
@@ -905,25 +1147,37 @@ class Scenario(ShortNames):
 
     @property
     def law_names(self) -> str:
-        """Name of the control law; of several vehicles all that differ, joined by plus signs."""
-        return "+".join(dict.fromkeys(each.controller.name for each in self.agents.values()))
+        """Name of the control law; of several vehicles all that differ, joined by plus
+        signs.
+        """
+        return "+".join(
+            dict.fromkeys(each.controller.name for each in self.agents.values())
+        )
 
     @property
     def setpoints(self) -> dict[str, tuple[bool, ...]]:
-        """For each vehicle and joint, true if the law commands a setpoint of the joint's drive."""
+        """For each vehicle and joint, true if the law commands a setpoint of the
+        joint's drive.
+        """
         return {name: each.commands_setpoints for name, each in self.agents.items()}
 
     @property
     def autopilot(self) -> Any:
-        """External autopilot that flies the only vehicle (:mod:`skyarm.links.autopilots`); None for control laws.
+        """External autopilot that flies the only vehicle
+        (:mod:`skyarm.links.autopilots`); None for control laws.
 
         Raises:
             ScenarioError: an autopilot in a scenario of several vehicles.
         """
-        autopilots = {name: autopilot_of(each.controller) for name, each in self.agents.items()}
+        autopilots = {
+            name: autopilot_of(each.controller) for name, each in self.agents.items()
+        }
         for name, each in autopilots.items() if len(autopilots) > 1 else ():
             if each is not None:
-                raise ScenarioError(f"agents.{name}.controller.autopilot: must be left out; an autopilot flies alone")
+                raise ScenarioError(
+                    f"agents.{name}.controller.autopilot: must be left out; an"
+                    " autopilot flies alone"
+                )
         return next(iter(autopilots.values()))
 
     @property
@@ -932,12 +1186,16 @@ class Scenario(ShortNames):
         return all(each.controller.compiled for each in self.agents.values())
 
     def with_loads_of(self, other: Scenario) -> Scenario:
-        """Scenario with another one's list of payloads for vehicles without force sensors, which alone need it."""
+        """Scenario with another one's list of payloads for vehicles without force
+        sensors, which alone need it.
+        """
         pairs = zip(self.agents.values(), other.agents.values(), strict=True)
         records = tuple(
-            mine
-            if any(each.sensor.feels is not None for each in mine.sensors)
-            else replace(mine, plant=replace(mine.plant, loads=its.plant.loads))
+            (
+                mine
+                if any(each.sensor.feels is not None for each in mine.sensors)
+                else replace(mine, plant=replace(mine.plant, loads=its.plant.loads))
+            )
             for mine, its in pairs
         )
         return replace(self, agents=replace(self._members, records=records))
@@ -947,12 +1205,18 @@ class Scenario(ShortNames):
         return replace(self, agents=replace(self._members, records=(agent,)))
 
     def under(self, *controllers: Controller) -> Scenario:
-        """Scenario with another law of each vehicle in order, and without scheduled changes of the present laws."""
+        """Scenario with another law of each vehicle in order, and without scheduled
+        changes of the present laws.
+        """
         agents = [self.agent] if len(controllers) == 1 else self.agents.values()
         pairs = zip(agents, controllers, strict=True)
-        records = tuple(replace(own, controller=controller) for own, controller in pairs)
+        records = tuple(
+            replace(own, controller=controller) for own, controller in pairs
+        )
         changes = tuple(each for each in self.changes if not each.of_law)
-        return replace(self, changes=changes, agents=replace(self._members, records=records))
+        return replace(
+            self, changes=changes, agents=replace(self._members, records=records)
+        )
 
     def with_kind(self, kind: str) -> Scenario:
         """Scenario on another kind of simulator, "rigid_body" or "mujoco"."""
@@ -965,33 +1229,47 @@ class Scenario(ShortNames):
 
     @property
     def components(self) -> tuple[AnyComponent, ...]:
-        """All environment models of one vehicle: wind, air, forces, payloads and battery, then those that all share."""
+        """All environment models of one vehicle: wind, air, forces, payloads and
+        battery, then those that all share.
+        """
         return (*self.own_components(self.agent), *self.shared_components)
 
     @property
     def placed_components(self) -> tuple[tuple[str, AnyComponent], ...]:
-        """All environment models of one vehicle with their parameter paths, such as ``environment.air[0]``."""
+        """All environment models of one vehicle with their parameter paths, such as
+        ``environment.air[0]``.
+        """
         return (*self.agent.placed_models(self.environment), *self.placed_shared)
 
     def own_components(self, agent: Agent) -> tuple[AnyComponent, ...]:
-        """Environment models that a vehicle has for itself: wind, air and forces, its payloads, its battery's load."""
-        return tuple(component for _, component in agent.placed_models(self.environment))
+        """Environment models that a vehicle has for itself: wind, air and forces, its
+        payloads, its battery's load.
+        """
+        return tuple(
+            component for _, component in agent.placed_models(self.environment)
+        )
 
     @property
     def shared_components(self) -> tuple[AnyComponent, ...]:
-        """Environment models that all vehicles share: contact, and air and forces that say so."""
+        """Environment models that all vehicles share: contact, and air and forces that
+        say so.
+        """
         return tuple(component for _, component in self.placed_shared)
 
     @property
     def placed_shared(self) -> tuple[tuple[str, AnyComponent], ...]:
         """Environment models that all vehicles share, with their parameter paths."""
-        together = ((at, each) for at, each in self.environment.placed_models if each.shared)
+        together = (
+            (at, each) for at, each in self.environment.placed_models if each.shared
+        )
         teams = () if self.team is None else (("team", self.team),)
         return (*together, *teams, *(("world", each) for each in self.worlds))
 
     @property
     def worlds(self) -> tuple[Contact, ...]:
-        """The contact model (surfaces, grippers) as a tuple of one; empty if there is nothing to touch."""
+        """The contact model (surfaces, grippers) as a tuple of one; empty if there is
+        nothing to touch.
+        """
         if self.world is None or self.closure == "spring":
             return () if self.world is None else (self.world,)
         from skyarm.world.contact.closed_contact import ClosedContact
@@ -1000,7 +1278,9 @@ class Scenario(ShortNames):
 
 
 class FieldsByWord(TypedDict, total=False):
-    """Fields of a scenario, and those of its groups, that :func:`with_words` replaces."""
+    """Fields of a scenario, and those of its groups, that :func:`with_words`
+    replaces.
+    """
 
     name: str
     duration: float
@@ -1027,7 +1307,9 @@ class FieldsByWord(TypedDict, total=False):
 
 
 def with_words(scenario: Scenario, **words: Unpack[FieldsByWord]) -> Scenario:
-    """Copy of a scenario with fields replaced by keyword, also fields of its groups, such as ``wind``."""
+    """Copy of a scenario with fields replaced by keyword, also fields of its groups,
+    such as ``wind``.
+    """
     # the class takes words of its groups, too, which type checkers do not see
     return replace(scenario, **words)  # type: ignore[misc]
 
@@ -1039,18 +1321,24 @@ def check_name(name: str) -> None:
 
 
 def noise_key(field: str, value: object) -> int:
-    """Check a key of the noise generator (seed or episode): a whole number from 0 to 2**32 - 1."""
+    """Check a key of the noise generator (seed or episode): a whole number from 0 to
+    2**32 - 1.
+    """
     key = whole(value)
     if key is None or not 0 <= key < 2**32:
-        raise ScenarioError(f"{field} = {shown(value)}: must be a whole number from 0 to 2**32 - 1")
+        raise ScenarioError(
+            f"{field} = {shown(value)}: must be a whole number from 0 to 2**32 - 1"
+        )
     return key
 
 
 @keep_results(16)
 def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: Scalars) -> State:
-    """Hover trim of the plant: at rest and level, with rotor speeds that hold its weight and its arm's torque.
+    """Hover trim of the plant: at rest and level, with rotor speeds that hold its
+    weight and its arm's torque.
 
-    No rotor turns faster than it can: a truth that is too heavy to hover starts at full speed and sinks.
+    No rotor turns faster than it can: a truth that is too heavy to hover starts at full
+    speed and sinks.
     """
     vehicle = world.vehicle
     trim = hover_trim(vehicle, joints, world.gravity)
@@ -1062,28 +1350,42 @@ def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: Scalars) ->
         rate=ZERO3_DATA,
         joints=tuple(map(data, joints)),
         joint_rates=still,
-        rotor_speeds=tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True)),
+        rotor_speeds=tuple(
+            data(minimum(w, r.max_speed))
+            for w, r in zip(trim.speeds, vehicle.rotors, strict=True)
+        ),
         tilts=(0.0,) * len(vehicle.tilts),
     )
 
 
 def first_state(scenario: Scenario) -> State:
-    """Initial state of a scenario: the stated one, and hover trim at the reference for what it leaves out."""
+    """Initial state of a scenario: the stated one, and hover trim at the reference for
+    what it leaves out.
+    """
     own, initial = scenario.agent, scenario.agent.initial
     if initial is not None and not isinstance(initial, PartialState):
         return initial
     start = own.reference.at(0.0)
-    joints = tuple(start.joints) if initial is None or "joints" in initial.left_out else initial.joints
+    joints = (
+        tuple(start.joints)
+        if initial is None or "joints" in initial.left_out
+        else initial.joints
+    )
     trim = trimmed_state(own.plant, start.position, data(start.yaw), joints)
     return trim if initial is None else initial.completed(_as_data(trim))
 
 
 def _as_data(state: State) -> State:
-    """State with all numbers as floats, which are inputs of compiled code, and with a normalised quaternion."""
+    """State with all numbers as floats, which are inputs of compiled code, and with a
+    normalised quaternion.
+    """
 
     def as_data(value: Any) -> Any:
         numbers = map(data, value)
         return tuple(numbers) if isinstance(value, tuple) else type(value)(*numbers)
 
     fields = {name: as_data(getattr(state, name)) for name in field_names(State) or ()}
-    return replace(state, **fields | {"quaternion": coerce.near_unit_quaternion(fields["quaternion"])})
+    return replace(
+        state,
+        **fields | {"quaternion": coerce.near_unit_quaternion(fields["quaternion"])},
+    )

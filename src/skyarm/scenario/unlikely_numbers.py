@@ -1,7 +1,9 @@
-"""Warnings about suspicious values: allowed numbers of a vehicle or scenario that are probably in other units.
+"""Warnings about suspicious values: allowed numbers of a vehicle or scenario that are
+probably in other units.
 
-They cause warnings, never errors. A field declares its usual size (:class:`skyarm.records.units.Unit`): tens of times
-what flying robots have, and less than the factors between units. What depends on several numbers is looked at here.
+They cause warnings, never errors. A field declares its usual size
+(:class:`skyarm.records.units.Unit`): tens of times what flying robots have, and less
+than the factors between units. What depends on several numbers is looked at here.
 """
 
 from __future__ import annotations
@@ -29,8 +31,19 @@ from skyarm.vehicle.vehicle_records import undriven_joints
 from skyarm.world import HangingPayload
 
 OTHER = {
-    "m": "mm", "rad": "degrees", "s": "ms", "kg": "g", "N": "mN", "N m": "N mm", "m/s": "km/h", "rad/s": "degrees/s",
-    "kg m^2": "kg cm^2 or g mm^2", "A h": "mA h", "ohm": "mohm", "A": "mA", "V": "mV",
+    "m": "mm",
+    "rad": "degrees",
+    "s": "ms",
+    "kg": "g",
+    "N": "mN",
+    "N m": "N mm",
+    "m/s": "km/h",
+    "rad/s": "degrees/s",
+    "kg m^2": "kg cm^2 or g mm^2",
+    "A h": "mA h",
+    "ohm": "mohm",
+    "A": "mA",
+    "V": "mV",
 }
 """Unit -> unit in which a suspiciously large number probably is."""
 
@@ -44,15 +57,16 @@ HEAVIEST = 300.0
 """Largest plausible mass (kg); a quadrotor of 0.7 kg written in grams exceeds it."""
 
 GYRATION = 3.0
-"""Largest plausible radius of gyration over the vehicle's extent; below 1 for a body within it, 100 times more in kg
-cm^2."""
+"""Largest plausible radius of gyration over the vehicle's extent; below 1 for a body
+within it, 100 times more in kg cm^2."""
 
 COMPACT = 0.02
-"""Smallest plausible radius of gyration of a base over the distance of its furthest rotor; shipped vehicles: 0.37 to
-0.6."""
+"""Smallest plausible radius of gyration of a base over the distance of its furthest
+rotor; shipped vehicles: 0.37 to 0.6."""
 
 SMALLEST = 0.05
-"""Smallest extent (m) assumed for a vehicle, so that a body without a described size is not suspected."""
+"""Smallest extent (m) assumed for a vehicle, so that a body without a described size is
+not suspected."""
 
 SPREAD = 1000.0
 """Largest plausible distance (m) of a reference."""
@@ -68,16 +82,31 @@ LOOKS = 200
 
 
 def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
-    """Warnings about suspicious but allowed values of a scenario; empty if there are none."""
+    """Warnings about suspicious but allowed values of a scenario; empty if there are
+    none.
+    """
     if len(scenario.agents) > 1:
-        return tuple(f"{name}: {line}" for name in scenario.agents for line in unlikely_numbers(scenario.of(name)))
-    vehicle = (f"plant: {line}" for line in unlikely_in_vehicle(scenario.agent.plant.vehicle))
-    lines = (*unlikely_units(scenario), *plan_warnings(scenario), *law_warnings(scenario), *part_warnings(scenario))
+        return tuple(
+            f"{name}: {line}"
+            for name in scenario.agents
+            for line in unlikely_numbers(scenario.of(name))
+        )
+    vehicle = (
+        f"plant: {line}" for line in unlikely_in_vehicle(scenario.agent.plant.vehicle)
+    )
+    lines = (
+        *unlikely_units(scenario),
+        *plan_warnings(scenario),
+        *law_warnings(scenario),
+        *part_warnings(scenario),
+    )
     return (*vehicle, *lines)
 
 
 def part_warnings(scenario: Scenario) -> tuple[str, ...]:
-    """Warnings from a scenario's environment models, about its loads and about models that cannot affect its flight."""
+    """Warnings from a scenario's environment models, about its loads and about models
+    that cannot affect its flight.
+    """
     vehicle, step = scenario.agent.plant.vehicle, 1.0 / scenario.rates.physics
     lines = list[str]()
     for where, part in scenario.placed_components:
@@ -89,33 +118,63 @@ def part_warnings(scenario: Scenario) -> tuple[str, ...]:
 
 
 def load_warnings(scenario: Scenario) -> Iterator[str]:
-    """Warnings about loads on cords that would reach below the ground or a surface along the reference, when level."""
-    vehicle, times = scenario.agent.plant.vehicle, np.linspace(0.0, scenario.duration, LOOKS + 1)
-    loads = ((i, each) for i, each in enumerate(scenario.agent.payloads) if isinstance(each, HangingPayload))
+    """Warnings about loads on cords that would reach below the ground or a surface
+    along the reference, when level.
+    """
+    vehicle, times = (
+        scenario.agent.plant.vehicle,
+        np.linspace(0.0, scenario.duration, LOOKS + 1),
+    )
+    loads = (
+        (i, each)
+        for i, each in enumerate(scenario.agent.payloads)
+        if isinstance(each, HangingPayload)
+    )
     for i, payload in loads:
-        looks, frame = scenario.agent.reference.at(times), vehicle.frame(payload.frame or None)
-        top = looks.position + axis_rotation(E_Z, looks.yaw).apply(frame_pose(vehicle, frame, looks.joints).p)
+        looks, frame = (
+            scenario.agent.reference.at(times),
+            vehicle.frame(payload.frame or None),
+        )
+        top = looks.position + axis_rotation(E_Z, looks.yaw).apply(
+            frame_pose(vehicle, frame, looks.joints).p
+        )
         held = (times >= float(payload.pick)) & (times < float(payload.drop))
         for solid in scenario.environment.solids:
             below = top.z - float(payload.hangs)
-            deepest = float(np.max(np.where(held, np.asarray(payload.let_down(top, (solid,)).z - below), 0.0)))
+            deepest = float(
+                np.max(
+                    np.where(
+                        held, np.asarray(payload.let_down(top, (solid,)).z - below), 0.0
+                    )
+                )
+            )
             if deepest > 0.0:
                 yield (
-                    f"payloads[{i}].cord: lets the load hang {deepest:.3g} m below surface {solid.name!r} along the "
-                    "reference; a shorter cord, or a higher reference?"
+                    f"payloads[{i}].cord: lets the load hang {deepest:.3g} m below"
+                    f" surface {solid.name!r} along the reference; a shorter cord, or a"
+                    " higher reference?"
                 )
 
 
 def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
-    """Warnings about scenario values that are probably in wrong units, without values of the plant's vehicle."""
+    """Warnings about scenario values that are probably in wrong units, without values
+    of the plant's vehicle.
+    """
     records = {
-        "plant": scenario.agent.plant, "model": scenario.agent.controller.par.model, "world": scenario.world,
-        **dict(scenario.environment.placed_models), "payloads": scenario.agent.payloads,
-        "sensors": scenario.agent.noise, "delays": scenario.agent.delays, "initial": scenario.agent.initial,
+        "plant": scenario.agent.plant,
+        "model": scenario.agent.controller.par.model,
+        "world": scenario.world,
+        **dict(scenario.environment.placed_models),
+        "payloads": scenario.agent.payloads,
+        "sensors": scenario.agent.noise,
+        "delays": scenario.agent.delays,
+        "initial": scenario.agent.initial,
         "estimator": scenario.agent.estimator,
         **{f"sensors.{each.name}": each.sensor for each in scenario.agent.sensors},
     }
-    declared = (line for where, record in records.items() for line in _unusual(record, where))
+    declared = (
+        line for where, record in records.items() for line in _unusual(record, where)
+    )
     return (*_model(scenario), *declared, *_reference(scenario))
 
 
@@ -128,12 +187,18 @@ def plan_warnings(scenario: Scenario) -> tuple[str, ...]:
 def unlikely_in_vehicle(vehicle: Vehicle) -> tuple[str, ...]:
     """Warnings about vehicle numbers that are probably in other units."""
     heavy = _too_large("mass =", float(vehicle.mass), HEAVIEST, "kg")
-    declared = (line for where, record in parts(vehicle).items() for line in _unusual(record, where))
+    declared = (
+        line
+        for where, record in parts(vehicle).items()
+        for line in _unusual(record, where)
+    )
     return (*heavy, *declared, *_inertias(vehicle), *_rotors(vehicle))
 
 
 def _unusual(record: object, where: str) -> Iterator[str]:
-    """Warnings about values beyond the usual range that their dataclass fields declare, one for each field."""
+    """Warnings about values beyond the usual range that their dataclass fields declare,
+    one for each field.
+    """
     by_field: dict[tuple[type, str], list[str]] = {}
     for key, line in _unusual_fields(record, where):
         by_field.setdefault(key, []).append(line)
@@ -142,10 +207,16 @@ def _unusual(record: object, where: str) -> Iterator[str]:
         yield f"{lines[0]}{more}"
 
 
-def _unusual_fields(record: object, where: str) -> Iterator[tuple[tuple[type, str], str]]:
+def _unusual_fields(
+    record: object, where: str
+) -> Iterator[tuple[tuple[type, str], str]]:
     said, kind = units(type(record)), getattr(record, "kind", "")
     for name, value in parts(record).items():
-        at = f"{where}[{getattr(value, 'name', name)}]" if isinstance(record, tuple) else f"{where}.{name}"
+        at = (
+            f"{where}[{getattr(value, 'name', name)}]"
+            if isinstance(record, tuple)
+            else f"{where}.{name}"
+        )
         if name not in said:
             if not isinstance(value, Vehicle):  # it has lines of its own
                 yield from _unusual_fields(value, at)
@@ -161,7 +232,9 @@ def _unusual_fields(record: object, where: str) -> Iterator[tuple[tuple[type, st
                 yield (type(record), name), line
 
 
-def _too_large(before: str, size: float, most: float, unit: str, behind: str = "") -> Iterator[str]:
+def _too_large(
+    before: str, size: float, most: float, unit: str, behind: str = ""
+) -> Iterator[str]:
     """Warning about a finite number that is larger than usual."""
     if most < abs(size) < math.inf:
         other = f", not {OTHER[unit]}" if unit in OTHER else ""
@@ -169,7 +242,9 @@ def _too_large(before: str, size: float, most: float, unit: str, behind: str = "
 
 
 def _size(value: Any) -> float:
-    """Absolute value of a number, length of a vector, or largest entry of a list; 0 of a signal or None."""
+    """Absolute value of a number, length of a vector, or largest entry of a list; 0 of
+    a signal or None.
+    """
     if value is None or (parts(value) and not isinstance(value, Iterable)):
         return 0.0
     if isinstance(value, tuple):
@@ -178,18 +253,33 @@ def _size(value: Any) -> float:
 
 
 def _reference(scenario: Scenario) -> Iterator[str]:
-    links, start = scenario.agent.plant.vehicle.links, scenario.agent.initial and first_state(scenario)
+    links, start = (
+        scenario.agent.plant.vehicle.links,
+        scenario.agent.initial and first_state(scenario),
+    )
     times = np.linspace(0.0, scenario.duration, LOOKS + 1)
     looks = scenario.agent.reference.at(times)
     farthest = float(np.max(np.sqrt(sum(np.square(c) for c in looks.position))))
-    yield from _too_large("reference.base reaches", farthest, SPREAD, "m", " from the origin")
-    yield from _too_large("reference.yaw =", float(np.asarray(looks.yaw).flat[0]), TURN[0], "rad", " at the start")
+    yield from _too_large(
+        "reference.base reaches", farthest, SPREAD, "m", " from the origin"
+    )
+    yield from _too_large(
+        "reference.yaw =",
+        float(np.asarray(looks.yaw).flat[0]),
+        TURN[0],
+        "rad",
+        " at the start",
+    )
     for where, value in named_leaves(scenario.agent.reference, "reference"):
         if where.endswith(".phase"):
             yield from _too_large(f"{where} =", float(value), PHASE, "rad")
     for i, link in enumerate(links):
         slides = not link.joint.turns
-        values = {f"reference.joints[{i}] reaches": max(np.asarray(looks.joints[i]).flat, key=abs)}
+        values = {
+            f"reference.joints[{i}] reaches": max(
+                np.asarray(looks.joints[i]).flat, key=abs
+            )
+        }
         if start is not None:
             values[f"initial.joints[{i}] ="] = float(start.joints[i])
         for words, value in values.items():
@@ -197,68 +287,133 @@ def _reference(scenario: Scenario) -> Iterator[str]:
 
 
 def _model(scenario: Scenario) -> Iterator[str]:
-    truth, model = scenario.agent.plant.vehicle, scenario.agent.controller.par.model.vehicle
+    truth, model = (
+        scenario.agent.plant.vehicle,
+        scenario.agent.controller.par.model.vehicle,
+    )
     if model != truth:
         truth_lines = set(unlikely_in_vehicle(truth))
-        yield from (f"model: {line}" for line in unlikely_in_vehicle(model) if line not in truth_lines)
+        yield from (
+            f"model: {line}"
+            for line in unlikely_in_vehicle(model)
+            if line not in truth_lines
+        )
     ours, theirs = float(truth.mass), float(model.mass)
     if not ours < LOADED * theirs or not theirs < LOADED * ours:
-        yield f"plant.vehicle of {ours:g} kg, model.vehicle of {theirs:g} kg: differ; kg, not g (payload)?"
+        yield (
+            f"plant.vehicle of {ours:g} kg, model.vehicle of {theirs:g} kg: differ; kg,"
+            " not g (payload)?"
+        )
 
 
 def _inertias(vehicle: Vehicle) -> Iterator[str]:
-    """Warnings about inertias too large, or of a base too small, for the vehicle's dimensions."""
-    placed = [each.position for each in vehicle.rotors] + [each.position for each in vehicle.frames]
-    placed += [link.joint.position for link in vehicle.moving] + [body.com for body in vehicle.bodies]
+    """Warnings about inertias too large, or of a base too small, for the vehicle's
+    dimensions.
+    """
+    placed = [each.position for each in vehicle.rotors] + [
+        each.position for each in vehicle.frames
+    ]
+    placed += [link.joint.position for link in vehicle.moving] + [
+        body.com for body in vehicle.bodies
+    ]
     extent = max(SMALLEST, *map(_norm, placed))
     extent = max(extent, sum(_norm(link.joint.position) for link in vehicle.links))
-    arm, least = max((_norm(each.position) for each in vehicle.rotors), default=0.0), vehicle.base.inertia
+    arm, least = (
+        max((_norm(each.position) for each in vehicle.rotors), default=0.0),
+        vehicle.base.inertia,
+    )
     moment = min(float(least.xx), float(least.yy), float(least.zz))
-    if float(vehicle.base.mass) > 0.0 and _gyration(vehicle.base, moment) < COMPACT * min(arm, 1.0):
-        yield f"base.inertia: has {moment:g} kg m^2 about an axis, and rotors {arm:.3g} m away; kg m^2?"
-    for name, body in (("base", vehicle.base), *((f"links[{link.name}]", link.body) for link in vehicle.links)):
-        moment = max(float(body.inertia.xx), float(body.inertia.yy), float(body.inertia.zz))
+    if float(vehicle.base.mass) > 0.0 and _gyration(
+        vehicle.base, moment
+    ) < COMPACT * min(arm, 1.0):
+        yield (
+            f"base.inertia: has {moment:g} kg m^2 about an axis, and rotors {arm:.3g} m"
+            " away; kg m^2?"
+        )
+    for name, body in (
+        ("base", vehicle.base),
+        *((f"links[{link.name}]", link.body) for link in vehicle.links),
+    ):
+        moment = max(
+            float(body.inertia.xx), float(body.inertia.yy), float(body.inertia.zz)
+        )
         radius = _gyration(body, moment)
         if math.isinf(radius):
-            yield f"{name}.mass = 0 kg: has an inertia of {moment:g} kg m^2 without a mass; kg?"
+            yield (
+                f"{name}.mass = 0 kg: has an inertia of {moment:g} kg m^2 without a"
+                " mass; kg?"
+            )
         elif radius > GYRATION * extent:
             yield (
-                f"{name}.inertia = {moment:g} kg m^2: is that of its {float(body.mass):g} kg {radius:.3g} m "
-                f"away, and the vehicle reaches {extent:.3g} m; kg m^2, not kg cm^2 or g mm^2?"
+                f"{name}.inertia = {moment:g} kg m^2: is that of its"
+                f" {float(body.mass):g} kg {radius:.3g} m away, and the vehicle reaches"
+                f" {extent:.3g} m; kg m^2, not kg cm^2 or g mm^2?"
             )
 
 
 def _gyration(body: Body, moment: float) -> float:
     """Radius of gyration (m) of a body, from its mass and moment of inertia."""
     mass = float(body.mass)
-    return math.sqrt(max(moment, 0.0) / mass) if mass > 0.0 else (math.inf if moment > 0.0 else 0.0)
+    return (
+        math.sqrt(max(moment, 0.0) / mass)
+        if mass > 0.0
+        else (math.inf if moment > 0.0 else 0.0)
+    )
 
 
 SPINNING = 0.1
-"""Largest plausible share of what the rotors turn in the base's inertia about their axes; multirotors: below 0.02."""
+"""Largest plausible share of what the rotors turn in the base's inertia about their
+axes; multirotors: below 0.02."""
 
 
 def _rotors(vehicle: Vehicle) -> Iterator[str]:
-    """Warnings about spin inertias, and about a total thrust at full speed that is far from the vehicle's weight."""
+    """Warnings about spin inertias, and about a total thrust at full speed that is far
+    from the vehicle's weight.
+    """
     spins = [(float(each.inertia), each) for each in vehicle.rotors]
     for most, rotor in sorted(spins, key=lambda spin: -spin[0])[:1]:
         whole = float(rotor.axis.dot(vehicle.base.inertia.apply(rotor.axis)))
         # beyond, its size tells of it
         if most <= 1.0 and sum(spin for spin, _ in spins) > SPINNING * whole:
             yield (
-                f"rotors[{rotor.name}].inertia = {most:g} kg m^2: with {len(spins)} rotors is more than {SPINNING:.0%} "
-                f"of the base's {whole:.3g}, as a link that only stands in for a propeller has; motor and propeller "
-                f'alone, or none: [[rotors]] name = "{rotor.name}", inertia = 0, and so for each?'
+                f"rotors[{rotor.name}].inertia = {most:g} kg m^2: with {len(spins)}"
+                f" rotors is more than {SPINNING:.0%} "
+                f"of the base's {whole:.3g}, as a link that only stands in for a"
+                " propeller has; motor and propeller "
+                f'alone, or none: [[rotors]] name = "{rotor.name}", inertia = 0, and so'
+                " for each?"
             )
-    weight, top = float(vehicle.mass) * EARTH, float(highest_thrust(vehicle)) if vehicle.rotors else math.nan
+    weight, top = (
+        float(vehicle.mass) * EARTH,
+        (float(highest_thrust(vehicle)) if vehicle.rotors else math.nan),
+    )
     if not 0.0 <= top < math.inf or MARGINS[0] * weight <= top <= MARGINS[1] * weight:
         return
-    if top < weight and any(float(rotor.axis.z) < 0.0 for rotor in vehicle.rotors if not rotor.reversible):
-        yield f"rotors.axis: thrusts that point down leave {top / weight:.3g} times the weight; upwards?"
+    if top < weight and any(
+        float(rotor.axis.z) < 0.0 for rotor in vehicle.rotors if not rotor.reversible
+    ):
+        yield (
+            f"rotors.axis: thrusts that point down leave {top / weight:.3g} times the"
+            " weight; upwards?"
+        )
         return
-    table = next((f"rotors[{rotor.name}].thrust_table" for rotor in vehicle.rotors if rotor.table is not None), "")
-    speeds = table or f"rotors: max_speed = {max(float(rotor.max_speed) for rotor in vehicle.rotors):g} rad/s"
-    hint = "rad/s, not rev/min? N, not g?" if table else "rad/s, not rev/min? N s^2/rad^2 of thrust? kg, not g?"
+    table = next(
+        (
+            f"rotors[{rotor.name}].thrust_table"
+            for rotor in vehicle.rotors
+            if rotor.table is not None
+        ),
+        "",
+    )
+    speeds = (
+        table
+        or f"rotors: max_speed = {max(float(rotor.max_speed) for rotor in vehicle.rotors):g} rad/s"
+    )
+    hint = (
+        "rad/s, not rev/min? N, not g?"
+        if table
+        else "rad/s, not rev/min? N s^2/rad^2 of thrust? kg, not g?"
+    )
     yield f"{speeds}: lifts {top / max(weight, 1e-300):.3g} times the weight; {hint}"
 
 
@@ -269,15 +424,20 @@ def _norm(vector: Iterable[float]) -> float:
 def law_warnings(scenario: Scenario) -> Iterator[str]:
     """Warning if a shipped control law commands torques at passive joints of the plant.
 
-    Such a law takes the reaction of those torques into the base's: a slung load falls within seconds.
+    Such a law takes the reaction of those torques into the base's: a slung load falls
+    within seconds.
     """
-    free = undriven_joints(scenario.agent.plant.vehicle, [each.joint for each in scenario.agent.joint_drives])
+    free = undriven_joints(
+        scenario.agent.plant.vehicle,
+        [each.joint for each in scenario.agent.joint_drives],
+    )
     name = scenario.agent.controller.name.removeprefix("guarded_")
     law = "centroidal" if name.startswith("centroidal_") else name
     if free and law in SHIPPED["law"] and law not in BEARS_UNDRIVEN:
         joints = f"joint{'s' if len(free) > 1 else ''} {', '.join(free)}"
         others = f"{', '.join(BEARS_UNDRIVEN[:-1])} or {BEARS_UNDRIVEN[-1]}"
         yield (
-            f"controller.law = {law!r}: counts on the torque of {joints}, which no drive gives (effort_limit 0); "
-            f"{others}, which leave passive joints alone?"
+            f"controller.law = {law!r}: counts on the torque of {joints}, which no"
+            f" drive gives (effort_limit 0); {others}, which leave passive joints"
+            " alone?"
         )

@@ -1,6 +1,8 @@
-"""Warnings about parts of a scenario without effect on its flight: air, forces and unread sensors.
+"""Warnings about parts of a scenario without effect on its flight: air, forces and
+unread sensors.
 
-They are found by evaluation along the reference, so that a registered part is judged as a shipped one.
+They are found by evaluation along the reference, so that a registered part is judged as
+a shipped one.
 """
 
 from __future__ import annotations
@@ -42,7 +44,8 @@ WEIGHT = Vec3(0.0, 0.0, 9.81)
 """Specific force (m/s^2) that sensors receive in the test for an effect."""
 
 MOVING = Vec3(1.1, 0.7, 0.9)
-"""Angular velocity (rad/s) of the test for an effect; generic, so that no drag vanishes by symmetry."""
+"""Angular velocity (rad/s) of the test for an effect; generic, so that no drag vanishes
+by symmetry."""
 
 AIRS = {"xy": Vec3(0.8, 0.6, 0.0), "z": Vec3(0.0, 0.0, 1.0)}
 """World axes -> air velocity along them (m/s) of the test for an effect."""
@@ -58,13 +61,18 @@ class WithoutEffectWarning(UserWarning):
 
 
 def without_effect(scenario: Scenario) -> tuple[str, ...]:
-    """Warnings about air, forces and sensors without effect on the flight; empty if each has one.
+    """Warnings about air, forces and sensors without effect on the flight; empty if
+    each has one.
 
     A part that cannot be evaluated is not judged: the flight states its fault.
     """
     lines = list[str]()
     if scenario.is_team:
-        return tuple(f"{name}: {line}" for name in scenario.agents for line in without_effect(scenario.of(name)))
+        return tuple(
+            f"{name}: {line}"
+            for name in scenario.agents
+            for line in without_effect(scenario.of(name))
+        )
     for judge in (_idle_components, _unread_readings):
         with suppress(Exception):
             lines += judge(scenario)
@@ -75,7 +83,8 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
     placed = {
         where: each
         for where, each in scenario.placed_components
-        if where.startswith("environment.") and not (each == NO_WIND or each.coupled or each.rigid)
+        if where.startswith("environment.")
+        and not (each == NO_WIND or each.coupled or each.rigid)
     }
     # other plants have forces of their own
     if not placed or scenario.kind not in PLANTS:
@@ -92,26 +101,46 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
             if settled and (idle := moved & blind):
                 axes = ", ".join(sorted(idle))
                 undragged = idle <= _blind_axes(scenario, parts, TILTED)
-                lacks = "no drag: no" if undragged else "drag by its tilt alone: hardly any"
-                lacks = f"where {scenario.agent.vehicle.name!r} has {lacks} effect of that"
+                lacks = (
+                    "no drag: no" if undragged else "drag by its tilt alone: hardly any"
+                )
+                lacks = (
+                    f"where {scenario.agent.vehicle.name!r} has {lacks} effect of that"
+                )
                 yield f"{where}: moves the air along {axes}, {lacks}; {cure} of it?"
             elif not (acts or moved or "environment." in changing):
-                yield f"{where}: moves no air and exerts no force along the reference; its numbers and times?"
+                yield (
+                    f"{where}: moves no air and exerts no force along the reference;"
+                    " its numbers and times?"
+                )
 
 
-def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude: Quaternion) -> set[str]:
-    """World axes along which moving air changes no force on the vehicle; x and y only together, since it may yaw.
+def _blind_axes(
+    scenario: Scenario, parts: tuple[Component[Tree], ...], attitude: Quaternion
+) -> set[str]:
+    """World axes along which moving air changes no force on the vehicle; x and y only
+    together, since it may yaw.
 
     No axis if a part cannot be evaluated: it may react to moving air.
     """
     vehicle, blind = scenario.agent.vehicle, {*"xyz"}
     command, rates = Command(rotor_speeds=(), efforts=vehicle.zeros), (1.0,) * vehicle.n
-    state = replace(first_state(scenario), quaternion=attitude, velocity=ZERO3, rate=MOVING, joint_rates=rates)
+    state = replace(
+        first_state(scenario),
+        quaternion=attitude,
+        velocity=ZERO3,
+        rate=MOVING,
+        joint_rates=rates,
+    )
 
     def forces(part: Component[Tree], air: Vec3) -> AnyArray:
         around = (WindSample(air_velocity_W=air), part)
-        surroundings = Surroundings(components=around, memories=((), _begin(scenario, part)))
-        motion = PointMotion(turn_rotors(vehicle, state.tilts), state, surroundings.air_velocity)
+        surroundings = Surroundings(
+            components=around, memories=((), _begin(scenario, part))
+        )
+        motion = PointMotion(
+            turn_rotors(vehicle, state.tilts), state, surroundings.air_velocity
+        )
         return np.array(leaves(applied_force(motion, command, surroundings)))
 
     with suppress(Exception):
@@ -125,18 +154,24 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude
 
 
 def _begin(scenario: Scenario, component: Component[Tree], noise: float = 0.0) -> Tree:
-    """Initial state of an environment model; for one with random numbers, all its values equal ``noise``."""
+    """Initial state of an environment model; for one with random numbers, all its
+    values equal ``noise``.
+    """
     # more are refused before the flight
     draws = [0.5] * 2 * min(component.uniforms, MOST_UNIFORMS)
     memory = component.start(scenario.rates.period, draws)
     return rebuild(memory, iter([noise] * len(leaves(memory)))) if draws else memory
 
 
-def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> tuple[set[str], bool]:
-    """Axes along which an environment model moves the air, and True if it has other effects, along the reference.
+def _effect(
+    scenario: Scenario, component: Component[Tree], blind: set[str]
+) -> tuple[set[str], bool]:
+    """Axes along which an environment model moves the air, and True if it has other
+    effects, along the reference.
 
-    Turbulence moves the air along every axis: it counts only where the vehicle feels none. Of a component that looks
-    at the motion, or at the time where instants are left out, an error says that it may act elsewhere.
+    Turbulence moves the air along every axis: it counts only where the vehicle feels
+    none. Of a component that looks at the motion, or at the time where instants are
+    left out, an error says that it may act elsewhere.
     """
     period, every = scenario.rates.period, max(1, scenario.steps // INSTANTS)
     memory = _begin(scenario, component, noise=float(len(blind) == 3))
@@ -145,30 +180,58 @@ def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> 
     middles = [0.5 * (start + stop) for _, start, stop in component.events]
     for t in (*middles, *(k * period for k in range(0, scenario.steps, every))):
         if not component.uniforms:
-            memory = component.act(component.advance(memory, t, every * period, UNKNOWN, ()), t, period, UNKNOWN)
+            memory = component.act(
+                component.advance(memory, t, every * period, UNKNOWN, ()),
+                t,
+                period,
+                UNKNOWN,
+            )
         air = component.velocity(memory, t, scenario.agent.reference.at(t).position)
-        moved |= {axis for axis, speed in zip("xyz", air, strict=True) if abs(speed) > NOTHING}
+        moved |= {
+            axis for axis, speed in zip("xyz", air, strict=True) if abs(speed) > NOTHING
+        }
         if not acts:
             pushes = component.wrenches(memory, t, UNKNOWN, speeds)
-            acts = any(abs(c) > NOTHING for each in pushes for c in (*each.force_W, *each.torque_W))
-            acts = acts or component.rotor_commands(memory, scenario.agent.vehicle.rotors, speeds) is not speeds
+            acts = any(
+                abs(c) > NOTHING
+                for each in pushes
+                for c in (*each.force_W, *each.torque_W)
+            )
+            acts = (
+                acts
+                or component.rotor_commands(
+                    memory, scenario.agent.vehicle.rotors, speeds
+                )
+                is not speeds
+            )
         # at any time
-        still = {axis for axis, speed in zip("xyz", air, strict=True) if type(speed) is int}
+        still = {
+            axis for axis, speed in zip("xyz", air, strict=True) if type(speed) is int
+        }
         if (acts or moved) and moved | still >= blind:
             break
     if not (acts or moved or every == 1 or middles):
-        component.wrenches(component.advance(memory, UNKNOWN, UNKNOWN, UNKNOWN, ()), UNKNOWN, UNKNOWN, speeds)
+        component.wrenches(
+            component.advance(memory, UNKNOWN, UNKNOWN, UNKNOWN, ()),
+            UNKNOWN,
+            UNKNOWN,
+            speeds,
+        )
         component.velocity(memory, UNKNOWN, ZERO3)
     return moved, acts
 
 
 NOISE_OF_SENSORS = "the noise of [sensors.NAME] in its place?"
 
-LATE_SENSORS = "latency of [sensors.NAME] and delay_periods of [estimator] in its place?"
+LATE_SENSORS = (
+    "latency of [sensors.NAME] and delay_periods of [estimator] in its place?"
+)
 
 
 class _Readings(UserDict[str, object]):
-    """Dictionary of sensor readings by name, which records the names that are looked up."""
+    """Dictionary of sensor readings by name, which records the names that are looked
+    up.
+    """
 
     read: set[str]
 
@@ -178,12 +241,16 @@ class _Readings(UserDict[str, object]):
 
 
 def readings_at(scenario: Scenario, state: State, t: Scalar) -> dict[str, object]:
-    """Readings of all sensors by name, for a vehicle without acceleration and random numbers of 0.5."""
+    """Readings of all sensors by name, for a vehicle without acceleration and random
+    numbers of 0.5.
+    """
     vehicle, period = scenario.agent.vehicle, scenario.rates.period
     readings: dict[str, object] = {FULL_STATE: measurement_of(state, WEIGHT)}
     for named in scenario.agent.sensors:
         sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
-        readings[named.name] = sensor.take(sensor.start(vehicle), t, state, WEIGHT, NO_PUSH, middle, period)[1]
+        readings[named.name] = sensor.take(
+            sensor.start(vehicle), t, state, WEIGHT, NO_PUSH, middle, period
+        )[1]
     return readings
 
 
@@ -192,22 +259,43 @@ def _unread_readings(scenario: Scenario) -> Iterator[str]:
     given = sensors or scenario.agent.has_estimator
     if not given or autopilot_of(scenario.agent.controller) is not None:
         return
-    model, vehicle, state = scenario.agent.model, scenario.agent.vehicle, first_state(scenario)
-    readings, period = _Readings(readings_at(scenario, state, 0.0)), scenario.rates.period
+    model, vehicle, state = (
+        scenario.agent.model,
+        scenario.agent.vehicle,
+        first_state(scenario),
+    )
+    readings, period = (
+        _Readings(readings_at(scenario, state, 0.0)),
+        scenario.rates.period,
+    )
     guards, readings.read = scenario.agent.reference.guards, set()
     estimator = scenario.agent.placed_estimator.believing(model.vehicle, model.gravity)
     command = Command(rotor_speeds=state.rotor_speeds, efforts=vehicle.zeros)
     estimator.step(estimator.start(model.vehicle), readings, command, period)
-    used = readings.read | {name for guard in guards for name in (guard.closed, guard.open)}
+    used = readings.read | {
+        name for guard in guards for name in (guard.closed, guard.open)
+    }
     tip = tip_sensor(sensors, vehicle)
-    if tip is not None and (senses_force(scenario.agent.controller.par) or any(guard.sensed for guard in guards)):
+    if tip is not None and (
+        senses_force(scenario.agent.controller.par)
+        or any(guard.sensed for guard in guards)
+    ):
         used.add(tip[0])
     if not estimator.reads_state or FULL_STATE not in used:
         for name, sigma in parts(scenario.agent.noise).items():
             if concrete(sigma) and sigma > 0.0:
-                yield f"sensors.{name}: is of the full state, which the [estimator] does not read; {NOISE_OF_SENSORS}"
+                yield (
+                    f"sensors.{name}: is of the full state, which the [estimator] does"
+                    f" not read; {NOISE_OF_SENSORS}"
+                )
         if scenario.agent.delays.measurement > 0.0:
-            yield f"delays.measurement: is of the full state, which the [estimator] does not read; {LATE_SENSORS}"
+            yield (
+                "delays.measurement: is of the full state, which the [estimator] does"
+                f" not read; {LATE_SENSORS}"
+            )
     for name, _ in sensors:
         if name not in used:
-            yield f"sensors.{name}: only the log has its readings, the law does not; an [estimator] for it?"
+            yield (
+                f"sensors.{name}: only the log has its readings, the law does not; an"
+                " [estimator] for it?"
+            )

@@ -1,7 +1,9 @@
-"""Meanings, defaults and allowed values of keys of scenario and vehicle files that no field of a record declares.
+"""Meanings, defaults and allowed values of keys of scenario and vehicle files that no
+field of a record declares.
 
-Fields with a unit declare their meaning in the unit. Texts, flags, tables and computed defaults are described in
-``word_texts.toml``, for ``skyarm show words`` and for the reference pages.
+Fields with a unit declare their meaning in the unit. Texts, flags, tables and computed
+defaults are described in ``word_texts.toml``, for ``skyarm show words`` and for the
+reference pages.
 """
 
 from __future__ import annotations
@@ -32,18 +34,26 @@ class WordText(NamedTuple):
 
 _TABLES = shipped_tables(__file__)
 
-PATHS: Mapping[str, WordText] = {path: WordText(**texts) for path, texts in _TABLES["paths"].items()}
+PATHS: Mapping[str, WordText] = {
+    path: WordText(**texts) for path, texts in _TABLES["paths"].items()
+}
 """Key of a scenario file -> its description."""
 
 FIELDS: Mapping[tuple[str, str], WordText] = {
-    (kind, name): WordText(**texts) for kind, fields in _TABLES["fields"].items() for name, texts in fields.items()
+    (kind, name): WordText(**texts)
+    for kind, fields in _TABLES["fields"].items()
+    for name, texts in fields.items()
 }
 """Class of a record and its field -> description, wherever a file has the record."""
 
 
 def of_field(bases: tuple[str, ...], name: str) -> WordText:
-    """Description of a field by the names of its class and base classes; an empty one if there is none."""
-    return next((FIELDS[base, name] for base in bases if (base, name) in FIELDS), WordText())
+    """Description of a field by the names of its class and base classes; an empty one
+    if there is none.
+    """
+    return next(
+        (FIELDS[base, name] for base in bases if (base, name) in FIELDS), WordText()
+    )
 
 
 def of_path(path: str) -> WordText:
@@ -63,7 +73,8 @@ class HandWord(NamedTuple):
 
     Attributes:
         kind: kind of the signal or motion, or table of a vehicle file. name: key.
-        entry: type in words. unit: SI. default: in words; empty for a required key. meaning: in words.
+        entry: type in words. unit: SI. default: in words; empty for a required key.
+            meaning: in words.
         allowed: allowed values in words.
     """
 
@@ -77,7 +88,11 @@ class HandWord(NamedTuple):
 
 
 def _by_hand(table: str) -> tuple[HandWord, ...]:
-    return tuple(HandWord(kind, name, **texts) for kind, keys in _TABLES[table].items() for name, texts in keys.items())
+    return tuple(
+        HandWord(kind, name, **texts)
+        for kind, keys in _TABLES[table].items()
+        for name, texts in keys.items()
+    )
 
 
 SIGNALS, MOTIONS = _by_hand("signals"), _by_hand("motions")

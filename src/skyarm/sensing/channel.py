@@ -1,9 +1,11 @@
-"""Error models of sensors: scale, bias, random walk, white noise, resolution, rate, delay and lost readings.
+"""Error models of sensors: scale, bias, random walk, white noise, resolution, rate,
+delay and lost readings.
 
-A channel's numbers are structure where they are an int 0: what a channel does not have costs no operation and no draw.
+A channel's numbers are structure where they are an int 0: what a channel does not have
+costs no operation and no draw.
 
-Sources: IEEE Std 952-1997, annex B and C (noise density, rate random walk, their discrete forms); Gilbert 1960
-(dropouts as a Markov chain of two states).
+Sources: IEEE Std 952-1997, annex B and C (noise density, rate random walk, their
+discrete forms); Gilbert 1960 (dropouts as a Markov chain of two states).
 """
 
 from __future__ import annotations
@@ -13,7 +15,18 @@ from functools import cache
 from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, data, divide, floor, logical_and, logical_or, minimum, mul, sqrt, where
+from skyarm.algebra.scalars import (
+    add,
+    data,
+    divide,
+    floor,
+    logical_and,
+    logical_or,
+    minimum,
+    mul,
+    sqrt,
+    where,
+)
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.state import State, example_state
 from skyarm.records.coerce import RecordError, absent, concrete
@@ -29,23 +42,31 @@ from skyarm.vehicle import Vehicle
 @immutable
 @checked("")
 class Channel:
-    """Error model of a measured quantity with one or more components, in the unit of the quantity (u).
+    """Error model of a measured quantity with one or more components, in the unit of
+    the quantity (u).
 
-    A component reads ``(1 + scale) truth + bias + drift + noise``, rounded to the resolution. The drift begins at a
-    normal number of deviation ``turn_on``, drawn for each episode, and walks.
+    A component reads ``(1 + scale) truth + bias + drift + noise``, rounded to the
+    resolution. The drift begins at a normal number of deviation ``turn_on``, drawn for
+    each episode, and walks.
 
     Attributes:
-        sigma: deviation of the white noise of a reading. density: noise density; adds density^2 / dt to its variance.
+        sigma: deviation of the white noise of a reading. density: noise density; adds
+            density^2 / dt to its variance.
         bias: fixed, one number for each component; none for no bias.
-        turn_on: deviation of the bias with which an episode begins. walk: density of the bias's random walk.
-        offset: bias as signals of time, one for each component, on top of the others; None for none.
-        scale: error of the scale factor. resolution: step of the reading, which is rounded to the nearest.
+        turn_on: deviation of the bias with which an episode begins. walk: density of
+            the bias's random walk.
+        offset: bias as signals of time, one for each component, on top of the others;
+            None for none.
+        scale: error of the scale factor. resolution: step of the reading, which is
+            rounded to the nearest.
     """
 
     sigma: Annotated[
         Scalar,
         nonnegative(
-            "u", "standard deviation of the white noise of a reading", effect="higher values make readings noisier"
+            "u",
+            "standard deviation of the white noise of a reading",
+            effect="higher values make readings noisier",
         ),
     ] = 0
     density: Annotated[
@@ -56,7 +77,9 @@ class Channel:
             effect="higher values make readings noisier, more so at high rates",
         ),
     ] = 0
-    bias: Annotated[Scalars, Unit("u", "constant bias, one number for each component")] = ()
+    bias: Annotated[
+        Scalars, Unit("u", "constant bias, one number for each component")
+    ] = ()
     turn_on: Annotated[
         Scalar,
         nonnegative(
@@ -69,16 +92,22 @@ class Channel:
     walk: Annotated[
         Scalar,
         nonnegative(
-            "u/s/sqrt(Hz)", "density of the bias's random walk", effect="higher values make the bias drift faster"
+            "u/s/sqrt(Hz)",
+            "density of the bias's random walk",
+            effect="higher values make the bias drift faster",
         ),
     ] = 0
     scale: Annotated[Scalar, Unit("", "relative error of the scale factor")] = 0
-    resolution: Annotated[Scalar, nonnegative("u", "step to which readings are rounded; 0: none")] = 0
+    resolution: Annotated[
+        Scalar, nonnegative("u", "step to which readings are rounded; 0: none")
+    ] = 0
     offset: SignalList | None = field_if_any(default=None)
 
     @property
     def drifts(self) -> bool:
-        """True if the error model has a random initial bias or a random walk of the bias."""
+        """True if the error model has a random initial bias or a random walk of the
+        bias.
+        """
         return not (absent(self.turn_on) and absent(self.walk))
 
     @property
@@ -87,7 +116,9 @@ class Channel:
         return not (absent(self.sigma) and absent(self.density))
 
     def normals(self, count: int) -> int:
-        """Count of standard normal numbers that a reading of ``count`` components draws."""
+        """Count of standard normal numbers that a reading of ``count`` components
+        draws.
+        """
         return count * (self.drifts + self.noisy)
 
     def require_count(self, count: int, where_is: str) -> None:
@@ -99,17 +130,33 @@ class Channel:
             RecordError: one line with field, value and what is allowed.
         """
         offset = () if self.offset is None else self.offset.signals
-        for name, given, what in (("bias", self.bias, "numbers"), ("offset", offset, "signals")):
+        for name, given, what in (
+            ("bias", self.bias, "numbers"),
+            ("offset", offset, "signals"),
+        ):
             if given and len(given) != count:
-                allowed = f"must be {count}, or none" if count else "must be left out: the vehicle has none of them"
+                allowed = (
+                    f"must be {count}, or none"
+                    if count
+                    else "must be left out: the vehicle has none of them"
+                )
                 raise RecordError(f"{where_is}.{name} = {len(given)} {what}: {allowed}")
 
     def start(self, count: int) -> tuple[float, ...]:
-        """Zero initial value of each component's random bias; () for an error model without random bias."""
+        """Zero initial value of each component's random bias; () for an error model
+        without random bias.
+        """
         return (0.0,) * count if self.drifts else ()
 
-    def drift(self, before: Sequence[Scalar], draws: Sequence[Scalar], first: Scalar, dt: float) -> Scalars:
-        """Random bias of each component at a reading: random at the first reading, then a random walk.
+    def drift(
+        self,
+        before: Sequence[Scalar],
+        draws: Sequence[Scalar],
+        first: Scalar,
+        dt: float,
+    ) -> Scalars:
+        """Random bias of each component at a reading: random at the first reading, then
+        a random walk.
 
         Args:
             before: random bias of the reading before.
@@ -119,7 +166,8 @@ class Channel:
         """
         step = mul(self.walk, dt**0.5)
         return tuple(
-            where(first, data(mul(self.turn_on, n)), add(b, mul(step, n))) for b, n in zip(before, draws, strict=False)
+            where(first, data(mul(self.turn_on, n)), add(b, mul(step, n)))
+            for b, n in zip(before, draws, strict=False)
         )
 
     def read(
@@ -157,7 +205,11 @@ class Channel:
         if absent(self.density):
             return self.sigma
         discrete = self.density * dt**-0.5
-        return discrete if absent(self.sigma) else sqrt(self.sigma * self.sigma + discrete * discrete)
+        return (
+            discrete
+            if absent(self.sigma)
+            else sqrt(self.sigma * self.sigma + discrete * discrete)
+        )
 
     def quantize(self, value: Scalar) -> Scalar:
         """Round a value to the nearest multiple of the resolution."""
@@ -169,30 +221,44 @@ class Channel:
 
 @immutable
 class Dropouts:
-    """Loss of readings, at random and in given time intervals; the first reading of an episode always arrives.
+    """Loss of readings, at random and in given time intervals; the first reading of an
+    episode always arrives.
 
-    At random the link is a Markov chain of two states: a share of the readings is lost, in runs of a mean duration.
+    At random the link is a Markov chain of two states: a share of the readings is lost,
+    in runs of a mean duration.
 
     Attributes:
-        share: share of the readings that is lost at random. duration: mean length of a run of them, s; 0, or less than
-            that of independent losses, for losses that are independent of each other.
-        intervals: first and last instant of each interval in which no reading is taken, s.
+        share: share of the readings that is lost at random. duration: mean length of a
+            run of them, s; 0, or less than that of independent losses, for losses that
+            are independent of each other.
+        intervals: first and last instant of each interval in which no reading is taken,
+            s.
     """
 
-    share: Annotated[Scalar, nonnegative("", "fraction of the readings lost at random", high=0.99)] = 0
+    share: Annotated[
+        Scalar, nonnegative("", "fraction of the readings lost at random", high=0.99)
+    ] = 0
     duration: Annotated[
         Scalar,
-        nonnegative("s", "mean duration of a run of lost readings", effect="longer runs demand more prediction"),
+        nonnegative(
+            "s",
+            "mean duration of a run of lost readings",
+            effect="longer runs demand more prediction",
+        ),
     ] = 0
     intervals: Annotated[
-        tuple[tuple[Scalar, Scalar], ...], Unit("s", "first and last instant of each interval without readings")
+        tuple[tuple[Scalar, Scalar], ...],
+        Unit("s", "first and last instant of each interval without readings"),
     ] = ()
 
     def __post_init__(self) -> None:
         accept_fields(self, "")
         for i, (begin, end) in enumerate(self.intervals):
             if concrete(begin, end) and not 0.0 <= begin < end:
-                raise RecordError(f"intervals[{i}] = [{begin:g}, {end:g}]: must begin at 0 or later, and end later")
+                raise RecordError(
+                    f"intervals[{i}] = [{begin:g}, {end:g}]: must begin at 0 or later,"
+                    " and end later"
+                )
 
     @property
     def random(self) -> bool:
@@ -205,23 +271,28 @@ class Dropouts:
         return self.random or bool(self.intervals)
 
     def lost(self, before: Scalar, draw: Scalar, dt: float) -> Scalar:
-        """Data-link state at a reading: 1.0 while readings are lost at random, else 0.0 (two-state Markov chain).
+        """Data-link state at a reading: 1.0 while readings are lost at random, else 0.0
+        (two-state Markov chain).
 
         Args:
             before: the state at the reading before.
             draw: uniform number.
             dt: s between readings.
         """
-        # a run ends with probability e and begins with b, so that b / (b + e) is the share; 1 - share is independence
+        # a run ends with probability e and begins with b, so that b / (b + e) is the
+        # share; 1 - share is independence
         ends = minimum(1.0 - self.share, divide(dt, self.duration + 1e-12))
         begins = ends * divide(self.share, 1.0 - self.share)
         return where(draw < where(before > 0.5, 1.0 - ends, begins), 1.0, 0.0)
 
     def silent(self, lost: Scalar, t: Scalar) -> Scalar:
-        """True if no reading arrives at time ``t`` (s): lost at random or within a given interval."""
+        """True if no reading arrives at time ``t`` (s): lost at random or within a
+        given interval.
+        """
         missing: Scalar = lost > 0.5
         for begin, end in self.intervals:
-            # half a microsecond: an interval's ends are instants of the loop but for rounding
+            # half a microsecond: an interval's ends are instants of the loop but for
+            # rounding
             missing = logical_or(missing, logical_and(t > begin - 5e-7, t < end - 5e-7))
         return missing
 
@@ -232,11 +303,14 @@ Quantities = tuple[tuple[str, Channel, Scalars], ...]
 
 @immutable
 class ChannelMemory:
-    """Internal state of a sensor between two readings: random biases, data-link loss and last reading.
+    """Internal state of a sensor between two readings: random biases, data-link loss
+    and last reading.
 
     Attributes:
-        read: 1 after the first reading. drifts: bias of each channel that drifts, else nothing.
-        lost: 1 while the link loses readings at random. last: the last reading that came; nothing without dropouts.
+        read: 1 after the first reading. drifts: bias of each channel that drifts, else
+            nothing.
+        lost: 1 while the link loses readings at random. last: the last reading that
+            came; nothing without dropouts.
         own: state of the kind of sensor.
     """
 
@@ -260,12 +334,15 @@ SampleRate = Annotated[
 
 @immutable
 class ChannelSensor(Sensor):
-    """Base class of sensors whose reading has a time stamp and one field per measured quantity.
+    """Base class of sensors whose reading has a time stamp and one field per measured
+    quantity.
 
-    A lost reading leaves the one before with its instant, by which estimators recognise a new reading.
+    A lost reading leaves the one before with its instant, by which estimators recognise
+    a new reading.
 
     Attributes:
-        frequency: sampling rate, Hz; 0 for one reading each control period. latency: s, until a reading arrives.
+        frequency: sampling rate, Hz; 0 for one reading each control period. latency: s,
+            until a reading arrives.
         dropouts: readings that do not come.
     """
 
@@ -273,7 +350,10 @@ class ChannelSensor(Sensor):
     latency: Annotated[
         float,
         nonnegative(
-            "s", "age of a reading when it arrives", fixed=True, effect="older readings make the estimate lag more"
+            "s",
+            "age of a reading when it arrives",
+            fixed=True,
+            effect="older readings make the estimate lag more",
         ),
     ] = 0.0
     dropouts: Dropouts = Dropouts()
@@ -286,8 +366,13 @@ class ChannelSensor(Sensor):
         raise NotImplementedError(f"{type(self).__name__} must define quantities()")
 
     def channels(self, **values: Iterable[Scalar]) -> Quantities:
-        """Name, error model (the sensor's field of that name) and given components of each quantity."""
-        return tuple((name, getattr(self, name), tuple(components)) for name, components in values.items())
+        """Name, error model (the sensor's field of that name) and given components of
+        each quantity.
+        """
+        return tuple(
+            (name, getattr(self, name), tuple(components))
+            for name, components in values.items()
+        )
 
     def examples(self, vehicle: Vehicle) -> Quantities:
         """Name, error model and example components of each measured quantity."""
@@ -297,23 +382,37 @@ class ChannelSensor(Sensor):
     """Record type of a reading: the time, then a field for each channel."""
 
     def reading(
-        self, t: Scalar, values: Sequence[Scalars], state: State, own: Any, first: Scalar, dt: float
+        self,
+        t: Scalar,
+        values: Sequence[Scalars],
+        state: State,
+        own: Any,
+        first: Scalar,
+        dt: float,
     ) -> tuple[Tree, Tree]:
-        """Make the reading from the values of all quantities; return the sensor's internal state and the reading."""
+        """Make the reading from the values of all quantities; return the sensor's
+        internal state and the reading.
+        """
         fields = zip(_makers(self.record).items(), values, strict=True)
-        return own, self.record(time=t, **{name: make(value) for (name, make), value in fields})
+        return own, self.record(
+            time=t, **{name: make(value) for (name, make), value in fields}
+        )
 
     def first_own(self, vehicle: Vehicle) -> Tree:
         """Initial internal state that only this type of sensor has; () for none."""
         return ()
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
-        """Refuse sensor biases and offsets whose number of components does not fit the vehicle."""
+        """Refuse sensor biases and offsets whose number of components does not fit the
+        vehicle.
+        """
         for name, channel, truth in self.examples(vehicle):
             channel.require_count(len(truth), name)
 
     def uniforms(self, vehicle: Vehicle) -> int:
-        """Count of uniform random numbers per reading: an even count for noise, and two for random losses."""
+        """Count of uniform random numbers per reading: an even count for noise, and two
+        for random losses.
+        """
         return self._uniforms(self.examples(vehicle))
 
     def _uniforms(self, quantities: Quantities) -> int:
@@ -326,26 +425,46 @@ class ChannelSensor(Sensor):
         own = self.first_own(vehicle)
         last: Tree = ()
         if self.dropouts.any:
-            _, example = self.reading(0.0, [truth for _, _, truth in quantities], state, own, False, 1.0)
+            _, example = self.reading(
+                0.0, [truth for _, _, truth in quantities], state, own, False, 1.0
+            )
             last = rebuild(example, iter([0.0] * len(leaves(example))))
         drifts = tuple(c.start(len(truth)) for _, c, truth in quantities)
         return ChannelMemory(read=0.0, drifts=drifts, lost=0.0, last=last, own=own)
 
     def measure(
-        self, memory: ChannelMemory, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
+        self,
+        memory: ChannelMemory,
+        t: Scalar,
+        state: State,
+        specific_force: Vec3,
+        draws: Sequence[Scalar],
+        dt: float,
     ) -> tuple[ChannelMemory, Tree]:
-        """Take one reading of the true state; return the sensor's next internal state and the reading."""
-        return self.read(memory, t, self.quantities(state, specific_force), state, draws, dt)
+        """Take one reading of the true state; return the sensor's next internal state
+        and the reading.
+        """
+        return self.read(
+            memory, t, self.quantities(state, specific_force), state, draws, dt
+        )
 
     def read(
-        self, memory: ChannelMemory, t: Scalar, quantities: Quantities, state: Any, draws: Sequence[Scalar], dt: float
+        self,
+        memory: ChannelMemory,
+        t: Scalar,
+        quantities: Quantities,
+        state: Any,
+        draws: Sequence[Scalar],
+        dt: float,
     ) -> tuple[ChannelMemory, Tree]:
-        """Take one reading of given quantities; return the sensor's next internal state and the reading."""
+        """Take one reading of given quantities; return the sensor's next internal state
+        and the reading.
+        """
         first = memory.read < 0.5
         if len(draws) != self._uniforms(quantities):
             raise RecordError(
-                f"{type(self).__name__.lower()}: a number that is absent varies; make it data first, "
-                "by with_numbers or a small number in the file"
+                f"{type(self).__name__.lower()}: a number that is absent varies; make"
+                " it data first, by with_numbers or a small number in the file"
             )
         loss, last = (draws[-2:], draws[:-2]) if self.dropouts.random else ((), draws)
         numbers = iter(normals(last))
@@ -359,7 +478,11 @@ class ChannelSensor(Sensor):
         if loss:
             lost = where(first, 0.0, self.dropouts.lost(memory.lost, loss[0], dt))
         if self.dropouts.any:
-            reading = blend(first, reading, blend(self.dropouts.silent(lost, t), memory.last, reading))
+            reading = blend(
+                first,
+                reading,
+                blend(self.dropouts.silent(lost, t), memory.last, reading),
+            )
         following = ChannelMemory(
             read=memory.read * 0.0 + 1.0,
             drifts=tuple(drifts),
@@ -372,6 +495,15 @@ class ChannelSensor(Sensor):
 
 @cache
 def _makers(record: type) -> Mapping[str, Callable[[Scalars], Vec3 | Scalar]]:
-    """Converters from components to a vector or scalar, one for each field of a sensor reading except its time."""
-    types = {name: kind for name, (kind, _) in declared_fields(record).items() if name != "time"}
-    return {name: (lambda c: Vec3(*c)) if each is Vec3 else (lambda c: c[0]) for name, each in types.items()}
+    """Converters from components to a vector or scalar, one for each field of a sensor
+    reading except its time.
+    """
+    types = {
+        name: kind
+        for name, (kind, _) in declared_fields(record).items()
+        if name != "time"
+    }
+    return {
+        name: (lambda c: Vec3(*c)) if each is Vec3 else (lambda c: c[0])
+        for name, each in types.items()
+    }

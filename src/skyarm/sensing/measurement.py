@@ -1,4 +1,6 @@
-"""Measurement that a control law receives, and the full-state sensor with white noise."""
+"""Measurement that a control law receives, and the full-state sensor with white
+noise.
+"""
 
 from __future__ import annotations
 
@@ -22,37 +24,73 @@ from skyarm.vehicle import Vehicle
 
 @immutable
 class Measurement:
-    """Measurement that a control law receives: pose, velocities, specific force, joints, rotors.
+    """Measurement that a control law receives: pose, velocities, specific force,
+    joints, rotors.
 
     ``time`` is when it was taken: older than now if the measurement is delayed.
     """
 
     time: Annotated[Scalar, Unit("s", "time at which the measurement was taken")]
     position: Annotated[Vec3, Unit("m", "position of the base origin, world axes")]
-    quaternion: Annotated[Quaternion, Unit("", "attitude as a unit quaternion w x y z, base to world")]
+    quaternion: Annotated[
+        Quaternion, Unit("", "attitude as a unit quaternion w x y z, base to world")
+    ]
     velocity: Annotated[Vec3, Unit("m/s", "velocity of the base origin, world axes")]
     rate: Annotated[Vec3, Unit("rad/s", "angular velocity by the gyroscope, base axes")]
-    specific_force: Annotated[Vec3, Unit("m/s^2", "accelerometer, base axes, +g along z in hover")]
-    joints: Annotated[Scalars, Unit("rad or m", "joint positions, in the vehicle's order")] = ()
-    joint_rates: Annotated[Scalars, Unit("rad/s or m/s", "joint rates, in the vehicle's order")] = ()
-    rotor_speeds: Annotated[Scalars, Unit("rad/s", "rotor speeds, unsigned, in the vehicle's order")] = ()
-    tilts: Annotated[Scalars, Unit("rad", "angles of the tilting rotors")] = field_if_any(default=())
-    tip_force: Annotated[Scalars, Unit("N", "reading of the force sensor: force on the tip, axes of the tip")] = (
-        field_if_any(
-            default=(),
-        )
-    )
-    switches: Annotated[Scalars, Unit("", "state of each tactile switch that phases wait for; 1 closed")] = (
+    specific_force: Annotated[
+        Vec3, Unit("m/s^2", "accelerometer, base axes, +g along z in hover")
+    ]
+    joints: Annotated[
+        Scalars, Unit("rad or m", "joint positions, in the vehicle's order")
+    ] = ()
+    joint_rates: Annotated[
+        Scalars, Unit("rad/s or m/s", "joint rates, in the vehicle's order")
+    ] = ()
+    rotor_speeds: Annotated[
+        Scalars, Unit("rad/s", "rotor speeds, unsigned, in the vehicle's order")
+    ] = ()
+    tilts: Annotated[Scalars, Unit("rad", "angles of the tilting rotors")] = (
         field_if_any(default=())
     )
-    holds: Annotated[Scalars, Unit("", "1 while a gripper at the tip reports a grasp")] = field_if_any(default=())
+    tip_force: Annotated[
+        Scalars,
+        Unit("N", "reading of the force sensor: force on the tip, axes of the tip"),
+    ] = field_if_any(
+        default=(),
+    )
+    switches: Annotated[
+        Scalars, Unit("", "state of each tactile switch that phases wait for; 1 closed")
+    ] = field_if_any(default=())
+    holds: Annotated[
+        Scalars, Unit("", "1 while a gripper at the tip reports a grasp")
+    ] = field_if_any(default=())
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
-        vectors = type(self.position) is type(self.velocity) is type(self.rate) is type(self.specific_force) is Vec3
-        tuples = type(self.joints) is type(self.joint_rates) is type(self.rotor_speeds) is type(self.tilts) is tuple
-        tuples = tuples and type(self.tip_force) is type(self.switches) is type(self.holds) is tuple
-        if not (vectors and tuples and type(self.quaternion) is Quaternion and type(self.time) in (float, int)):
+        vectors = (
+            type(self.position)
+            is type(self.velocity)
+            is type(self.rate)
+            is type(self.specific_force)
+            is Vec3
+        )
+        tuples = (
+            type(self.joints)
+            is type(self.joint_rates)
+            is type(self.rotor_speeds)
+            is type(self.tilts)
+            is tuple
+        )
+        tuples = (
+            tuples
+            and type(self.tip_force) is type(self.switches) is type(self.holds) is tuple
+        )
+        if not (
+            vectors
+            and tuples
+            and type(self.quaternion) is Quaternion
+            and type(self.time) in (float, int)
+        ):
             accept_fields(self, "measurement")
 
     @property
@@ -61,14 +99,20 @@ class Measurement:
         return self.quaternion.rotation()
 
 
-def blank_measurement(joints: int, rotors: int, tilts: int = 0, tip_force: int = 0) -> Measurement:
-    """Error-free measurement of a vehicle at rest and level at the origin, at time 0."""
+def blank_measurement(
+    joints: int, rotors: int, tilts: int = 0, tip_force: int = 0
+) -> Measurement:
+    """Error-free measurement of a vehicle at rest and level at the origin, at time
+    0.
+    """
     blank = measurement_of(example_state(joints, rotors, tilts), ZERO3_DATA)
     return replace(blank, tip_force=(0.0,) * tip_force)
 
 
 def measurement_of(state: State, specific_force: Vec3) -> Measurement:
-    """Error-free measurement of a state at time 0; specific force in m/s^2, base axes."""
+    """Error-free measurement of a state at time 0; specific force in m/s^2, base
+    axes.
+    """
     nothing = [0] * noise_count(len(state.joints), len(state.rotor_speeds))
     return measure(SensorNoise(), 0.0, state, specific_force, nothing)
 
@@ -81,16 +125,27 @@ _NOISIER = "higher values make the measurement noisier"
 class SensorNoise(Sensor):
     """Full-state sensor: the true state with white noise at the control rate.
 
-    Its numbers are standard deviations, one sigma at the control rate; an int 0 folds the channel away.
+    Its numbers are standard deviations, one sigma at the control rate; an int 0 folds
+    the channel away.
     """
 
     position: Annotated[
         Scalar,
-        nonnegative("m", "standard deviation of the position noise, each world axis", usual=1.0, effect=_NOISIER),
+        nonnegative(
+            "m",
+            "standard deviation of the position noise, each world axis",
+            usual=1.0,
+            effect=_NOISIER,
+        ),
     ] = 0
     velocity: Annotated[
         Scalar,
-        nonnegative("m/s", "standard deviation of the velocity noise, each world axis", usual=5.0, effect=_NOISIER),
+        nonnegative(
+            "m/s",
+            "standard deviation of the velocity noise, each world axis",
+            usual=5.0,
+            effect=_NOISIER,
+        ),
     ] = 0
     attitude: Annotated[
         Scalar,
@@ -104,23 +159,47 @@ class SensorNoise(Sensor):
     rate: Annotated[
         Scalar,
         nonnegative(
-            "rad/s", "standard deviation of the angular velocity noise, each base axis", usual=5.0, effect=_NOISIER
+            "rad/s",
+            "standard deviation of the angular velocity noise, each base axis",
+            usual=5.0,
+            effect=_NOISIER,
         ),
     ] = 0
     specific_force: Annotated[
         Scalar,
         nonnegative(
-            "m/s^2", "standard deviation of the accelerometer noise, each base axis", usual=50.0, effect=_NOISIER
+            "m/s^2",
+            "standard deviation of the accelerometer noise, each base axis",
+            usual=50.0,
+            effect=_NOISIER,
         ),
     ] = 0
     joints: Annotated[
-        Scalar, nonnegative("rad or m", "standard deviation of the joint position noise", usual=0.5, effect=_NOISIER)
+        Scalar,
+        nonnegative(
+            "rad or m",
+            "standard deviation of the joint position noise",
+            usual=0.5,
+            effect=_NOISIER,
+        ),
     ] = 0
     joint_rates: Annotated[
-        Scalar, nonnegative("rad/s or m/s", "standard deviation of the joint rate noise", usual=5.0, effect=_NOISIER)
+        Scalar,
+        nonnegative(
+            "rad/s or m/s",
+            "standard deviation of the joint rate noise",
+            usual=5.0,
+            effect=_NOISIER,
+        ),
     ] = 0
     rotor_speeds: Annotated[
-        Scalar, nonnegative("rad/s", "standard deviation of the rotor speed noise", usual=200.0, effect=_NOISIER)
+        Scalar,
+        nonnegative(
+            "rad/s",
+            "standard deviation of the rotor speed noise",
+            usual=200.0,
+            effect=_NOISIER,
+        ),
     ] = 0
 
     def uniforms(self, vehicle: Vehicle) -> int:
@@ -129,7 +208,13 @@ class SensorNoise(Sensor):
         return count + count % 2 if leaves(self) else 0
 
     def measure(
-        self, memory: Any, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
+        self,
+        memory: Any,
+        t: Scalar,
+        state: State,
+        specific_force: Vec3,
+        draws: Sequence[Scalar],
+        dt: float,
     ) -> tuple[Tree, Measurement]:
         """Reading of the state and specific force with white noise."""
         count = noise_count(len(state.joints), len(state.rotor_speeds))
@@ -144,7 +229,13 @@ def noise_count(joints: int, rotors: int) -> int:
     return 15 + 2 * joints + rotors
 
 
-def measure(par: SensorNoise, time: Scalar, state: State, specific_force: Vec3, noise: Sequence[Scalar]) -> Measurement:
+def measure(
+    par: SensorNoise,
+    time: Scalar,
+    state: State,
+    specific_force: Vec3,
+    noise: Sequence[Scalar],
+) -> Measurement:
     """Measurement of a state with noise of given standard deviations.
 
     Args:
@@ -152,14 +243,17 @@ def measure(par: SensorNoise, time: Scalar, state: State, specific_force: Vec3, 
         time: s, when it is taken.
         state: the truth.
         specific_force: specific force of the base origin, base axes, m/s^2.
-        noise: :func:`noise_count` standard normal numbers; structural zeros for perfect sensors.
+        noise: :func:`noise_count` standard normal numbers; structural zeros for perfect
+            sensors.
 
     Raises:
         ValueError: another number of draws.
     """
     count = noise_count(len(state.joints), len(state.rotor_speeds))
     if len(noise) != count:
-        raise ValueError(f"noise has {len(noise)} numbers: must be {count}, one a channel")
+        raise ValueError(
+            f"noise has {len(noise)} numbers: must be {count}, one a channel"
+        )
     draws = iter(noise)
 
     def vector(sigma: Scalar) -> Vec3:
@@ -168,9 +262,16 @@ def measure(par: SensorNoise, time: Scalar, state: State, specific_force: Vec3, 
     def many(values: Sequence[Scalar], sigma: Scalar) -> Scalars:
         return tuple(add(value, mul(sigma, next(draws))) for value in values)
 
-    position, velocity = state.position + vector(par.position), state.velocity + vector(par.velocity)
+    position, velocity = (
+        state.position + vector(par.position),
+        state.velocity + vector(par.velocity),
+    )
     turn = vector(par.attitude)
-    tilted = state.quaternion if all(map(absent, turn)) else state.quaternion * Quaternion.of_rotation_vector(turn)
+    tilted = (
+        state.quaternion
+        if all(map(absent, turn))
+        else state.quaternion * Quaternion.of_rotation_vector(turn)
+    )
     return Measurement(
         time=time,
         position=position,

@@ -1,4 +1,6 @@
-"""Interface of sensors: readings of the true state at the sensor's own rate and delay."""
+"""Interface of sensors: readings of the true state at the sensor's own rate and
+delay.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +18,14 @@ from skyarm.vehicle import Vehicle
 
 @immutable
 class Push:
-    """External wrench at a vehicle frame: resultant of all external forces on the frame's link and the links beyond."""
+    """External wrench at a vehicle frame: resultant of all external forces on the
+    frame's link and the links beyond.
+    """
 
     force: Annotated[Vec3, Unit("N", "force at the frame, axes of the frame")]
-    torque: Annotated[Vec3, Unit("N m", "torque about the frame's origin, axes of the frame")]
+    torque: Annotated[
+        Vec3, Unit("N m", "torque about the frame's origin, axes of the frame")
+    ]
 
 
 NO_PUSH = Push(force=ZERO3_DATA, torque=ZERO3_DATA)
@@ -27,16 +33,20 @@ NO_PUSH = Push(force=ZERO3_DATA, torque=ZERO3_DATA)
 
 
 def at_origin(place: Vec3) -> bool:
-    """True if a point of the base is the base origin, of exact zeros in the compiled code."""
+    """True if a point of the base is the base origin, of exact zeros in the compiled
+    code.
+    """
     return all(same(each, 0) for each in place)
 
 
 def specific_force_at(place: Vec3, base: Motion, rate: Vec3) -> Vec3:
-    """Specific force at a point of the base, base axes: f + alpha x r + omega x (omega x r).
+    """Specific force at a point of the base, base axes: f + alpha x r + omega x (omega
+    x r).
 
     Args:
         place: r, point of the base, m, base axes.
-        base: proper acceleration f (m/s^2) of the base origin and angular acceleration alpha (rad/s^2), base axes.
+        base: proper acceleration f (m/s^2) of the base origin and angular acceleration
+            alpha (rad/s^2), base axes.
         rate: omega, angular velocity, rad/s, base axes.
 
     Source: Goldstein 1980, section 4-10.
@@ -47,10 +57,12 @@ def specific_force_at(place: Vec3, base: Motion, rate: Vec3) -> Vec3:
 
 
 class Sensor:
-    """Base class of sensors: frozen dataclasses of numbers with pure, traceable methods.
+    """Base class of sensors: frozen dataclasses of numbers with pure, traceable
+    methods.
 
-    The loop measures at the sensor's own instants, k / ``frequency`` from 0 on, holds the reading in between, and hands
-    it to the estimator ``latency`` later. Until the first reading has arrived the estimator sees that one.
+    The loop measures at the sensor's own instants, k / ``frequency`` from 0 on, holds
+    the reading in between, and hands it to the estimator ``latency`` later. Until the
+    first reading has arrived the estimator sees that one.
     """
 
     __slots__ = ()
@@ -58,24 +70,32 @@ class Sensor:
     registered_as = "sensor"
 
     feels: str | None = None
-    """Vehicle frame at which ``feel`` reads the external wrench; None for a sensor of the vehicle's state."""
+    """Vehicle frame at which ``feel`` reads the external wrench; None for a sensor of
+    the vehicle's state."""
 
     @property
     def mounted_at(self) -> Vec3:
-        """Point of the base (m, base axes) whose specific force ``measure`` takes; the base origin if left out."""
+        """Point of the base (m, base axes) whose specific force ``measure`` takes; the
+        base origin if left out.
+        """
         return ZERO3
 
     @property
     def turned_by(self) -> Vec3:
-        """Roll, pitch and yaw (rad) of the axes of the reading in the base; zero for base axes."""
+        """Roll, pitch and yaw (rad) of the axes of the reading in the base; zero for
+        base axes.
+        """
         return ZERO3
 
     senses: ClassVar[str] = ""
-    """``"wrench"``, if the reading is a :class:`ForceReading`, or ``"switch"``, if it is a :class:`SwitchReading`."""
+    """``"wrench"``, if the reading is a :class:`ForceReading`, or ``"switch"``, if it
+    is a :class:`SwitchReading`."""
 
     @property
     def frequency(self) -> float:
-        """Sampling rate, Hz; must divide the control rate, 0 for one reading each control period."""
+        """Sampling rate, Hz; must divide the control rate, 0 for one reading each
+        control period.
+        """
         return 0.0
 
     @property
@@ -95,13 +115,22 @@ class Sensor:
         return 0
 
     def start(self, vehicle: Vehicle) -> Any:
-        """Initial internal state, a dataclass or tuple of scalars; ``()`` for a sensor without one."""
+        """Initial internal state, a dataclass or tuple of scalars; ``()`` for a sensor
+        without one.
+        """
         return ()
 
     def measure(
-        self, memory: Any, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
+        self,
+        memory: Any,
+        t: Scalar,
+        state: State,
+        specific_force: Vec3,
+        draws: Sequence[Scalar],
+        dt: float,
     ) -> tuple[Tree, Tree]:
-        """Take one reading of the true state; return the sensor's next internal state and the reading.
+        """Take one reading of the true state; return the sensor's next internal state
+        and the reading.
 
         Args:
             memory: internal state after the last reading.
@@ -116,14 +145,27 @@ class Sensor:
         """
         raise NotImplementedError(f"{type(self).__name__} must define measure()")
 
-    def feel(self, memory: Any, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Tree, Tree]:
-        """Take one reading of a force sensor; ``push`` is the true wrench at the sensor's frame."""
+    def feel(
+        self, memory: Any, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float
+    ) -> tuple[Tree, Tree]:
+        """Take one reading of a force sensor; ``push`` is the true wrench at the
+        sensor's frame.
+        """
         raise NotImplementedError(f"{type(self).__name__} must define feel()")
 
     def take(
-        self, memory: Any, t: Scalar, state: State, specific_force: Vec3, push: Push, draws: Sequence[Scalar], dt: float
+        self,
+        memory: Any,
+        t: Scalar,
+        state: State,
+        specific_force: Vec3,
+        push: Push,
+        draws: Sequence[Scalar],
+        dt: float,
     ) -> tuple[Tree, Tree]:
-        """Take one reading of the true state, or of the external wrench for a force sensor."""
+        """Take one reading of the true state, or of the external wrench for a force
+        sensor.
+        """
         if self.feels is None:
             return self.measure(memory, t, state, specific_force, draws, dt)
         return self.feel(memory, t, push, draws, dt)

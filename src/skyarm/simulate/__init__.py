@@ -1,4 +1,6 @@
-"""Closed-loop simulation: flies a scenario and returns its log, whose metrics are evaluated afterwards."""
+"""Closed-loop simulation: flies a scenario and returns its log, whose metrics are
+evaluated afterwards.
+"""
 
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.windows import Window

@@ -11,7 +11,15 @@ from skyarm.algebra import Scalar
 from skyarm.control.law_estimates import found_by_law
 from skyarm.log.flight_log import Log, log_of_arrays
 from skyarm.log.metrics.windows import Windows
-from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, LoggedField, Source, fields_of
+from skyarm.log.sensor_data import (
+    COMPONENTS,
+    DESCRIPTION,
+    ESTIMATE,
+    READINGS,
+    LoggedField,
+    Source,
+    fields_of,
+)
 from skyarm.log.stored_arrays import ArrayFile, ArraysByName, join
 from skyarm.log.team_log import SHARED, TeamLog
 from skyarm.log.tip_positions import level_tip, tip
@@ -37,10 +45,12 @@ from skyarm.world.component import Column, by_array
 
 @positional
 class LoggedSamples:
-    """Logged values of a flight, one row per control instant: states, commands, readings, winds, estimates.
+    """Logged values of a flight, one row per control instant: states, commands,
+    readings, winds, estimates.
 
     Attributes:
-        measurement: measurement received by the law; None if not logged. readings: name and record of each sensor.
+        measurement: measurement received by the law; None if not logged. readings: name
+            and record of each sensor.
         wind: its scalars (N,) or longer; numbers that stand for every instant.
         found: (N, k) online estimates of the law, k = 0 without any.
         led: (N, k) columns of the reference clock (``Sample.led``), k = 0 without one.
@@ -56,19 +66,23 @@ class LoggedSamples:
 
 
 LogPart = tuple[Mapping[str, Array], dict[str, dict[str, Any]]]
-"""Arrays of the log of one vehicle in some periods, and a description of the sources of received data."""
+"""Arrays of the log of one vehicle in some periods, and a description of the sources of
+received data."""
 
 
 StoredPiece = Mapping[str, LogPart]
-"""Piece of a flight whose arrays are in a file: the part of the log of each vehicle by name."""
+"""Piece of a flight whose arrays are in a file: the part of the log of each vehicle by
+name."""
 
 
 @positional
 class Piece:
-    """Consecutive control periods of a flight between two scheduled changes, under one scenario.
+    """Consecutive control periods of a flight between two scheduled changes, under one
+    scenario.
 
     Attributes:
-        inputs: inputs of the scenario. start: index of the first period. flown: logged samples of each vehicle.
+        inputs: inputs of the scenario. start: index of the first period. flown: logged
+            samples of each vehicle.
     """
 
     scenario: Scenario
@@ -83,20 +97,30 @@ class Piece:
             OSError: as of :meth:`ArrayFile.store`.
         """
         parts = {name: _part_of(self.of(name)) for name in self.scenario.agents}
-        return {name: (file.store(arrays), sources) for name, (arrays, sources) in parts.items()}
+        return {
+            name: (file.store(arrays), sources)
+            for name, (arrays, sources) in parts.items()
+        }
 
     def of(self, name: str) -> AgentPiece:
         """Periods of one vehicle, by its name."""
         index = tuple(self.scenario.agents).index(name)
-        return AgentPiece(self.scenario.of(name), self.inputs.each[index], self.start, self.flown[index])
+        return AgentPiece(
+            self.scenario.of(name),
+            self.inputs.each[index],
+            self.start,
+            self.flown[index],
+        )
 
 
 @positional
 class AgentPiece:
-    """Consecutive control periods of one vehicle between two scheduled changes, under the scenario of its flight.
+    """Consecutive control periods of one vehicle between two scheduled changes, under
+    the scenario of its flight.
 
     Attributes:
-        inputs: inputs of the scenario. start: index of the first period. flown: logged samples.
+        inputs: inputs of the scenario. start: index of the first period. flown: logged
+            samples.
     """
 
     scenario: Scenario
@@ -112,7 +136,8 @@ def join_pieces(
     *,
     info: dict[str, Any] | None = None,
 ) -> Log:
-    """Concatenate the parts of a flight before and after each scheduled change into one log.
+    """Concatenate the parts of a flight before and after each scheduled change into one
+    log.
 
     Args:
         scenario: scenario of the flight, as the log records it.
@@ -121,16 +146,28 @@ def join_pieces(
         info: metadata of the log, if known already.
     """
     flown = {
-        name: [piece.of(name) if isinstance(piece, Piece) else piece[name] for piece in pieces]
+        name: [
+            piece.of(name) if isinstance(piece, Piece) else piece[name]
+            for piece in pieces
+        ]
         for name in scenario.agents
     }
-    logs = {name: log_of_agent(scenario.of(name), each, ending, info=info) for name, each in flown.items()}
-    return next(iter(logs.values())) if len(logs) == 1 else _of_team(logs, scenario, ending)
+    logs = {
+        name: log_of_agent(scenario.of(name), each, ending, info=info)
+        for name, each in flown.items()
+    }
+    return (
+        next(iter(logs.values()))
+        if len(logs) == 1
+        else _of_team(logs, scenario, ending)
+    )
 
 
 def _of_team(logs: dict[str, Log], scenario: Scenario, ending: Ended | None) -> TeamLog:
     """Log of several vehicles, from a log of each."""
-    shared = dict.fromkeys(column[0] for each in scenario.shared_components for column in each.columns)
+    shared = dict.fromkeys(
+        column[0] for each in scenario.shared_components for column in each.columns
+    )
     return TeamLog(logs, {**describe_team(scenario, ending), SHARED: [*shared]})
 
 
@@ -141,7 +178,8 @@ def log_of_agent(
     *,
     info: dict[str, Any] | None = None,
 ) -> Log:
-    """Concatenate the parts of one vehicle's flight before and after each scheduled change into one log.
+    """Concatenate the parts of one vehicle's flight before and after each scheduled
+    change into one log.
 
     Args:
         scenario: scenario of the vehicle's flight, as the log records it.
@@ -149,7 +187,9 @@ def log_of_agent(
         ending: None for a flight that was completed.
         info: metadata of the log, if known already.
     """
-    parts: list[LogPart] = [each if isinstance(each, tuple) else _part_of(each) for each in pieces]
+    parts: list[LogPart] = [
+        each if isinstance(each, tuple) else _part_of(each) for each in pieces
+    ]
     tables = [arrays for arrays, _ in parts]
     sources: dict[str, dict[str, Any]] = {}
     for _, descriptions in parts:
@@ -159,7 +199,9 @@ def log_of_agent(
     if not isinstance(tables[0], ArraysByName):
         arrays = dict(arrays)
     described = describe(scenario, ending) if info is None else info
-    return log_of_arrays(arrays, described | ({DESCRIPTION: sources} if sources else {}))
+    return log_of_arrays(
+        arrays, described | ({DESCRIPTION: sources} if sources else {})
+    )
 
 
 def _part_of(piece: AgentPiece) -> LogPart:
@@ -168,7 +210,9 @@ def _part_of(piece: AgentPiece) -> LogPart:
     return _tables(piece) | received, described
 
 
-def state_arrays(vehicle: Vehicle, times: Array, x: Array, u: Array) -> dict[str, Array]:
+def state_arrays(
+    vehicle: Vehicle, times: Array, x: Array, u: Array
+) -> dict[str, Array]:
     """Log arrays of time, state and commands by name, as views of the recorded values.
 
     Args:
@@ -178,7 +222,11 @@ def state_arrays(vehicle: Vehicle, times: Array, x: Array, u: Array) -> dict[str
         u: commands, a row each.
     """
     n, rotors = vehicle.n, len(vehicle.rotors)
-    tilts = {"tilts": x[:, 13 + 2 * n + rotors :], "tilt_commands": u[:, rotors + n :]} if vehicle.tilts else {}
+    tilts = (
+        {"tilts": x[:, 13 + 2 * n + rotors :], "tilt_commands": u[:, rotors + n :]}
+        if vehicle.tilts
+        else {}
+    )
     return {
         "time": times,
         "position": x[:, 0:3],
@@ -204,11 +252,18 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
 
     def table(record: Iterable[Scalar | Array], start: int = 0) -> Array:
         columns = [doubles(c) for c in record]
-        columns = [c[start : start + count] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
+        columns = [
+            c[start : start + count] if c.ndim else np.broadcast_to(c, (count,))
+            for c in columns
+        ]
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
-    state = state_arrays(vehicle, inputs.times[start:stop].copy(), flown.states, flown.commands)
-    position, quaternion, joints = (state[name] for name in ("position", "quaternion", "joints"))
+    state = state_arrays(
+        vehicle, inputs.times[start:stop].copy(), flown.states, flown.commands
+    )
+    position, quaternion, joints = (
+        state[name] for name in ("position", "quaternion", "joints")
+    )
     sampled, free, path_time, late = _references(inputs, flown, start, stop)
     tables = {
         "position_held": table(sampled.position, late),
@@ -226,7 +281,11 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
         tables["path_time"] = path_time
     if scenario.agent.reference.phases:
         tables["phase"] = phase_numbers(scenario.agent.reference, path_time)
-    own = {"held": table(sampled.tip, late), "reference": table(free.tip)} if free.tip else {}
+    own = (
+        {"held": table(sampled.tip, late), "reference": table(free.tip)}
+        if free.tip
+        else {}
+    )
     for name, columns in by_array(scenario.components, wind.numbers).items():
         tables[f"{COMPONENTS}.{name}"] = table(columns)
     begin = 0
@@ -247,44 +306,78 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
 
 
 def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Log arrays of sensor readings and the law's measurement, and a description of each sensor for the log."""
+    """Log arrays of sensor readings and the law's measurement, and a description of
+    each sensor for the log.
+    """
     scenario, flown, count = piece.scenario, piece.flown, len(piece.flown.states)
-    sensors = {name: (i, sensor) for i, (name, sensor) in enumerate(scenario.agent.all_sensors)}
+    sensors = {
+        name: (i, sensor) for i, (name, sensor) in enumerate(scenario.agent.all_sensors)
+    }
     arrays: dict[str, Array] = {}
     described: dict[str, Any] = {}
 
     def keep(source: str, record: Tree, **clock: Any) -> None:
-        fields = {name: (field, array) for name, field, array in fields_of(record, count)}
-        arrays.update({f"{source}.{name}": array for name, (_, array) in fields.items()})
-        described[source] = Source({name: field for name, (field, _) in fields.items()}, **clock).plain
+        fields = {
+            name: (field, array) for name, field, array in fields_of(record, count)
+        }
+        arrays.update(
+            {f"{source}.{name}": array for name, (_, array) in fields.items()}
+        )
+        described[source] = Source(
+            {name: field for name, (field, _) in fields.items()}, **clock
+        ).plain
 
-    columns = [Column(*column) for each in scenario.components for column in each.columns]
+    columns = [
+        Column(*column) for each in scenario.components for column in each.columns
+    ]
     declared = {
-        array: LoggedField(each[0].unit, each[0].meaning, [column.label for column in each], _differing_units(each))
+        array: LoggedField(
+            each[0].unit,
+            each[0].meaning,
+            [column.label for column in each],
+            _differing_units(each),
+        )
         for array, each in by_array(scenario.components, columns).items()
     }
     if declared:
         described[COMPONENTS] = Source(declared).plain
     for name, reading in flown.readings:
         i, sensor = sensors[name]
-        every = round(scenario.rates.control / sensor.frequency) if sensor.frequency else 1
-        frame = None if sensor.feels is None else scenario.agent.vehicle.frame(sensor.feels or None).name
+        every = (
+            round(scenario.rates.control / sensor.frequency) if sensor.frequency else 1
+        )
+        frame = (
+            None
+            if sensor.feels is None
+            else scenario.agent.vehicle.frame(sensor.feels or None).name
+        )
         mount = None
         if not (at_origin(sensor.mounted_at) and at_origin(sensor.turned_by)):
             mount = [*map(float, (*sensor.mounted_at, *sensor.turned_by))]
         late = readings_waiting(scenario, i)
-        keep(f"{READINGS}.{name}", reading, every=every, late=late, frame=frame, mount=mount)
+        keep(
+            f"{READINGS}.{name}",
+            reading,
+            every=every,
+            late=late,
+            frame=frame,
+            mount=mount,
+        )
     if flown.measurement is not None and scenario.agent.has_estimator:
         keep(ESTIMATE, flown.measurement)
     elif flown.measurement is not None:
-        measured = {name: array for name, _, array in fields_of(flown.measurement, count)}
+        measured = {
+            name: array for name, _, array in fields_of(flown.measurement, count)
+        }
         arrays["measured_position"] = measured["position"]
         arrays["measured_joints"] = measured.get("joints", np.zeros((count, 0)))
     return arrays, described
 
 
 def _differing_units(columns: Sequence[Column]) -> list[str] | None:
-    """List the unit of each column of a log array; None if all columns have the same unit."""
+    """List the unit of each column of a log array; None if all columns have the same
+    unit.
+    """
     units = [each.unit for each in columns]
     return units if len(set(units)) > 1 else None
 
@@ -292,26 +385,52 @@ def _differing_units(columns: Sequence[Column]) -> list[str] | None:
 def _references(
     inputs: EpisodeInputs, flown: LoggedSamples, start: int, stop: int
 ) -> tuple[Reference, Reference, Array, int]:
-    """Sampled-and-held reference, continuous reference and path time (s) at the logged instants of a flight."""
+    """Sampled-and-held reference, continuous reference and path time (s) at the logged
+    instants of a flight.
+    """
     if inputs.waits.guards:
         return (*inputs.waiting_references(flown.led.T), 0)
-    led = flown.led[:, 0] if flown.led.shape[1] else np.asarray(inputs.path_time)[start:stop]
+    led = (
+        flown.led[:, 0]
+        if flown.led.shape[1]
+        else np.asarray(inputs.path_time)[start:stop]
+    )
     return inputs.held_reference, inputs.reference_between(start, stop), led, start
 
 
 def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
-    """Metadata of one vehicle's flight log as a dictionary: scenario, rates, status, versions, digest."""
-    guards, own, whole = scenario.agent.reference.guards, scenario.agent, describe_team(scenario, ending)
-    waits = [{"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)} for each in guards]
+    """Metadata of one vehicle's flight log as a dictionary: scenario, rates, status,
+    versions, digest.
+    """
+    guards, own, whole = (
+        scenario.agent.reference.guards,
+        scenario.agent,
+        describe_team(scenario, ending),
+    )
+    waits = [
+        {"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)}
+        for each in guards
+    ]
     return {
-        **{name: whole[name] for name in ("schema", "scenario", "title", "plant", "integrator")},
+        **{
+            name: whole[name]
+            for name in ("schema", "scenario", "title", "plant", "integrator")
+        },
         "plant_vehicle": own.vehicle.name,
         "plant_gravity": float(own.plant.gravity),
         "model_vehicle": own.model.vehicle.name,
         "model_gravity": float(own.model.gravity),
         "controller": own.controller.name,
-        **{name: value for name, value in whole.items() if name not in ("scenario_record", "digest")},
-        **({"phases": [phase.name for phase in own.reference.phases]} if own.reference.phases else {}),
+        **{
+            name: value
+            for name, value in whole.items()
+            if name not in ("scenario_record", "digest")
+        },
+        **(
+            {"phases": [phase.name for phase in own.reference.phases]}
+            if own.reference.phases
+            else {}
+        ),
         **({"waits": waits} if waits else {}),
         "scenario_record": whole["scenario_record"],
         "digest": whole["digest"],
@@ -319,7 +438,9 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
 
 
 def describe_team(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
-    """Metadata of a flight log that is of all vehicles: scenario, rates, status, versions, digest."""
+    """Metadata of a flight log that is of all vehicles: scenario, rates, status,
+    versions, digest.
+    """
     rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
     return {
         "schema": 1,
@@ -327,7 +448,11 @@ def describe_team(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "title": scenario.title,
         "plant": scenario.kind,
         "integrator": scenario.integrator,
-        "rates_hz": {"physics": rates.physics, "control": rates.control, "reference": rates.reference},
+        "rates_hz": {
+            "physics": rates.physics,
+            "control": rates.control,
+            "reference": rates.reference,
+        },
         "duration": scenario.duration,
         "windows": Windows().of_flight(scenario.duration, scenario.windows).plain(),
         "seed": scenario.seed,

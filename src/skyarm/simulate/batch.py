@@ -1,4 +1,6 @@
-"""Batches of closed-loop flights of one scenario in machine code; parameters differ between the SIMD lanes."""
+"""Batches of closed-loop flights of one scenario in machine code; parameters differ
+between the SIMD lanes.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,8 @@ class AgentOutcome:
     """Motion of one vehicle in a batch of flights.
 
     Attributes:
-        state: its last state in each lane. log: its log in a batch that keeps one, else None.
+        state: its last state in each lane. log: its log in a batch that keeps one, else
+            None.
     """
 
     state: State
@@ -54,9 +57,10 @@ class Outcome:
     """Results of a batch of flights: arrays with one entry per flight.
 
     Attributes:
-        metrics: metrics by name, of several vehicles as ``left/tilt_max``; they count only the time an episode was
-            alive. NaN where it ended before their window.
-        completed: True where the episode flew its whole duration without an ending, even at its very end. end_time: s.
+        metrics: metrics by name, of several vehicles as ``left/tilt_max``; they count
+            only the time an episode was alive. NaN where it ended before their window.
+        completed: True where the episode flew its whole duration without an ending,
+            even at its very end. end_time: s.
         status: "completed", or why it ended (:mod:`skyarm.scenario.endings`).
         agents: last state and log of each vehicle by name.
     """
@@ -80,26 +84,35 @@ class Outcome:
     def _only(self, name: str) -> AgentOutcome:
         if len(self.agents) > 1:
             names = ", ".join(self.agents)
-            raise OfOneAgentError(f"outcome.{name}: is of one agent; outcome.agents[NAME].{name}, of {names}")
+            raise OfOneAgentError(
+                f"outcome.{name}: is of one agent; outcome.agents[NAME].{name}, of"
+                f" {names}"
+            )
         return next(iter(self.agents.values()))
 
 
 class Batch:
-    """Compiled simulation of many flights of one scenario at once, whose parameters differ from flight to flight.
+    """Compiled simulation of many flights of one scenario at once, whose parameters
+    differ from flight to flight.
 
     Args:
-        scenario: scenario on the rigid-body plant; its other numbers are constants of the code.
+        scenario: scenario on the rigid-body plant; its other numbers are constants of
+            the code.
         paths: numbers that differ from lane to lane (:mod:`skyarm.scenario.numbers`).
-        metrics: names and groups of :mod:`skyarm.log.metrics.metric_catalogue`; others are not computed.
+        metrics: names and groups of :mod:`skyarm.log.metrics.metric_catalogue`; others
+            are not computed.
         windows: time windows of the metrics, in place of the scenario's.
-        single: 32-bit floats. bit_exact: every lane equals the Python floats bit for bit; else a multiplication and an
-            addition may be rounded once.
-        stiffest: a scenario with the stiffest joint friction of the batch, and the shortest largest step that its air,
-            forces and drives state; both fix the integration steps.
-        log_every: keep state, command and reference of each so many control periods; 0 keeps none. A sample takes
-            8 bytes (4 if single) a number, 14 + 3 joints + 2 rotors + the reference's: 0.3 to 0.5 kB for two joints and
-            four rotors. All of it is there twice while it is sorted.
-        effort: effort of the compiler, as of :class:`skyarm.compile.llvm.kernel.Kernel`; 0 is worth it for few, short
+        single: 32-bit floats. bit_exact: every lane equals the Python floats bit for
+            bit; else a multiplication and an addition may be rounded once.
+        stiffest: a scenario with the stiffest joint friction of the batch, and the
+            shortest largest step that its air, forces and drives state; both fix the
+            integration steps.
+        log_every: keep state, command and reference of each so many control periods; 0
+            keeps none. A sample takes 8 bytes (4 if single) a number, 14 + 3 joints + 2
+            rotors + the reference's: 0.3 to 0.5 kB for two joints and four rotors. All
+            of it is there twice while it is sorted.
+        effort: effort of the compiler, as of
+            :class:`skyarm.compile.llvm.kernel.Kernel`; 0 is worth it for few, short
             episodes.
     """
 
@@ -123,7 +136,9 @@ class Batch:
         require_kind("stiffest", stiffest, Scenario)
         require_count("effort", effort, 0)
         log_every = require_count("log_every", log_every, 0)
-        self.windows = (windows or Windows()).of_flight(scenario.duration, scenario.windows)
+        self.windows = (windows or Windows()).of_flight(
+            scenario.duration, scenario.windows
+        )
         self._listed = names_by_agent(metrics, scenario.setpoints)
         self.names = tuple(name for own in self._listed.values() for name in own)
         require_compiled(scenario)
@@ -134,8 +149,14 @@ class Batch:
         require_apart_from_changes(scenario, self.paths)
         warn_of_measured_limits(scenario, self.paths)
         vehicles = scenario.vehicles
-        self._totals = [required_totals([*own.values()], vehicles[name].n) for name, own in self._listed.items()]
-        self._log_every, self._times = log_every, np.arange(scenario.steps) / scenario.rates.control
+        self._totals = [
+            required_totals([*own.values()], vehicles[name].n)
+            for name, own in self._listed.items()
+        ]
+        self._log_every, self._times = (
+            log_every,
+            np.arange(scenario.steps) / scenario.rates.control,
+        )
         self._masks = self.windows.masks(self._times)
         course = stretches(scenario)
         options = LegOptions(
@@ -143,7 +164,9 @@ class Batch:
             stiffest=stiffest,
             wanted=self._totals,
             masks=self._masks,
-            lanes=Lanes(host_width(single=single), single=single, contract=not bit_exact),
+            lanes=Lanes(
+                host_width(single=single), single=single, contract=not bit_exact
+            ),
             every=log_every,
             changing=len(course) > 1,
             effort=effort,
@@ -151,29 +174,48 @@ class Batch:
         self._legs: list[Leg] = []
         stops = [*(stretch.start for stretch in course[1:]), scenario.steps]
         for stretch, stop in zip(course, stops, strict=True):
-            self._legs.append(Leg(scenario, stretch.overrides, range(stretch.start, stop), options, self._legs))
+            self._legs.append(
+                Leg(
+                    scenario,
+                    stretch.overrides,
+                    range(stretch.start, stop),
+                    options,
+                    self._legs,
+                )
+            )
         self.base = np.array(self._legs[0].base)
 
     def __enter__(self) -> Batch:
-        """Return the batch for a ``with`` statement, at whose end nothing has to be released."""
+        """Return the batch for a ``with`` statement, at whose end nothing has to be
+        released.
+        """
         return self
 
     def __exit__(self, *error: object) -> None:
         """Do nothing: a batch holds no resources that have to be released."""
 
     def fly(
-        self, values: Mapping[str, Array], *, seed: int | None = None, episodes: Array | None = None, threads: int = 1
+        self,
+        values: Mapping[str, Array],
+        *,
+        seed: int | None = None,
+        episodes: Array | None = None,
+        threads: int = 1,
     ) -> Outcome:
-        """Simulate one flight per SIMD lane, with that lane's parameter values, and return the results of all flights.
+        """Simulate one flight per SIMD lane, with that lane's parameter values, and
+        return the results of all flights.
 
         Args:
-            values: path -> (lanes,); every path of the batch. A number that a change in flight sets wins from then on.
+            values: path -> (lanes,); every path of the batch. A number that a change in
+                flight sets wins from then on.
             seed: key of the noise; that of the scenario if left out.
-            episodes: (lanes,) further keys of the noise; lane k is episode k if left out.
+            episodes: (lanes,) further keys of the noise; lane k is episode k if left
+                out.
             threads: results do not depend on it.
 
         Raises:
-            ScenarioError: columns that do not fit, or a number that the scenario does not take: one line.
+            ScenarioError: columns that do not fit, or a number that the scenario does
+                not take: one line.
         """
         require_count("threads", threads)
         seed = self.scenario.seed if seed is None else seed
@@ -189,7 +231,11 @@ class Batch:
         ticks = np.asarray(ended[0].ticks).astype(int)
         completed = ticks >= self.scenario.steps
         status = self._statuses(columns, [loop for loop, _ in ends], ticks, ~completed)
-        logs = batch_logs(log, self._times[:: self._log_every]) if self._log_every else [None] * len(ended[0].agents)
+        logs = (
+            batch_logs(log, self._times[:: self._log_every])
+            if self._log_every
+            else [None] * len(ended[0].agents)
+        )
         return Outcome(
             metrics=self._metrics(ended[1], ticks),
             # an ending may come in the very last period
@@ -199,16 +245,23 @@ class Batch:
             status=status,
             agents={
                 name: AgentOutcome(own.state, each)
-                for name, own, each in zip(self.scenario.agents, ended[0].agents, logs, strict=True)
+                for name, own, each in zip(
+                    self.scenario.agents, ended[0].agents, logs, strict=True
+                )
             },
         )
 
     def _fly_legs(
         self, columns: list[Array], seed: int, episodes: Array, threads: int
     ) -> tuple[list[tuple[LoopState, Tallies]], list[tuple[tuple[Logged, ...], Array]]]:
-        """Simulate a batch from change to change; return final states and metric sums per interval, and all logs."""
+        """Simulate a batch from change to change; return final states and metric sums
+        per interval, and all logs.
+        """
         last: tuple[Leg, Array] | None = None
-        ends, log = list[tuple[LoopState, Tallies]](), list[tuple[tuple[Logged, ...], Array]]()
+        ends, log = (
+            list[tuple[LoopState, Tallies]](),
+            list[tuple[tuple[Logged, ...], Array]](),
+        )
         for leg in self._legs:
             parameters = leg.parameters(columns, len(episodes))
             carry = leg.begin(parameters, seed, episodes, last)
@@ -217,24 +270,41 @@ class Batch:
             ends.append(rebuild(leg.first, iter(list(carry.astype(float)))))
         return ends, log
 
-    def _statuses(self, columns: list[Array], ends: list[LoopState], ticks: Array, ended: Array) -> Array:
-        """Termination status of each flight of the batch, under the scenario in force when the flight ended."""
+    def _statuses(
+        self, columns: list[Array], ends: list[LoopState], ticks: Array, ended: Array
+    ) -> Array:
+        """Termination status of each flight of the batch, under the scenario in force
+        when the flight ended.
+        """
         statuses = np.full(len(ticks), "completed", dtype=object)
         for leg, now in zip(self._legs, ends, strict=True):
-            here = (ticks >= leg.periods.start) & ((ticks < leg.periods.stop) | (leg is self._legs[-1]))
+            here = (ticks >= leg.periods.start) & (
+                (ticks < leg.periods.stop) | (leg is self._legs[-1])
+            )
             if here.any():
-                left = rebuild(now, iter([np.asarray(number)[here] for number in leaves(now)]))
+                left = rebuild(
+                    now, iter([np.asarray(number)[here] for number in leaves(now)])
+                )
                 mine = [column[here] for column in columns]
                 statuses[here] = leg.statuses(mine, left, ticks[here], ended[here])
         return statuses.astype(str)
 
     def _metrics(self, tallies: Tallies, ticks: Array) -> dict[str, Array]:
         """Metrics of each flight of the batch, from the sums accumulated in flight."""
-        # an episode's instants are the first of the clock: how many of them lie in a window is a table
-        instants = {name: np.append(0, np.cumsum(mask))[ticks] for name, mask in self._masks.items()}
+        # an episode's instants are the first of the clock: how many of them lie in a
+        # window is a table
+        instants = {
+            name: np.append(0, np.cumsum(mask))[ticks]
+            for name, mask in self._masks.items()
+        }
         period, metrics = self.scenario.rates.period, dict[str, Array]()
-        for (agent, names), totals, sums in zip(self._listed.items(), self._totals, tallies, strict=True):
-            named, joints = dict(zip(totals, sums, strict=True)), self.scenario.vehicles[agent].n
+        for (agent, names), totals, sums in zip(
+            self._listed.items(), self._totals, tallies, strict=True
+        ):
+            named, joints = (
+                dict(zip(totals, sums, strict=True)),
+                self.scenario.vehicles[agent].n,
+            )
             numbers = metric_values([*names.values()], named, instants, joints, period)
             metrics |= {name: numbers[each] for name, each in names.items()}
         return metrics

@@ -21,10 +21,11 @@ from skyarm.sensing.measurement import Measurement
 
 @immutable
 class Logged:
-    """Quantities of one episode that a batch logs at a control instant: state, command, reference and readings.
+    """Quantities of one episode that a batch logs at a control instant: state, command,
+    reference and readings.
 
-    ``received`` are the sensors' readings and the estimate, name and record of each, as in
-    :mod:`skyarm.log.sensor_data`; empty without sensors beside the full state.
+    ``received`` are the sensors' readings and the estimate, name and record of each, as
+    in :mod:`skyarm.log.sensor_data`; empty without sensors beside the full state.
     """
 
     alive: Scalar
@@ -40,9 +41,11 @@ class BatchLog:
 
     Attributes:
         time: (samples,), s. alive: (lanes, samples), bool.
-        state, command, reference: records whose scalars are (lanes, samples); what is structure in them stays so.
-        readings: sensor -> record of its newest reading that has arrived. estimate: measurement that the law received
-            from an estimator; None without one. NaN where a leg of the flight has none of it.
+        state, command, reference: records whose scalars are (lanes, samples); what is
+            structure in them stays so.
+        readings: sensor -> record of its newest reading that has arrived. estimate:
+            measurement that the law received from an estimator; None without one. NaN
+            where a leg of the flight has none of it.
     """
 
     time: Array
@@ -54,11 +57,15 @@ class BatchLog:
     estimate: Measurement | None = None
 
 
-def batch_logs(legs: Sequence[tuple[tuple[Logged, ...], Array]], time: Array) -> list[BatchLog]:
-    """Make the log of each vehicle of a batch from the samples that compiled code wrote.
+def batch_logs(
+    legs: Sequence[tuple[tuple[Logged, ...], Array]], time: Array
+) -> list[BatchLog]:
+    """Make the log of each vehicle of a batch from the samples that compiled code
+    wrote.
 
     Args:
-        legs: logged record of each vehicle, and their rows, (samples, leaves, lanes), of each part of the flight.
+        legs: logged record of each vehicle, and their rows, (samples, leaves, lanes),
+            of each part of the flight.
         time: (samples,), s.
     """
     each_leg = []
@@ -70,7 +77,9 @@ def batch_logs(legs: Sequence[tuple[tuple[Logged, ...], Array]], time: Array) ->
 
 
 def _log_of_agent(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
-    """Log of one vehicle of a batch, from its record and rows of each part of the flight."""
+    """Log of one vehicle of a batch, from its record and rows of each part of the
+    flight.
+    """
     parts = [_by_episode(example, rows) for example, rows in legs]
     alive = [np.asarray(each.alive) for each in parts]
     shapes = [each.shape for each in alive]
@@ -79,7 +88,10 @@ def _log_of_agent(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog
         for name in ("state", "command", "reference")
     }
     names = dict.fromkeys(name for each in parts for name, _ in each.received)
-    received = {name: _concatenate([dict(each.received).get(name) for each in parts], shapes) for name in names}
+    received = {
+        name: _concatenate([dict(each.received).get(name) for each in parts], shapes)
+        for name in names
+    }
     return BatchLog(
         time=time,
         alive=np.concatenate(alive, axis=1),
@@ -90,7 +102,9 @@ def _log_of_agent(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog
 
 
 def _by_episode(example: Logged, rows: Array) -> Logged:
-    """Convert samples of a batch to a dataclass of arrays (episodes, samples), NaN after an episode's end."""
+    """Convert samples of a batch to a dataclass of arrays (episodes, samples), NaN
+    after an episode's end.
+    """
     columns = np.ascontiguousarray(rows.transpose(1, 2, 0))
     whole = rebuild(example, iter(columns[: len(leaves(example))]))
     alive = np.asarray(whole.alive) > 0.5
@@ -98,12 +112,19 @@ def _by_episode(example: Logged, rows: Array) -> Logged:
     return replace(whole, alive=alive)
 
 
-def _concatenate(records: Sequence[Record | None], shapes: Sequence[tuple[int, ...]]) -> Record:
-    """Join logged segments along time; a segment whose fields differ from those of the last one becomes NaN."""
+def _concatenate(
+    records: Sequence[Record | None], shapes: Sequence[tuple[int, ...]]
+) -> Record:
+    """Join logged segments along time; a segment whose fields differ from those of the
+    last one becomes NaN.
+    """
     example = next(each for each in reversed(records) if each is not None)
     count, columns = len(leaves(example)), []
     for each, shape in zip(records, shapes, strict=True):
         fits = each is not None and mismatch(example, each, "record") is None
         columns.append(leaves(each) if fits else [np.full(shape, np.nan)] * count)
-    joined = (np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0] for parts in zip(*columns, strict=True))
+    joined = (
+        np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
+        for parts in zip(*columns, strict=True)
+    )
     return rebuild(example, joined)

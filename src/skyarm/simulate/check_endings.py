@@ -1,4 +1,6 @@
-"""Termination conditions of a flight: evaluation in the loop, cause in words, and statuses of a batch."""
+"""Termination conditions of a flight: evaluation in the loop, cause in words, and
+statuses of a batch.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,8 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import Clock
 
 SLACK = 1e-5
-"""Distance (m, rad or 1) inside a limit up to which a lane may be that machine code, with other rounding, found
-outside."""
+"""Distance (m, rad or 1) inside a limit up to which a lane may be that machine code,
+with other rounding, found outside."""
 
 
 @positional
@@ -43,12 +45,20 @@ RUNNING = "running"
 
 
 def running_status(scenario: Scenario, tick: int) -> Ended | None:
-    """Early end with status "running" for the log of an unfinished flight; None once its duration is reached."""
-    return Ended(RUNNING, "", tick / scenario.rates.control) if tick < scenario.steps else None
+    """Early end with status "running" for the log of an unfinished flight; None once
+    its duration is reached.
+    """
+    return (
+        Ended(RUNNING, "", tick / scenario.rates.control)
+        if tick < scenario.steps
+        else None
+    )
 
 
 def endings_of(scenario: Scenario) -> tuple[Ending, ...]:
-    """List all termination conditions of a scenario: the built-in ones, then the user's."""
+    """List all termination conditions of a scenario: the built-in ones, then the
+    user's.
+    """
     return (*BUILT_IN, *scenario.endings)
 
 
@@ -65,8 +75,12 @@ def _both(a: Scalar, b: Scalar) -> Scalar:
     return b if a is True else a if b is True else logical_and(a, b)
 
 
-def find_ending(scenario: Scenario, time: float, x: Sequence[float], goal: Sequence[float]) -> Ended | None:
-    """First termination condition that a state meets, as status, cause and time; None if it meets none."""
+def find_ending(
+    scenario: Scenario, time: float, x: Sequence[float], goal: Sequence[float]
+) -> Ended | None:
+    """First termination condition that a state meets, as status, cause and time; None
+    if it meets none.
+    """
     state = rebuild(example_state(*scenario.agent.vehicle.sizes), iter(x))
     for ending in endings_of(scenario):
         if not ending.fine(scenario, state, Vec3(*goal), 0):
@@ -82,18 +96,26 @@ def find_ending(scenario: Scenario, time: float, x: Sequence[float], goal: Seque
 
 
 def failed_phase(scenario: Scenario, time: float, clock: Clock) -> Ended | None:
-    """Early end of a flight because a mandatory phase of its task timed out, or None."""
+    """Early end of a flight because a mandatory phase of its task timed out, or
+    None.
+    """
     if not clock or float(clock.failed) < 0.5:
         return None
     # the clock has gone on to the next guard
     guard = scenario.agent.reference.guards[round(float(clock.guard)) - 1]
     words = failure_words(scenario.agent.reference, guard)
-    if guard.force is not None and not guard.sensed and observed_push(scenario.agent.controller.memory) is None:
+    if (
+        guard.force is not None
+        and not guard.sensed
+        and observed_push(scenario.agent.controller.memory) is None
+    ):
         words += f"; law {scenario.agent.controller.name} observes no force"
     return Ended(PHASE_FAILED, words, time)
 
 
-def ending_of_command(scenario: Scenario, time: float, command: Sequence[float]) -> Ended | None:
+def ending_of_command(
+    scenario: Scenario, time: float, command: Sequence[float]
+) -> Ended | None:
     """Early end of a flight because a commanded number is infinite or NaN, or None."""
     cause = not_finite(scenario.agent.vehicle, command)
     return None if cause is None else Ended("diverged", cause, time)
@@ -109,7 +131,8 @@ class LaneEnd(NamedTuple):
     Attributes:
         state: last state of each lane, its scalars (lanes,).
         goals: (lanes, 3) position of the held reference at that time, m.
-        failed: True where a phase of its task failed; None of a vehicle whose phases do not wait.
+        failed: True where a phase of its task failed; None of a vehicle whose phases do
+            not wait.
     """
 
     state: State
@@ -117,23 +140,36 @@ class LaneEnd(NamedTuple):
     failed: AnyArray | None
 
 
-def statuses(scenario: Scenario, values: Mapping[str, Array], ends: Sequence[LaneEnd], ended: Array) -> Array:
-    """Termination status of each flight of a batch, from the final states of its vehicles.
+def statuses(
+    scenario: Scenario,
+    values: Mapping[str, Array],
+    ends: Sequence[LaneEnd],
+    ended: Array,
+) -> Array:
+    """Termination status of each flight of a batch, from the final states of its
+    vehicles.
 
     Args:
         scenario: scenario of the batch.
         values: path -> (lanes,), its varied numbers.
         ends: end of each vehicle.
-        ended: True where the lane stopped before its time. A lane that flew to the end is looked at once more, as a
-            single run does after its last step.
+        ended: True where the lane stopped before its time. A lane that flew to the end
+            is looked at once more, as a single run does after its last step.
     """
-    # limits, the places of rotors and joints, and the endings' own numbers are all that the causes depend on
-    numbers = {path: column for path, column in values.items() if word_of(path).startswith(OF_CAUSES)}
+    # limits, the places of rotors and joints, and the endings' own numbers are all that
+    # the causes depend on
+    numbers = {
+        path: column
+        for path, column in values.items()
+        if word_of(path).startswith(OF_CAUSES)
+    }
     lanes = len(ended)
     with np.errstate(all="ignore"):
         varied = with_numbers(scenario, numbers)
         every = endings_of(varied)
-        words = np.array(["completed", *(ending.status for ending in every), PHASE_FAILED])
+        words = np.array(
+            ["completed", *(ending.status for ending in every), PHASE_FAILED]
+        )
         # a command that is not finite leaves a sound state behind
         number = np.where(ended, 1, 0)
         for end in ends:
@@ -142,7 +178,11 @@ def statuses(scenario: Scenario, values: Mapping[str, Array], ends: Sequence[Lan
         # as in a single run, the first vehicle that meets an ending says which
         each = [*zip(map(varied.of, varied.agents), ends, strict=True)][::-1]
         for slack, asked in ((SLACK, ended), (0, np.ones(lanes, dtype=bool))):
-            for (one, end), index in product(each, range(len(every), 0, -1)) if asked.any() else ():
+            for (one, end), index in (
+                product(each, range(len(every), 0, -1)) if asked.any() else ()
+            ):
                 fine = every[index - 1].fine(one, end.state, Vec3(*end.goals.T), slack)
-                number = np.where(asked & ~np.broadcast_to(np.asarray(fine), (lanes,)), index, number)
+                number = np.where(
+                    asked & ~np.broadcast_to(np.asarray(fine), (lanes,)), index, number
+                )
     return words[number]

@@ -1,4 +1,6 @@
-"""Transport delay of commands between control law and actuators, common or separate for rotors and joints."""
+"""Transport delay of commands between control law and actuators, common or separate for
+rotors and joints.
+"""
 
 from __future__ import annotations
 
@@ -21,16 +23,31 @@ from skyarm.vehicle import Rotor, Vehicle
 
 
 def command_delay(scenario: Scenario) -> tuple[Scalar | None, Scalar]:
-    """Command delay as a number of whole control periods (None: given by the queue length) and a remainder (s)."""
+    """Command delay as a number of whole control periods (None: given by the queue
+    length) and a remainder (s).
+    """
     rates, delay = scenario.rates, scenario.agent.delays.command
     if scenario.agent.delays.longest_command is None:
-        return None, round(float(delay * rates.physics)) % (rates.physics // rates.control) / rates.physics
+        return (
+            None,
+            round(float(delay * rates.physics))
+            % (rates.physics // rates.control)
+            / rates.physics,
+        )
     return _split(delay, rates.control)
 
 
-def rotor_and_joint_delays(scenario: Scenario) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
-    """Delays of rotor and joint commands, each as whole control periods and the remainder in s."""
-    rates, delays, split = scenario.rates, scenario.agent.delays, list[tuple[Scalar, Scalar]]()
+def rotor_and_joint_delays(
+    scenario: Scenario,
+) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
+    """Delays of rotor and joint commands, each as whole control periods and the
+    remainder in s.
+    """
+    rates, delays, split = (
+        scenario.rates,
+        scenario.agent.delays,
+        list[tuple[Scalar, Scalar]](),
+    )
     ratio = rates.physics // rates.control
     for more in (delays.rotors, delays.joints):
         delay = add(delays.command, more)
@@ -49,8 +66,11 @@ def _split(delay: Scalar, rate: int) -> tuple[Scalar, Scalar]:
     return whole, maximum(delay - whole / float(rate), 0.0)
 
 
-def switches(before: Command, after: Command, rotors: Scalar, joints: Scalar) -> list[tuple[Scalar, Command]]:
-    """Split a control period where delayed rotor or joint commands arrive: list of (seconds, active command).
+def switches(
+    before: Command, after: Command, rotors: Scalar, joints: Scalar
+) -> list[tuple[Scalar, Command]]:
+    """Split a control period where delayed rotor or joint commands arrive: list of
+    (seconds, active command).
 
     Args:
         before: the command before this period's arrives.
@@ -58,25 +78,38 @@ def switches(before: Command, after: Command, rotors: Scalar, joints: Scalar) ->
         rotors: s within the period at which it takes effect in the rotors.
         joints: s within the period at which it takes effect in the joints.
     """
-    rotors_first, joints_first = joined_parts(after, before), joined_parts(before, after)
+    rotors_first, joints_first = (
+        joined_parts(after, before),
+        joined_parts(before, after),
+    )
     if type(joints) is float and type(rotors) is not float and joints == 0.0:
         return [(rotors, joints_first)]
     if type(rotors) is float and type(joints) is not float and rotors == 0.0:
         return [(joints, rotors_first)]
     first = minimum(rotors, joints)
-    return [(first, before), (maximum(rotors, joints) - first, blend(rotors < joints, rotors_first, joints_first))]
+    return [
+        (first, before),
+        (
+            maximum(rotors, joints) - first,
+            blend(rotors < joints, rotors_first, joints_first),
+        ),
+    ]
 
 
 Parts = list[tuple[Scalar, tuple[Command, ...]]]
-"""Intervals of a control period: duration (s) and the commands of all vehicles that are in force."""
+"""Intervals of a control period: duration (s) and the commands of all vehicles that are
+in force."""
 
 
-def arrivals(late: Sequence[Scalars], before: Sequence[Command], after: Sequence[Command]) -> Parts:
-    """Split a control period where delayed commands arrive; after the last interval those of ``after`` are in force.
+def arrivals(
+    late: Sequence[Scalars], before: Sequence[Command], after: Sequence[Command]
+) -> Parts:
+    """Split a control period where delayed commands arrive; after the last interval
+    those of ``after`` are in force.
 
     Args:
-        late: for each vehicle the time (s) in the period at which its commands take effect, of all actuators or of
-            rotors and joints.
+        late: for each vehicle the time (s) in the period at which its commands take
+            effect, of all actuators or of rotors and joints.
         before: commands before this period's arrive.
         after: this period's.
     """
@@ -84,8 +117,13 @@ def arrivals(late: Sequence[Scalars], before: Sequence[Command], after: Sequence
         [(rest[0], old)] if len(rest) == 1 else switches(old, new, *rest)
         for rest, old, new in zip(late, before, after, strict=True)
     ]
-    if all(len(rest) == len(late[0]) and all(map(same, rest, late[0])) for rest in late):
-        return [(row[0][0], tuple(command for _, command in row)) for row in zip(*each, strict=True)]
+    if all(
+        len(rest) == len(late[0]) and all(map(same, rest, late[0])) for rest in late
+    ):
+        return [
+            (row[0][0], tuple(command for _, command in row))
+            for row in zip(*each, strict=True)
+        ]
     ends = [[*accumulate(seconds for seconds, _ in parts)] for parts in each]
     every, parts = [end for some in ends for end in some], Parts()
     start: Scalar = 0.0
@@ -103,7 +141,9 @@ def arrivals(late: Sequence[Scalars], before: Sequence[Command], after: Sequence
 
 
 def _ascending(values: Sequence[Scalar]) -> list[Scalar]:
-    """Sorted scalars, which may be traced: each is carried past the larger ones before it."""
+    """Sorted scalars, which may be traced: each is carried past the larger ones before
+    it.
+    """
     ordered = list[Scalar]()
     for value in values:
         largest = value
@@ -114,7 +154,9 @@ def _ascending(values: Sequence[Scalar]) -> list[Scalar]:
 
 
 def command_in_force(queue: Sequence[Command], whole: Scalar | None) -> Command:
-    """Command of ``whole`` periods ago from a queue of past commands; the oldest if ``whole`` is None."""
+    """Command of ``whole`` periods ago from a queue of past commands; the oldest if
+    ``whole`` is None.
+    """
     if whole is None:
         return queue[0]
     if type(whole) is float:
@@ -125,26 +167,39 @@ def command_in_force(queue: Sequence[Command], whole: Scalar | None) -> Command:
     return in_force
 
 
-def mean_efforts(before: Command, after: Command, late: Scalar, period: float) -> Scalars:
-    """Joint setpoints averaged over a control period in which a new command arrives after ``late`` seconds.
+def mean_efforts(
+    before: Command, after: Command, late: Scalar, period: float
+) -> Scalars:
+    """Joint setpoints averaged over a control period in which a new command arrives
+    after ``late`` seconds.
 
-    A drive's memory is stepped once per period: of two setpoints it receives the mean, as with its own latency.
+    A drive's memory is stepped once per period: of two setpoints it receives the mean,
+    as with its own latency.
     """
     if type(late) is float and late == 0.0:
         return tuple(after.efforts)
     share = late / period
-    return tuple(new + (old - new) * share for old, new in zip(before.efforts, after.efforts, strict=True))
+    return tuple(
+        new + (old - new) * share
+        for old, new in zip(before.efforts, after.efforts, strict=True)
+    )
 
 
 def joined_parts(rotors: Command, joints: Command) -> Command:
-    """Combine the rotor speeds and tilt angles of one command with the joint setpoints of another."""
-    return Command(rotor_speeds=rotors.rotor_speeds, efforts=joints.efforts, tilts=rotors.tilts)
+    """Combine the rotor speeds and tilt angles of one command with the joint setpoints
+    of another.
+    """
+    return Command(
+        rotor_speeds=rotors.rotor_speeds, efforts=joints.efforts, tilts=rotors.tilts
+    )
 
 
 class CommandRange(NamedTuple):
-    """Numbers that a vehicle takes in a command: counts of joints, rotors and tilts, and range of rotor speeds (rad/s).
+    """Numbers that a vehicle takes in a command: counts of joints, rotors and tilts,
+    and range of rotor speeds (rad/s).
 
-    The range is compared in every period of a session; only a speed out of it, or NaN, takes the time of a message.
+    The range is compared in every period of a session; only a speed out of it, or NaN,
+    takes the time of a message.
     """
 
     rotors: tuple[Rotor, ...]
@@ -155,11 +210,15 @@ class CommandRange(NamedTuple):
     @classmethod
     def of(cls, vehicle: Vehicle) -> CommandRange:
         """Numbers that a vehicle takes in a command."""
-        least, most = (tuple(getattr(r, name) for r in vehicle.rotors) for name in ("min_speed", "max_speed"))
+        least, most = (
+            tuple(getattr(r, name) for r in vehicle.rotors)
+            for name in ("min_speed", "max_speed")
+        )
         return cls(vehicle.rotors, vehicle.sizes, least, most)
 
     def require(self, speeds: Sequence[float], field: str) -> None:
-        """Refuse rotor speeds, which may be followed by other numbers, out of the range of their rotors.
+        """Refuse rotor speeds, which may be followed by other numbers, out of the range
+        of their rotors.
 
         Raises:
             ScenarioError: one line with the rotor and its range.
@@ -170,22 +229,25 @@ class CommandRange(NamedTuple):
 
 
 def numbers_of_command(command: Command, taken: CommandRange) -> tuple[float, ...]:
-    """Flatten a user's command: rotor speeds, joint setpoints, rotor tilt angles (zero if left out).
+    """Flatten a user's command: rotor speeds, joint setpoints, rotor tilt angles (zero
+    if left out).
 
     Raises:
-        ScenarioError: no command, one with another number of rotors or joints, one that is not of numbers, or a rotor
-            speed out of range.
+        ScenarioError: no command, one with another number of rotors or joints, one that
+            is not of numbers, or a rotor speed out of range.
     """
     joints, rotors, tilts = taken.sizes
     if not isinstance(command, Command):
         raise ScenarioError(f"command = {shown(command)}: must be a Command")
     if len(command.rotor_speeds) != rotors or len(command.efforts) != joints:
         raise ScenarioError(
-            f"command: {len(command.rotor_speeds)} rotor speeds and {len(command.efforts)} efforts: must be "
-            f"{rotors} and {joints}"
+            f"command: {len(command.rotor_speeds)} rotor speeds and"
+            f" {len(command.efforts)} efforts: must be {rotors} and {joints}"
         )
     if len(command.tilts) not in (0, tilts):
-        raise ScenarioError(f"command: {len(command.tilts)} tilts: must be {tilts}, or none")
+        raise ScenarioError(
+            f"command: {len(command.tilts)} tilts: must be {tilts}, or none"
+        )
     if tilts and not command.tilts:
         command = dataclasses.replace(command, tilts=(0.0,) * tilts)
     numbers = (*command.rotor_speeds, *command.efforts, *command.tilts)
@@ -195,15 +257,22 @@ def numbers_of_command(command: Command, taken: CommandRange) -> tuple[float, ..
     return floats
 
 
-def rotor_numbers(speeds: Sequence[float], command: object, taken: CommandRange) -> tuple[float, ...]:
-    """Flatten a command of rotor speeds (rad/s) alone; joint setpoints and tilt angles become zero.
+def rotor_numbers(
+    speeds: Sequence[float], command: object, taken: CommandRange
+) -> tuple[float, ...]:
+    """Flatten a command of rotor speeds (rad/s) alone; joint setpoints and tilt angles
+    become zero.
 
     Raises:
-        ScenarioError: a command beside them, another number of rotors, what are not numbers, or a speed out of range.
+        ScenarioError: a command beside them, another number of rotors, what are not
+            numbers, or a speed out of range.
     """
     joints, rotors, tilts = taken.sizes
     if command is not None:
-        raise ScenarioError("rotors: must be left out beside a command, which has rotor speeds of its own")
+        raise ScenarioError(
+            "rotors: must be left out beside a command, which has rotor speeds of"
+            " its own"
+        )
     if not coerce.is_sequence(speeds):
         raise ScenarioError(f"rotors = {shown(speeds)}: must be {rotors} numbers")
     numbers, others = tuple(speeds), (0.0,) * (joints + tilts)
@@ -211,12 +280,15 @@ def rotor_numbers(speeds: Sequence[float], command: object, taken: CommandRange)
     if plain and len(numbers) == rotors:
         taken.require(numbers, "rotors")
         return numbers + others
-    given = Command(rotor_speeds=numbers, efforts=others[:joints], tilts=others[joints:])
+    given = Command(
+        rotor_speeds=numbers, efforts=others[:joints], tilts=others[joints:]
+    )
     return numbers_of_command(given, taken)
 
 
 def _plain_numbers(command: Command) -> tuple[float, ...]:
-    """Convert the entries of a user's command to floats; refuse those that are no numbers.
+    """Convert the entries of a user's command to floats; refuse those that are no
+    numbers.
 
     Raises:
         ScenarioError: an entry is no number.
@@ -227,6 +299,8 @@ def _plain_numbers(command: Command) -> tuple[float, ...]:
             with errors_as(ScenarioError, of=RecordError):
                 number = coerce.number(f"command.{field}[{i}]", value)
             if type(number) is not float:
-                raise ScenarioError(f"command.{field}[{i}] = {shown(value)}: must be one number")
+                raise ScenarioError(
+                    f"command.{field}[{i}] = {shown(value)}: must be one number"
+                )
             numbers.append(number)
     return tuple(numbers)

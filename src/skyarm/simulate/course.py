@@ -1,4 +1,6 @@
-"""Course of a flight: the scenario in force, the changes that were made, and those that are still to come."""
+"""Course of a flight: the scenario in force, the changes that were made, and those that
+are still to come.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ from skyarm.simulate.command_delay import CommandRange
 
 @positional
 class Course:
-    """Scenario in force during a flight, with the changes already made and those still scheduled.
+    """Scenario in force during a flight, with the changes already made and those still
+    scheduled.
 
     Attributes:
         begun: scenario with which the flight began.
@@ -36,8 +39,14 @@ class Course:
 
     @staticmethod
     def of(scenario: Scenario) -> Course:
-        """Scenario schedule of a flight before its first control period: all scheduled changes are still to come."""
-        return Course(scenario, scenario, coming=in_order(scheduled_changes(scenario), scenario.rates.control))
+        """Scenario schedule of a flight before its first control period: all scheduled
+        changes are still to come.
+        """
+        return Course(
+            scenario,
+            scenario,
+            coming=in_order(scheduled_changes(scenario), scenario.rates.control),
+        )
 
     @property
     def command_ranges(self) -> dict[str, CommandRange]:
@@ -46,24 +55,37 @@ class Course:
 
     @property
     def plan(self) -> Scenario:
-        """Scenario that reproduces the flight: the initial one with all changes made and still scheduled."""
+        """Scenario that reproduces the flight: the initial one with all changes made
+        and still scheduled.
+        """
         derived = scheduled_changes(self.begun)[len(self.begun.changes) :]
         every, rate = (*self.made, *self.coming), self.begun.rates.control
-        by_hand = {each.tick(rate): i for i, each in enumerate(every) if each not in derived}
-        # before a change by hand of the same instant a derived one stays, as it was made before
+        by_hand = {
+            each.tick(rate): i for i, each in enumerate(every) if each not in derived
+        }
+        # before a change by hand of the same instant a derived one stays, as it was
+        # made before
         changes = tuple(
-            each for i, each in enumerate(every) if each not in derived or i < by_hand.get(each.tick(rate), 0)
+            each
+            for i, each in enumerate(every)
+            if each not in derived or i < by_hand.get(each.tick(rate), 0)
         )
         if changes == in_order(self.begun.changes, self.begun.rates.control):
             return self.begun
         return replace(self.begun, changes=changes)
 
     def due(self, tick: int) -> bool:
-        """True if a scheduled change takes effect in control period ``tick`` or earlier."""
-        return bool(self.coming) and self.coming[0].tick(self.begun.rates.control) <= tick
+        """True if a scheduled change takes effect in control period ``tick`` or
+        earlier.
+        """
+        return (
+            bool(self.coming) and self.coming[0].tick(self.begun.rates.control) <= tick
+        )
 
     def with_due_changes(self, tick: int, piece: Piece) -> Course:
-        """Scenario schedule after applying the changes that are due up to control period ``tick``."""
+        """Scenario schedule after applying the changes that are due up to control
+        period ``tick``.
+        """
         rate, overrides = self.begun.rates.control, self.overrides
         due = [change for change in self.coming if change.tick(rate) <= tick]
         for change in due:
@@ -72,21 +94,32 @@ class Course:
         return self._after(due, self.coming[len(due) :], overrides, now, piece)
 
     def with_values(self, tick: int, values: Mapping[str, Any], piece: Piece) -> Course:
-        """Scenario schedule after changes by the user at the start of control period ``tick``.
+        """Scenario schedule after changes by the user at the start of control period
+        ``tick``.
 
         Raises:
-            ScenarioError: one line: a path, or a value, that cannot be, or with which a change to come cannot be.
+            ScenarioError: one line: a path, or a value, that cannot be, or with which a
+                change to come cannot be.
         """
         if not isinstance(values, Mapping):
-            raise ScenarioError(f"values = {shown(values)}: must be a table of paths and values")
+            raise ScenarioError(
+                f"values = {shown(values)}: must be a table of paths and values"
+            )
         at = tick / self.begun.rates.control
         made = [Change(at=at, path=path, value=value) for path, value in values.items()]
-        overrides, now = try_changes(self.begun, self.now, self.overrides, [("", change) for change in made])
+        overrides, now = try_changes(
+            self.begun, self.now, self.overrides, [("", change) for change in made]
+        )
         try_coming(self.begun, now, overrides, self.coming)
         return self._after(made, self.coming, overrides, now, piece)
 
     def _after(
-        self, made: Sequence[Change], coming: tuple[Change, ...], overrides: Overrides, now: Scenario, piece: Piece
+        self,
+        made: Sequence[Change],
+        coming: tuple[Change, ...],
+        overrides: Overrides,
+        now: Scenario,
+        piece: Piece,
     ) -> Course:
         if coming:
             now = replace(now, changes=coming)

@@ -1,4 +1,6 @@
-"""Assignment of random channels (streams of random numbers) to sensors and wind, force and contact models."""
+"""Assignment of random channels (streams of random numbers) to sensors and wind, force
+and contact models.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +22,18 @@ from skyarm.records.members import SOLE
 from skyarm.scenario.scenario_record import Scenario
 
 CHANNEL_SENSORS, CHANNEL_TURBULENCE = 0, 1
-"""Channels of the random generator for the full state's noise and for the wind; added components have further ones."""
+"""Channels of the random generator for the full state's noise and for the wind; added
+components have further ones."""
 
 STARTS = (2**32 - 1, 2**32 - 2)
-"""Steps -1 and -2 of a channel, which initialise a component's state; the flight's own begin at step 0."""
+"""Steps -1 and -2 of a channel, which initialise a component's state; the flight's own
+begin at step 0."""
 
 
 class Shares(NamedTuple):
-    """Random numbers of a control period by vehicle and sensor, by vehicle and model, and by shared model."""
+    """Random numbers of a control period by vehicle and sensor, by vehicle and model,
+    and by shared model.
+    """
 
     sensors: list[list[Scalars]]
     components: list[list[Scalars]]
@@ -36,10 +42,12 @@ class Shares(NamedTuple):
 
 @positional
 class Draws:
-    """Random-number stream and count per control period of each sensor and each wind, force or contact model.
+    """Random-number stream and count per control period of each sensor and each wind,
+    force or contact model.
 
     Attributes:
-        sensors, components: (channel, count) of each, for every vehicle. shared: those of the models that all share.
+        sensors, components: (channel, count) of each, for every vehicle. shared: those
+            of the models that all share.
     """
 
     sensors: tuple[tuple[tuple[int, int], ...], ...]
@@ -48,30 +56,48 @@ class Draws:
 
     @property
     def models(self) -> tuple[tuple[int, int], ...]:
-        """Channel and count of every environment model: those of each vehicle in turn, then the shared ones."""
+        """Channel and count of every environment model: those of each vehicle in turn,
+        then the shared ones.
+        """
         return (*(pair for pairs in self.components for pair in pairs), *self.shared)
 
     @property
     def channels(self) -> tuple[tuple[int, int], ...]:
-        """List the random-number streams in use, as pairs of stream number and random numbers per control period."""
-        return tuple(pair for pair in (*(pair for pairs in self.sensors for pair in pairs), *self.models) if pair[1])
+        """List the random-number streams in use, as pairs of stream number and random
+        numbers per control period.
+        """
+        return tuple(
+            pair
+            for pair in (
+                *(pair for pairs in self.sensors for pair in pairs),
+                *self.models,
+            )
+            if pair[1]
+        )
 
     def shares(self, row: Sequence[Scalar]) -> Shares:
-        """Split the random numbers of a control period among the sensors and the wind, force and contact models."""
+        """Split the random numbers of a control period among the sensors and the wind,
+        force and contact models.
+        """
         left = iter(row)
 
         def shares_of(pairs: tuple[tuple[int, int], ...]) -> list[Scalars]:
             return [tuple(islice(left, count)) for _, count in pairs]
 
-        sensors, components = ([shares_of(pairs) for pairs in each] for each in (self.sensors, self.components))
+        sensors, components = (
+            [shares_of(pairs) for pairs in each]
+            for each in (self.sensors, self.components)
+        )
         return Shares(sensors, components, shares_of(self.shared))
 
 
 def draw_plan(scenario: Scenario) -> Draws:
-    """Assign a random-number stream and a count per control period to each sensor and wind, force or contact model.
+    """Assign a random-number stream and a count per control period to each sensor and
+    wind, force or contact model.
 
-    A component's channel follows from its kind and from how many of that kind stand before it, a sensor's from its
-    name, and of vehicles with other names than ``main`` from theirs: adding one changes no other's draws.
+    A component's channel follows from its kind and from how many of that kind stand
+    before it, a sensor's from its name, and of vehicles with other names than ``main``
+    from theirs: adding one changes no other's draws.
     """
     sensors, components = [], []
     for name, agent in scenario.agents.items():
@@ -79,7 +105,15 @@ def draw_plan(scenario: Scenario) -> Draws:
         full, *named = agent.all_sensors
         first = _channel("sensor", of) if of else CHANNEL_SENSORS
         rows = [(first, full[1].uniforms(vehicle))]
-        sensors.append((*rows, *((_channel("sensor", each + of), one.uniforms(vehicle)) for each, one in named)))
+        sensors.append(
+            (
+                *rows,
+                *(
+                    (_channel("sensor", each + of), one.uniforms(vehicle))
+                    for each, one in named
+                ),
+            )
+        )
         wind, *added = scenario.own_components(agent)
         channel = _channel("wind", of) if of else CHANNEL_TURBULENCE
         components.append(((channel, wind.uniforms), *_by_kind(added, of)))
@@ -88,33 +122,46 @@ def draw_plan(scenario: Scenario) -> Draws:
 
 
 def _by_kind(components: Sequence[AnyComponent], of: str) -> list[tuple[int, int]]:
-    """Channel and count of each environment model, by its kind and how many of that kind stand before it."""
+    """Channel and count of each environment model, by its kind and how many of that
+    kind stand before it.
+    """
     rows, before = list[tuple[int, int]](), Counter[str]()
     for component in components:
         kind = type(component).__qualname__
-        rows.append((_channel(f"component {before[kind]}", kind + of), component.uniforms))
+        rows.append(
+            (_channel(f"component {before[kind]}", kind + of), component.uniforms)
+        )
         before[kind] += 1
     return rows
 
 
 def draws_needed(scenario: Scenario) -> tuple[tuple[int, int], ...]:
-    """List the random-number streams of a scenario, as pairs of stream number and random numbers per control period."""
+    """List the random-number streams of a scenario, as pairs of stream number and
+    random numbers per control period.
+    """
     return draw_plan(scenario).channels
 
 
 def start_draws(scenario: Scenario, seed: int, episode: ArrayLike) -> list[Array]:
-    """Uniform random numbers for the initial states of wind, force and contact models, one array for each model.
+    """Uniform random numbers for the initial states of wind, force and contact models,
+    one array for each model.
 
     Those of each vehicle in turn, then those of the models that all share.
     """
     steps, keys = np.array(STARTS), np.asarray(episode)[..., None]
     draws = []
     for channel, count in draw_plan(scenario).models:
-        numbers = uniforms(seed, keys, channel, steps, count) if count else np.zeros((*keys.shape[:-1], 2, 0))
+        numbers = (
+            uniforms(seed, keys, channel, steps, count)
+            if count
+            else np.zeros((*keys.shape[:-1], 2, 0))
+        )
         draws.append(numbers.reshape(*keys.shape[:-1], 2 * count))
     return draws
 
 
 def _channel(kind: str, name: str) -> int:
-    """Index of the random-number stream of a named sensor or model: a hash, larger than the built-in indices."""
+    """Index of the random-number stream of a named sensor or model: a hash, larger than
+    the built-in indices.
+    """
     return zlib.crc32(f"{kind} {name}".encode()) | 2**31

@@ -1,7 +1,8 @@
-"""Closed-loop simulator of a single flight: one traced control period, evaluated in machine code or Python.
+"""Closed-loop simulator of a single flight: one traced control period, evaluated in
+machine code or Python.
 
-Both evaluate the same program to the same bits. Python also flies plants and laws that cannot be traced: the program
-calls them with floats.
+Both evaluate the same program to the same bits. Python also flies plants and laws that
+cannot be traced: the program calls them with floats.
 """
 
 from __future__ import annotations
@@ -37,7 +38,12 @@ from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece
-from skyarm.simulate.check_endings import Ended, ending_of_command, failed_phase, find_ending
+from skyarm.simulate.check_endings import (
+    Ended,
+    ending_of_command,
+    failed_phase,
+    find_ending,
+)
 from skyarm.simulate.examine import require_shapes
 from skyarm.simulate.first_state import component_places, first_surroundings
 from skyarm.simulate.flight_recorder import FlightRecorder
@@ -62,27 +68,38 @@ from skyarm.simulate.program import (
 )
 from skyarm.simulate.reference_clock import clocks_of_change
 from skyarm.simulate.stages import Stages
-from skyarm.simulate.stored_programs import FlightProgram, load_program, note_repeat, program_name, store_program
+from skyarm.simulate.stored_programs import (
+    FlightProgram,
+    load_program,
+    note_repeat,
+    program_name,
+    store_program,
+)
 
 PIECE = 0.1
 """Duration (s) of flight between two checks for Ctrl-C."""
 
 ALIVE, TICKS = 0, 1
-"""Indices of ``LoopState.alive`` and ``LoopState.ticks`` among a loop state's leaves."""
+"""Indices of ``LoopState.alive`` and ``LoopState.ticks`` among a loop state's
+leaves."""
 
 
 class EpisodeCode(LoopProgram):
-    """Traced program of one control period of a scenario, compiled to machine code unless it runs in Python.
+    """Traced program of one control period of a scenario, compiled to machine code
+    unless it runs in Python.
 
     Args:
         scenario: scenario that flies now; it fixes the integration steps.
-        vary: the scenario from the numbers of ``numbers``, which the program reads in every period; None without any.
+        vary: the scenario from the numbers of ``numbers``, which the program reads in
+            every period; None without any.
         numbers: present values.
-        machine_code: False evaluates the program in Python, whose numbers are constants.
+        machine_code: False evaluates the program in Python, whose numbers are
+            constants.
         commands: a command from outside may take the law's place.
         effort: effort of the compiler; None chooses by the length of the episode.
         key: key of all programs that differ in the values of their numbers alone.
-        window: number of control periods whose inputs and logged samples are in memory; all if left out.
+        window: number of control periods whose inputs and logged samples are in memory;
+            all if left out.
 
     Raises:
         NoMachineCodeError: there is no compiler; evaluate it in Python.
@@ -104,22 +121,33 @@ class EpisodeCode(LoopProgram):
         super().__init__(scenario, vary, tuple(numbers), key=key)
         self.window, self.commands = window or scenario.steps, commands
         laws = [each.controller for each in scenario.agents.values()]
-        self.calls: list[LawCalls] = [] if machine_code else [LawCalls(copy.deepcopy(each.memory)) for each in laws]
+        self.calls: list[LawCalls] = (
+            []
+            if machine_code
+            else [LawCalls(copy.deepcopy(each.memory)) for each in laws]
+        )
         self.carry = self.first
         if machine_code:
             for law in laws:
                 law.require_traceable("machine code of the loop")
         else:
             pairs = zip(laws, self.first.agents, strict=True)
-            self.carry = _with_memories(self.first, [_carried_memory(law, own.memory) for law, own in pairs])
-        self._shared = machine_code and effort is None and not (commands or self.numbers)
+            self.carry = _with_memories(
+                self.first, [_carried_memory(law, own.memory) for law, own in pairs]
+            )
+        self._shared = (
+            machine_code and effort is None and not (commands or self.numbers)
+        )
         self._called: CalledPlant | None = None
         if scenario.kind != "rigid_body":
             around = first_surroundings(scenario, self.first)
-            self._called = CalledPlant(make_plant(scenario, around), Stages(scenario), around)
+            self._called = CalledPlant(
+                make_plant(scenario, around), Stages(scenario), around
+            )
         self.kernel: Kernel | None = None
         if machine_code:
-            # of a program with numbers the scenario that it is traced from is not the one that flies
+            # of a program with numbers the scenario that it is traced from is not the
+            # one that flies
             name = "" if any(key) else program_name(scenario, commands, effort)
             program = load_program(name)
             if program is None:
@@ -128,62 +156,91 @@ class EpisodeCode(LoopProgram):
                 note_repeat(program, scenario)
             self.program, self.loop = program, program.loop
             self.substeps.traced.update(program.substeps)
-            self.kernel = Kernel(self.loop, Lanes(1), logging=True, written=program.assembly)
+            self.kernel = Kernel(
+                self.loop, Lanes(1), logging=True, written=program.assembly
+            )
         else:
             self.loop = self._trace(self._whole)
         self.sample: Sample = self.loop.result[1]
 
     @cached_property
     def inputs(self) -> FlightInputs:
-        """Times and references of the scenario that the program was traced from, from the first period on."""
+        """Times and references of the scenario that the program was traced from, from
+        the first period on.
+        """
         return FlightInputs(self.scenario, window=self.window)
 
     def _write_program(self, name: str, effort: int | None) -> FlightProgram:
-        """Trace a control period and write it in LLVM's language; store it under its name."""
+        """Trace a control period and write it in LLVM's language; store it under its
+        name.
+        """
         loop = self._trace(self._whole)
-        written = Assembly.of(loop, Lanes(1), logging=True, effort=FULL if effort is None else effort)
+        written = Assembly.of(
+            loop, Lanes(1), logging=True, effort=FULL if effort is None else effort
+        )
         if effort is None and not written.pays(self.scenario.steps):
             written = replace(written, effort=0)
-        program = FlightProgram(loop, written, tuple(self.substeps.traced.items()), self._shared)
+        program = FlightProgram(
+            loop, written, tuple(self.substeps.traced.items()), self._shared
+        )
         store_program(name, program)
         return program
 
     def _trace(self, cut: Cut) -> Loop:
         waiting = [own.queue[0] for own in self.first.agents] if self.commands else []
         row = PeriodRow(
-            given=self.inputs.row_examples, modes=(0.0,) * len(waiting), commands=tuple(map(structure_of, waiting))
+            given=self.inputs.row_examples,
+            modes=(0.0,) * len(waiting),
+            commands=tuple(map(structure_of, waiting)),
         )
         return self.trace(cut, self.carry, row)
 
     def stages(self, numbers: Any, row: PeriodRow = NO_INPUTS) -> Stages:
-        """Computation stages of a control period; in Python a law that cannot be traced is called."""
+        """Computation stages of a control period; in Python a law that cannot be traced
+        is called.
+        """
         if not self.calls:
             return super().stages(numbers, row)
         examples = [own.queue[0] for own in self.first.agents]
-        return StagesInPython(self.vary(numbers), self.calls, examples, row.commands, row.modes)
+        return StagesInPython(
+            self.vary(numbers), self.calls, examples, row.commands, row.modes
+        )
 
     def plant_steps(self, stages: Stages) -> PlantSteps[State]:
         """Plant model within a control period; one that cannot be traced is called."""
         return super().plant_steps(stages) if self._called is None else self._called
 
     def _whole(self, period: TracedPeriod, now: LoopState) -> tuple[LoopState, Sample]:
-        fleet = make_fleet_period(period.stages, self.substeps) if self._shared else None
+        fleet = (
+            make_fleet_period(period.stages, self.substeps) if self._shared else None
+        )
         self._shared = fleet is not None
-        return (fleet or make_period(period.stages, period.plant))(now, period.row.given, period.uniforms)
+        return (fleet or make_period(period.stages, period.plant))(
+            now, period.row.given, period.uniforms
+        )
 
-    def _measurements(self, period: TracedPeriod, now: LoopState) -> tuple[LoopState, tuple[Measurement, ...]]:
-        """Run a control period up to the measurements that the laws receive; return them with the same loop state."""
+    def _measurements(
+        self, period: TracedPeriod, now: LoopState
+    ) -> tuple[LoopState, tuple[Measurement, ...]]:
+        """Run a control period up to the measurements that the laws receive; return
+        them with the same loop state.
+        """
         rows = period.stages.lead(now, period.row.given)
         measured = measure(period.stages, period.plant, now, rows, period.uniforms)
         return now, tuple(half.read.measurement for half in measured.agents)
 
     @cached_property
     def measurement(self) -> Loop:
-        """Traced program that computes the measurements of the control laws in a control period."""
+        """Traced program that computes the measurements of the control laws in a
+        control period.
+        """
         return self._trace(self._measurements)
 
-    def fits(self, key: ProgramKey, scenario: Scenario, changed: Sequence[str] | None = None) -> bool:
-        """True if the compiled program can also fly another scenario, with other parameter values as its inputs.
+    def fits(
+        self, key: ProgramKey, scenario: Scenario, changed: Sequence[str] | None = None
+    ) -> bool:
+        """True if the compiled program can also fly another scenario, with other
+        parameter values as its inputs.
 
         Args:
             key: key of that scenario.
@@ -192,13 +249,17 @@ class EpisodeCode(LoopProgram):
         """
         if self.kernel is None or key != self.key:
             return False
-        if changed is not None and not any(word_of(path).startswith(("plant.", *STATED)) for path in changed):
+        if changed is not None and not any(
+            word_of(path).startswith(("plant.", *STATED)) for path in changed
+        ):
             return True
         return self.serves(key, rigid_body_plant(scenario, self.first))
 
 
 def keep_apart() -> None:
-    """Store the program of the scenario on standard input at full effort, each vehicle with its own code."""
+    """Store the program of the scenario on standard input at full effort, each vehicle
+    with its own code.
+    """
     scenario = restore(json.load(sys.stdin))
     program = EpisodeCode(scenario, commands=False, effort=FULL).program
     # should the cache lose its machine code, a command makes it again in the least time
@@ -209,31 +270,50 @@ def keep_apart() -> None:
 def _with_memories(loop: LoopState, memories: Sequence[Tree]) -> LoopState:
     """Closed-loop state with the internal states of the control laws replaced."""
     agents = zip(loop.agents, memories, strict=True)
-    return replace(loop, agents=tuple(replace(own, memory=memory) for own, memory in agents))
+    return replace(
+        loop, agents=tuple(replace(own, memory=memory) for own, memory in agents)
+    )
 
 
 def _carried_memory(law: Controller, memory: Tree) -> Tree:
-    """Internal state of a law in the loop: of one that is called, which may be any object, what it observes alone."""
+    """Internal state of a law in the loop: of one that is called, which may be any
+    object, what it observes alone.
+    """
     return memory if law.compiled else PushAlone.of(memory)
 
 
 class _PythonSteps:
-    """Evaluation of a traced control period in Python floats instead of machine code."""
+    """Evaluation of a traced control period in Python floats instead of machine
+    code.
+    """
 
-    def __init__(self, loop: Loop, carry: Array, parameters: Array, seed: int, episode: int) -> None:
+    def __init__(
+        self, loop: Loop, carry: Array, parameters: Array, seed: int, episode: int
+    ) -> None:
         self._loop, self._step, self._keys = loop, loop.stepper(), (seed, episode)
         self.carry, self.parameters = carry, parameters
         self.command: tuple[str, tuple[float, ...]] = ("", ())
 
     def read_tables(self, rows: Array, log: Array) -> None:
-        """Set the table of closed-loop inputs, one row per control period, and the table for the logged samples."""
+        """Set the table of closed-loop inputs, one row per control period, and the
+        table for the logged samples.
+        """
         self._rows, self._log = rows, log
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:
-        """Evaluate control periods ``begin`` to ``end`` of the input table, or up to a termination of the flight."""
-        now, numbers, count = tuple(self.carry.tolist()), tuple(self.parameters.tolist()), self._loop.carry
+        """Evaluate control periods ``begin`` to ``end`` of the input table, or up to a
+        termination of the flight.
+        """
+        now, numbers, count = (
+            tuple(self.carry.tolist()),
+            tuple(self.parameters.tolist()),
+            self._loop.carry,
+        )
         steps = np.arange(start + begin, start + end)
-        draws = [uniforms(*self._keys, channel, steps, many) for channel, many in self._loop.uniforms]
+        draws = [
+            uniforms(*self._keys, channel, steps, many)
+            for channel, many in self._loop.uniforms
+        ]
         drawn = np.concatenate([np.zeros((len(steps), 0)), *draws], axis=1)
         for k, row in zip(range(begin, end), drawn.tolist(), strict=True):
             try:
@@ -245,33 +325,51 @@ class _PythonSteps:
         self.carry[:] = now
 
 
-EngineState = tuple[Scenario, FlightInputs, Array, int, int, Ended | None, tuple[Array, Array, Array, Any, float]]
-"""State of an engine: scenario, its inputs and their rows, start of the piece, tick, end; loop state, parameters,
-log, memory of a law, first period of a command from outside."""
+EngineState = tuple[
+    Scenario,
+    FlightInputs,
+    Array,
+    int,
+    int,
+    Ended | None,
+    tuple[Array, Array, Array, Any, float],
+]
+"""State of an engine: scenario, its inputs and their rows, start of the piece, tick,
+end; loop state, parameters, log, memory of a law, first period of a command from
+outside."""
 
 
 class Engine:
-    """Closed-loop simulator of one flight, which advances one or many control periods per call.
+    """Closed-loop simulator of one flight, which advances one or many control periods
+    per call.
 
     Args:
-        code: its program. scenario: scenario that is flown now; that of the program if left out.
+        code: its program. scenario: scenario that is flown now; that of the program if
+            left out.
         numbers: values of the program's parameters, by path; its own if left out.
 
     Attributes:
         first: the loop before its first period. tick: control periods flown.
-        ended: why the episode has ended before its time, or None. begun: number of the first period under the scenario.
-        commanded: True if a command from outside has taken the law's place. from_outside: number of the first period
-            of such a command; infinite without one.
+        ended: why the episode has ended before its time, or None. begun: number of the
+            first period under the scenario.
+        commanded: True if a command from outside has taken the law's place.
+            from_outside: number of the first period of such a command; infinite without
+            one.
     """
 
     def __init__(
-        self, code: EpisodeCode, scenario: Scenario | None = None, numbers: Mapping[str, float] | None = None
+        self,
+        code: EpisodeCode,
+        scenario: Scenario | None = None,
+        numbers: Mapping[str, float] | None = None,
     ) -> None:
         self.scenario = scenario or code.scenario
         self.code, self.first, self._steps = code, code.first, self.scenario.steps
         self._inputs = code.inputs
         parameters = doubles(code.numbers if numbers is None else [*numbers.values()])
-        self._stepper = self._make_stepper(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
+        self._stepper = self._make_stepper(
+            code.loop, np.array(leaves(code.carry), dtype=float), parameters
+        )
         self._before = self._stepper.carry.copy()
         self._first = 0  # period of the inputs' first row
         self._rows = self._input_rows()
@@ -286,7 +384,9 @@ class Engine:
     def _make_stepper(
         self, loop: Loop, carry: Array, parameters: Array, *, peek: bool = False
     ) -> Stepper | _PythonSteps:
-        """Make the evaluator of a traced program: machine code if the flight is compiled, else Python."""
+        """Make the evaluator of a traced program: machine code if the flight is
+        compiled, else Python.
+        """
         seed, episode = self.scenario.seed, self.scenario.episode
         if self.code.kernel is None:
             return _PythonSteps(loop, carry, parameters, seed, episode)
@@ -294,48 +394,69 @@ class Engine:
         return Stepper(kernel, carry, parameters, seed=seed, episode=episode)
 
     def _input_rows(self) -> Array:
-        """Table of inputs of all control periods: time, reference, then room for commands from the user."""
+        """Table of inputs of all control periods: time, reference, then room for
+        commands from the user.
+        """
         rows = self.inputs.rows
-        return np.hstack([rows, np.zeros((len(rows), self._command_inputs))]) if self.code.commands else rows
+        return (
+            np.hstack([rows, np.zeros((len(rows), self._command_inputs))])
+            if self.code.commands
+            else rows
+        )
 
     @cached_property
     def _command_inputs(self) -> int:
-        """Number of inputs of a control period that are commands from the user, each with its mode."""
+        """Number of inputs of a control period that are commands from the user, each
+        with its mode.
+        """
         return sum(1 + len(leaves(own.queue[0])) for own in self.first.agents)
 
     @property
     def inputs(self) -> FlightInputs:
-        """Times and references of the control periods in memory under the scenario in force."""
+        """Times and references of the control periods in memory under the scenario in
+        force.
+        """
         if self._inputs.scenario is not self.scenario:
             self._inputs = FlightInputs(self.scenario, self._first, self.code.window)
         return self._inputs
 
     @property
     def full(self) -> bool:
-        """True once the next period overwrites the logged samples, which are still to be stored."""
+        """True once the next period overwrites the logged samples, which are still to
+        be stored.
+        """
         return self.tick >= self._first + self.code.window
 
     def _move_window(self) -> None:
         """Let the tables of inputs and of logged samples begin at the next period."""
         self._first = self.tick
-        self._inputs = FlightInputs(self.scenario, self._first, self.code.window, self.inputs)
+        self._inputs = FlightInputs(
+            self.scenario, self._first, self.code.window, self.inputs
+        )
         self._rows = self._input_rows()
         self.recorder.first = self._first
         self._stepper.read_tables(self._rows, self.recorder.table)
 
-    def step(self, commands: Sequence[Sequence[float]] = (), *, rotors_only: bool = False) -> bool:
-        """Fly one control period; False once the episode has ended or reached its duration.
+    def step(
+        self, commands: Sequence[Sequence[float]] = (), *, rotors_only: bool = False
+    ) -> bool:
+        """Fly one control period; False once the episode has ended or reached its
+        duration.
 
         Args:
-            commands: of each vehicle the command in place of its law's, whose memory stays; empty for the law's own.
-            rotors_only: True for their rotor speeds alone; the laws move the joints, and their memories go on.
+            commands: of each vehicle the command in place of its law's, whose memory
+                stays; empty for the law's own.
+            rotors_only: True for their rotor speeds alone; the laws move the joints,
+                and their memories go on.
         """
         k = self.tick
         if k >= self._steps or self.ended is not None:
             return False
         if commands:
             mode, modes = 2.0 if rotors_only else 1.0, len(commands)
-            self._rows[k, self._width :][:modes] = [mode if each else 0.0 for each in commands]
+            self._rows[k, self._width :][:modes] = [
+                mode if each else 0.0 for each in commands
+            ]
             at = self._width + modes
             for each, own in zip(commands, self.first.agents, strict=True):
                 if each:
@@ -347,12 +468,16 @@ class Engine:
         return self._fly(k + 1)
 
     def fly(self, stop: int) -> bool:
-        """Fly for about 0.1 s of computing time, at most up to period ``stop``; False once the episode is over."""
+        """Fly for about 0.1 s of computing time, at most up to period ``stop``; False
+        once the episode is over.
+        """
         if self.tick >= self._steps or self.ended is not None:
             return False
         if self.full:
             self._move_window()
-        stop = min(stop, self.tick + self._stretch, self._first + self.code.window, self._steps)
+        stop = min(
+            stop, self.tick + self._stretch, self._first + self.code.window, self._steps
+        )
         begun, before = perf_counter(), self.tick
         if self.commanded:
             self._rows[before:stop, self._width :][:, : len(self.first.agents)] = 0.0
@@ -369,7 +494,8 @@ class Engine:
         over = carry[ALIVE] < 0.5
         end = round(carry[TICKS]) if over else stop
         if over and self.code.kernel is not None:
-            # machine code moves the law's memory on to the end of the stretch, whose length the clock on the wall sets
+            # machine code moves the law's memory on to the end of the stretch, whose
+            # length the clock on the wall sets
             carry[:] = self._before
             self._stepper.fly(self.tick - first, end - first, first)
             carry[ALIVE], carry[TICKS] = 0.0, end
@@ -380,11 +506,19 @@ class Engine:
         return True
 
     def _reason(self, *, lost: bool) -> Ended | None:
-        """Status, cause and time of the flight's early termination; None after its full duration."""
-        scenario, now, time = self.scenario, self.now, self.tick / self.scenario.rates.control
+        """Status, cause and time of the flight's early termination; None after its full
+        duration.
+        """
+        scenario, now, time = (
+            self.scenario,
+            self.now,
+            self.tick / self.scenario.rates.control,
+        )
         for i, name in enumerate(scenario.agents):
             one, own = scenario.of(name), now.agents[i]
-            goal = self.inputs.each[i].row_at(self.tick, own, now.ticks).reference.position
+            goal = (
+                self.inputs.each[i].row_at(self.tick, own, now.ticks).reference.position
+            )
             ending = find_ending(one, time, leaves(own.state), [float(c) for c in goal])
             ending = ending or failed_phase(one, time, own.clock)
             if ending is not None:
@@ -394,23 +528,39 @@ class Engine:
         named, command = getattr(self._stepper, "command", ("", ()))
         commands = {named: command}
         if not command:
-            sample = rebuild(self.code.sample, iter(self.recorder.row(self.tick).tolist()))
-            commands = {name: leaves(own.command) for name, own in zip(scenario.agents, sample.agents, strict=True)}
+            sample = rebuild(
+                self.code.sample, iter(self.recorder.row(self.tick).tolist())
+            )
+            commands = {
+                name: leaves(own.command)
+                for name, own in zip(scenario.agents, sample.agents, strict=True)
+            }
         for name, command in commands.items():
             ending = ending_of_command(scenario.of(name), time, command)
             if ending is not None:
                 return self._with_name(name, ending)
-        raise RuntimeError(f"at {time} s: an episode has ended in which no ending finds anything wrong")
+        raise RuntimeError(
+            f"at {time} s: an episode has ended in which no ending finds anything wrong"
+        )
 
     def _with_name(self, name: str, ending: Ended) -> Ended:
-        """Early termination with the name of the vehicle in its cause if there are several."""
+        """Early termination with the name of the vehicle in its cause if there are
+        several.
+        """
         several = self.scenario.is_team
         return replace(ending, cause=f"{name}: {ending.cause}") if several else ending
 
     @property
     def piece(self) -> Piece:
-        """Logged samples of all control periods since the last change of the scenario."""
-        return Piece(self.scenario, self.inputs, self.begun, self.recorder.samples(self.begun, self.tick))
+        """Logged samples of all control periods since the last change of the
+        scenario.
+        """
+        return Piece(
+            self.scenario,
+            self.inputs,
+            self.begun,
+            self.recorder.samples(self.begun, self.tick),
+        )
 
     @property
     def now(self) -> LoopState:
@@ -419,7 +569,10 @@ class Engine:
         if not self.code.calls:
             return state
         laws = zip(self._laws, self.code.calls, state.agents, strict=True)
-        return _with_memories(state, [own.memory if law.compiled else calls.memory for law, calls, own in laws])
+        return _with_memories(
+            state,
+            [own.memory if law.compiled else calls.memory for law, calls, own in laws],
+        )
 
     @property
     def _laws(self) -> list[Controller]:
@@ -432,9 +585,11 @@ class Engine:
         return bool(np.isnan(self._stepper.carry).any())
 
     def evaluate(self, now: LoopState) -> LoopState:
-        """Evaluate one control period in Python floats from a given closed-loop state; return the next state.
+        """Evaluate one control period in Python floats from a given closed-loop state;
+        return the next state.
 
-        Plants that cannot be traced are replaced by the rigid body. The floats are NumPy's, which divide by 0.
+        Plants that cannot be traced are replaced by the rigid body. The floats are
+        NumPy's, which divide by 0.
         """
         scenario, ticks = self.scenario, np.array([int(float(now.ticks))])
         program = LoopProgram(scenario)
@@ -444,29 +599,41 @@ class Engine:
         if all(law.compiled for law in self._laws):
             now = rebuild(now, iter(np.array(leaves(now), dtype=float)))
             rows = rebuild(rows, iter(np.array(leaves(rows), dtype=float)))
-        draws = [uniforms(scenario.seed, scenario.episode, each, ticks, count)[0] for each, count in program.draws]
+        draws = [
+            uniforms(scenario.seed, scenario.episode, each, ticks, count)[0]
+            for each, count in program.draws
+        ]
         with np.errstate(all="ignore"):
-            return make_period(stages, program.plant_steps(stages))(now, rows, tuple(np.concatenate([[], *draws])))[0]
+            return make_period(stages, program.plant_steps(stages))(
+                now, rows, tuple(np.concatenate([[], *draws]))
+            )[0]
 
     def state(self) -> State:
         """Current true state of the only vehicle."""
         return rebuild(self.first.agent.state, iter(self._stepper.carry[2:].tolist()))
 
     def reference(self) -> Reference:
-        """Reference sample of the only vehicle that is held in the next control period."""
+        """Reference sample of the only vehicle that is held in the next control
+        period.
+        """
         (row,) = self.inputs.rows_at(self.tick, self.now)
         return row.reference
 
     @cached_property
     def _peek(self) -> tuple[Stepper | _PythonSteps, Array, tuple[Measurement, ...]]:
         loop = self.code.measurement
-        stepper = self._make_stepper(loop, np.zeros(loop.carry), np.zeros(loop.parameters), peek=True)
+        stepper = self._make_stepper(
+            loop, np.zeros(loop.carry), np.zeros(loop.parameters), peek=True
+        )
         return stepper, np.empty((1, loop.logged)), loop.result[1]
 
     def measurements(self) -> tuple[Measurement, ...]:
         """Measurement that each control law receives in the next period."""
         stepper, output, example = self._peek
-        stepper.carry[:], stepper.parameters[:] = self._stepper.carry, self._stepper.parameters
+        stepper.carry[:], stepper.parameters[:] = (
+            self._stepper.carry,
+            self._stepper.parameters,
+        )
         stepper.read_tables(self._rows[self.tick : self.tick + 1], output)
         stepper.fly(0, 1, start=self.tick)
         return rebuild(example, iter(output[0].tolist()))
@@ -475,22 +642,58 @@ class Engine:
         """Copy of the simulator's state, from which :meth:`restore` continues."""
         stepper = self._stepper
         memories = copy.deepcopy([each.memory for each in self.code.calls])
-        numbers = stepper.carry.copy(), stepper.parameters.copy(), self.recorder.table, memories, self.from_outside
-        return self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers
+        numbers = (
+            stepper.carry.copy(),
+            stepper.parameters.copy(),
+            self.recorder.table,
+            memories,
+            self.from_outside,
+        )
+        return (
+            self.scenario,
+            self._inputs,
+            self._rows,
+            self.begun,
+            self.tick,
+            self.ended,
+            numbers,
+        )
 
     def restore(self, state: EngineState) -> None:
         """Return to the simulator state of a snapshot."""
-        self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers = state
-        self._stepper.carry[:], self._stepper.parameters[:], table, memories, self.from_outside = numbers
-        # of the snapshot's table the flight may have overwritten what follows: it goes on in one of its own
+        (
+            self.scenario,
+            self._inputs,
+            self._rows,
+            self.begun,
+            self.tick,
+            self.ended,
+            numbers,
+        ) = state
+        (
+            self._stepper.carry[:],
+            self._stepper.parameters[:],
+            table,
+            memories,
+            self.from_outside,
+        ) = numbers
+        # of the snapshot's table the flight may have overwritten what follows: it goes
+        # on in one of its own
         self.recorder.table = np.empty_like(table)
         self.recorder.table[: self.tick] = table[: self.tick]
         self._stepper.read_tables(self._rows, self.recorder.table)
         for calls, memory in zip(self.code.calls, copy.deepcopy(memories), strict=True):
             calls.memory = memory
 
-    def give(self, scenario: Scenario, numbers: Mapping[str, float], changed: Sequence[str], key: ProgramKey) -> bool:
-        """Change parameter values from the next control period on; False, unchanged, if that needs recompilation.
+    def give(
+        self,
+        scenario: Scenario,
+        numbers: Mapping[str, float],
+        changed: Sequence[str],
+        key: ProgramKey,
+    ) -> bool:
+        """Change parameter values from the next control period on; False, unchanged, if
+        that needs recompilation.
 
         Args:
             scenario: scenario from now on.
@@ -508,7 +711,9 @@ class Engine:
         return True
 
     def take_over(self, other: Engine, *, anew: Collection[str]) -> None:
-        """Continue a flight from the state of another simulator; ``anew``: vehicles with another reference."""
+        """Continue a flight from the state of another simulator; ``anew``: vehicles
+        with another reference.
+        """
         now = other.now
         clocks = clocks_of_change(self.scenario, self.first, now, anew=anew)
         places = component_places(self.scenario), component_places(other.scenario)
@@ -517,7 +722,9 @@ class Engine:
             kept = carried.agents[i].memory
             if self.code.calls and not law.compiled:
                 # the memory of a law that is called is its own: it may hold anything
-                kept = copy.deepcopy(now.agents[i].memory if law.law is before.law else kept)
+                kept = copy.deepcopy(
+                    now.agents[i].memory if law.law is before.law else kept
+                )
                 self.code.calls[i].memory = kept
             memories.append(_carried_memory(law, kept) if self.code.calls else kept)
         self._stepper.carry[:] = leaves(_with_memories(carried, memories))

@@ -1,12 +1,15 @@
-"""Examination of users' code before a flight, by the contract of its kind, and of a user-defined control law.
+"""Examination of users' code before a flight, by the contract of its kind, and of a
+user-defined control law.
 
-Each part is traced alone, and what its contract refuses is one line with class, file and line. So is a part whose
-traces differ: three are compared here, and one in another process if it comes from a plugin. A part of a plugin that
-reads its environment or a file, or goes through a set, gives the same program in every trace of one process, and
-another one elsewhere. Files that its fields name are no such thing: they are there, too.
+Each part is traced alone, and what its contract refuses is one line with class, file
+and line. So is a part whose traces differ: three are compared here, and one in another
+process if it comes from a plugin. A part of a plugin that reads its environment or a
+file, or goes through a set, gives the same program in every trace of one process, and
+another one elsewhere. Files that its fields name are no such thing: they are there,
+too.
 
-:func:`check_law` looks further: it compares a law in floats with its program over some periods. What ships is not
-examined.
+:func:`check_law` looks further: it compares a law in floats with its program over some
+periods. What ships is not examined.
 """
 
 from __future__ import annotations
@@ -31,7 +34,13 @@ import numpy as np
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import data
-from skyarm.compile.tracing.fingerprint import OUTSIDE, changed_argument, contents, fingerprint, in_floats
+from skyarm.compile.tracing.fingerprint import (
+    OUTSIDE,
+    changed_argument,
+    contents,
+    fingerprint,
+    in_floats,
+)
 from skyarm.control.controller import Controller, preview_leads
 from skyarm.control.law_checks import (
     PERIODS,
@@ -80,7 +89,8 @@ Fingerprint = dict[str, str]
 """Text of the traced results of a part's methods, by place."""
 
 Given = dict[str, Any]
-"""Arguments of a part's methods by name; a function without arguments makes one that takes long."""
+"""Arguments of a part's methods by name; a function without arguments makes one that
+takes long."""
 
 
 class PartError(LawError, ScenarioError):
@@ -93,8 +103,10 @@ class UserPart:
 
     Attributes:
         kind: its key in ``CONTRACTS``. record: the model. place: its parameter path.
-        scenario: flight of the vehicle that has the model, alone. whole: that of all vehicles.
-        own: object within the record whose code is the user's, if not the record itself.
+        scenario: flight of the vehicle that has the model, alone. whole: that of all
+            vehicles.
+        own: object within the record whose code is the user's, if not the record
+            itself.
     """
 
     kind: str
@@ -106,83 +118,166 @@ class UserPart:
 
     @property
     def uniforms(self) -> Any:
-        """Count of random numbers that the model draws, not yet checked; 0 for a kind that draws none."""
+        """Count of random numbers that the model draws, not yet checked; 0 for a kind
+        that draws none.
+        """
         count = getattr(self.record, "uniforms", 0)
         return count(self.scenario.agent.vehicle) if callable(count) else count
 
-    def refusal(self, what: str, instead: str = "", place: str = "", method: str = "") -> PartError:
+    def refusal(
+        self, what: str, instead: str = "", place: str = "", method: str = ""
+    ) -> PartError:
         """Error about a user-defined model, with file and line of the user's code.
 
         Args:
             what: what is wrong.
             instead: what must be in its place.
             place: file and line, if not those of the method.
-            method: method that the message names; the contract's first one gives the line without it.
+            method: method that the message names; the contract's first one gives the
+                line without it.
         """
-        function = getattr(self.record, method or next(iter(CONTRACTS[self.kind].methods), ""), None)
-        line = place or place_of(function if own_code(function) else self.own or type(self.record))
-        owner = f"{self.place} ({type(self.own or self.record).__name__}{method and '.'}{method})"
-        return PartError(Mistake(f"law {self.record.name!r}" if self.kind == "law" else owner, line, what, instead))
+        function = getattr(
+            self.record, method or next(iter(CONTRACTS[self.kind].methods), ""), None
+        )
+        line = place or place_of(
+            function if own_code(function) else self.own or type(self.record)
+        )
+        owner = (
+            f"{self.place}"
+            f" ({type(self.own or self.record).__name__}{method and '.'}{method})"
+        )
+        return PartError(
+            Mistake(
+                f"law {self.record.name!r}" if self.kind == "law" else owner,
+                line,
+                what,
+                instead,
+            )
+        )
 
     def require_numbers(self, method: str, wanted: Numbers, result: object) -> None:
-        """Raise an error if a method's result contains a non-number or differs in structure from an example."""
-        example = wanted.example(self.record) if callable(wanted.example) else wanted.example
+        """Raise an error if a method's result contains a non-number or differs in
+        structure from an example.
+        """
+        example = (
+            wanted.example(self.record) if callable(wanted.example) else wanted.example
+        )
         numbers = dict(named_parts(result, wanted.label))
-        expected = numbers if example is None else dict(named_parts(example, wanted.label))
+        expected = (
+            numbers if example is None else dict(named_parts(example, wanted.label))
+        )
         if list(numbers) != list(expected):
-            raise self.refusal(f"gives {comma_list(numbers)}", f"must be {comma_list(expected)}", method=method)
+            raise self.refusal(
+                f"gives {comma_list(numbers)}",
+                f"must be {comma_list(expected)}",
+                method=method,
+            )
         for at, each in numbers.items():
             plain = coerce.plain_number(each)
-            if example is not None and isinstance(expected[at], str) and isinstance(each, str):
+            if (
+                example is not None
+                and isinstance(expected[at], str)
+                and isinstance(each, str)
+            ):
                 continue
             if kind_of(plain) != "a number" and type(plain) not in (int, wanted.also):
-                free = ", or a tuple or a frozen dataclass of numbers" if example is None else ""
-                raise self.refusal(f"gives {at} as {kind_of(plain)}", f"must be a number{free}", method=method)
+                free = (
+                    ", or a tuple or a frozen dataclass of numbers"
+                    if example is None
+                    else ""
+                )
+                raise self.refusal(
+                    f"gives {at} as {kind_of(plain)}",
+                    f"must be a number{free}",
+                    method=method,
+                )
 
     def pair(self, result: object, what: str, kind: type = object) -> tuple[Tree, Any]:
-        """Return the result of a model's step if it is a pair (internal state, output); else raise an error."""
-        if not isinstance(result, tuple) or len(result) != 2 or not isinstance(result[1], kind):
-            raise self.refusal(f"returns {kind_of(result)}", f"must return (memory, {what})")
+        """Return the result of a model's step if it is a pair (internal state, output);
+        else raise an error.
+        """
+        if (
+            not isinstance(result, tuple)
+            or len(result) != 2
+            or not isinstance(result[1], kind)
+        ):
+            raise self.refusal(
+                f"returns {kind_of(result)}", f"must return (memory, {what})"
+            )
         return result
 
     def require_velocity(self, given: Given, air: object) -> None:
         """Refuse a velocity of the air that is no vector of numbers."""
         if not isinstance(air, Vec3):
-            raise self.refusal(f"gives the velocity of the air as {kind_of(air)}", "must be a Vec3", method="velocity")
+            raise self.refusal(
+                f"gives the velocity of the air as {kind_of(air)}",
+                "must be a Vec3",
+                method="velocity",
+            )
         self.require_numbers("velocity", Numbers("velocity", WEIGHT), air)
 
     def require_wrenches(self, given: Given, wrenches: Any) -> None:
         """Refuse anything but a list of wrenches on bodies that are there."""
         refuse, whole = partial(self.refusal, method="wrenches"), self.whole.agents
-        if not isinstance(wrenches, (list, tuple)) or not all(isinstance(each, Wrench) for each in wrenches):
-            raise refuse(f"gives wrenches as {kind_of(wrenches)}", "must be a list of Wrench")
-        self.require_numbers("wrenches", Numbers("wrenches", (Wrench(),) * len(wrenches)), tuple(wrenches))
+        if not isinstance(wrenches, (list, tuple)) or not all(
+            isinstance(each, Wrench) for each in wrenches
+        ):
+            raise refuse(
+                f"gives wrenches as {kind_of(wrenches)}", "must be a list of Wrench"
+            )
+        self.require_numbers(
+            "wrenches",
+            Numbers("wrenches", (Wrench(),) * len(wrenches)),
+            tuple(wrenches),
+        )
         for each in wrenches:
             if each.agent and each.agent not in whole:
-                raise refuse(f"gives a wrench on agent {each.agent!r}", must_be_one_of(whole, each.agent))
-            moving = len((whole[each.agent].plant.vehicle if each.agent else given["vehicle"]).moving)
+                raise refuse(
+                    f"gives a wrench on agent {each.agent!r}",
+                    must_be_one_of(whole, each.agent),
+                )
+            moving = len(
+                (
+                    whole[each.agent].plant.vehicle if each.agent else given["vehicle"]
+                ).moving
+            )
             if not BASE <= each.body < moving:
-                bodies = f"-1 (base) or a link from 0 to {moving - 1}" if moving else "-1 (base)"
+                bodies = (
+                    f"-1 (base) or a link from 0 to {moving - 1}"
+                    if moving
+                    else "-1 (base)"
+                )
                 raise refuse(f"gives a wrench on body {each.body}", f"must be {bodies}")
 
     def require_rates(self, given: Given, slope: object) -> None:
         """Refuse rates of a memory in another structure than the memory's."""
         if different := difference(given["memory"], slope, "the slope"):
-            raise self.refusal("gives the rates of its memory in another structure", different, method="slope")
+            raise self.refusal(
+                "gives the rates of its memory in another structure",
+                different,
+                method="slope",
+            )
 
     def require_effort(self, given: Given, effort: Any) -> None:
         """Refuse an effort that is no number."""
         kind = kind_of(data(effort))
         if kind != "a number":
-            raise self.refusal(f"gives an effort that is {kind}", "must be a number", method="effort")
+            raise self.refusal(
+                f"gives an effort that is {kind}", "must be a number", method="effort"
+            )
 
     def require_reading(self, given: Given, result: object) -> None:
-        """Refuse anything but a memory and a reading of numbers, of the class that the sensor declares."""
+        """Refuse anything but a memory and a reading of numbers, of the class that the
+        sensor declares.
+        """
         given["memory"], reading = self.pair(result, "reading")
         declared = declared_reading(self.record)
         if not isinstance(reading, declared):
             kind = kind_of(reading)
-            raise self.refusal(f"gives a reading that is {kind}", f"must be of type {declared.__name__}, its record")
+            raise self.refusal(
+                f"gives a reading that is {kind}",
+                f"must be of type {declared.__name__}, its record",
+            )
         self.require_numbers("measure", Numbers("a reading", also=bool), reading)
 
     def require_measurement(self, given: Given, result: object) -> None:
@@ -192,19 +287,29 @@ class UserPart:
         for name in ("joints", "joint_rates"):
             joints = getattr(measured, name)
             if len(joints) != n:
-                raise self.refusal(f"gives {name} as {kind_of(joints)}", f"must be a tuple of {n}")
-        self.require_numbers("step", Numbers("a measurement", measurement_of(given["state"], WEIGHT)), measured)
+                raise self.refusal(
+                    f"gives {name} as {kind_of(joints)}", f"must be a tuple of {n}"
+                )
+        self.require_numbers(
+            "step",
+            Numbers("a measurement", measurement_of(given["state"], WEIGHT)),
+            measured,
+        )
 
     def require_command(self, given: Given, result: Any) -> None:
         """Take the memory of a law, whose step function looks at its command itself."""
         given["memory"] = result[0]
 
     def require_memory(self, given: Given, memory: Any) -> None:
-        """Take the memory that other methods are given; its structure is looked at in the end."""
+        """Take the memory that other methods are given; its structure is looked at in
+        the end.
+        """
         given["memory"] = memory
 
     def arguments_at(self, t: Scalar, state: State, draws: Sequence[Scalar]) -> Given:
-        """Arguments of the model's methods at an instant, by the names of its base class; functions of what is long."""
+        """Arguments of the model's methods at an instant, by the names of its base
+        class; functions of what is long.
+        """
         scenario = self.scenario
         agent, period = scenario.agent, scenario.rates.period
         vehicle, speeds = agent.vehicle, state.rotor_speeds
@@ -237,14 +342,26 @@ class UserPart:
         if self.kind == "drive":
             joint = vehicle.joint_names.index(self.place.rpartition("plant.drives.")[2])
             position = state.joints[joint]
-            given |= {"position": position, "setpoint": 0.1 + position, "rate": state.joint_rates[joint]}
+            given |= {
+                "position": position,
+                "setpoint": 0.1 + position,
+                "rate": state.joint_rates[joint],
+            }
         return given
 
     def _motion(self, state: State) -> Any:
-        """Motion of the vehicle in sight of all others, with everything made that it keeps once it is called for."""
+        """Motion of the vehicle in sight of all others, with everything made that it
+        keeps once it is called for.
+        """
         whole, (own,) = self.whole, self.scenario.agents
-        states = {name: first_state(whole.of(name)) for name in whole.agents} | {own: state}
-        motions = motions_of([each.plant for each in whole.agents.values()], [*states.values()], tuple(states))
+        states = {name: first_state(whole.of(name)) for name in whole.agents} | {
+            own: state
+        }
+        motions = motions_of(
+            [each.plant for each in whole.agents.values()],
+            [*states.values()],
+            tuple(states),
+        )
         for moved in motions:
             # what it keeps is there before the call, and compared
             moved.to_world(ZERO3, len(moved.vehicle.moving) - 1)
@@ -253,12 +370,25 @@ class UserPart:
     def _reference(self, t: Scalar) -> Any:
         """Reference sample with the preview that a law looks at."""
         reference = self.scenario.agent.law_reference
-        return with_preview(reference.at(t), preview_leads(self.record.par), lambda lead: reference.at(t + lead))
+        return with_preview(
+            reference.at(t),
+            preview_leads(self.record.par),
+            lambda lead: reference.at(t + lead),
+        )
 
     def call(self, method: str, given: Given) -> Any:
-        """Call a method of the model; raise an error if it modifies an argument or reads a sensor that is not there."""
-        own, values = self.record, _values(given, CONTRACTS[self.kind].methods[method].arguments)
-        function = partial(checked_law(own), par=own.par) if self.kind == "law" else getattr(own, method)
+        """Call a method of the model; raise an error if it modifies an argument or
+        reads a sensor that is not there.
+        """
+        own, values = (
+            self.record,
+            _values(given, CONTRACTS[self.kind].methods[method].arguments),
+        )
+        function = (
+            partial(checked_law(own), par=own.par)
+            if self.kind == "law"
+            else getattr(own, method)
+        )
         names = ("self", *inspect.signature(function).parameters)
         arguments = dict(zip(names, (own, *values), strict=False))
         before = contents(arguments)
@@ -268,37 +398,54 @@ class UserPart:
             name, readings = next(iter(error.args), None), given["readings"]
             if callable(readings) or not isinstance(name, str) or name in readings:
                 raise
-            there = f"there {'are' if len(readings) > 1 else 'is'} {comma_list(readings)}"
+            there = (
+                f"there {'are' if len(readings) > 1 else 'is'} {comma_list(readings)}"
+            )
             what = f"reads sensor {name!r}, which the scenario lacks"
             raise self.refusal(what, there, place_of_error(error)) from error
         if (name := changed_argument(arguments, before)) is not None:
-            raise self.refusal(f"writes to its argument {name!r}", "must return new records", method=method)
+            raise self.refusal(
+                f"writes to its argument {name!r}",
+                "must return new records",
+                method=method,
+            )
         return result
 
     def first_memory(self) -> Tree:
-        """Internal state at the start of a flight, of draws of one half; raise an error if no program can keep it."""
+        """Internal state at the start of a flight, of draws of one half; raise an error
+        if no program can keep it.
+        """
         start, _, arguments = CONTRACTS[self.kind].start.rstrip(")").partition("(")
         begin: Any = getattr(self.record, start, ())
         memory: Tree = begin
         if arguments:
             draws = [0.5] * (2 * self.uniforms)
-            values = _values(self.arguments_at(0.0, first_state(self.scenario), draws), arguments)
+            values = _values(
+                self.arguments_at(0.0, first_state(self.scenario), draws), arguments
+            )
             try:
                 memory = begin(*values)
             except (ValueError, IndexError) as error:
                 if "draws" not in arguments:
                     raise
-                what = f"cannot start from {len(draws)} draws, which are twice its uniforms: {error}"
+                what = (
+                    f"cannot start from {len(draws)} draws, which are twice its"
+                    f" uniforms: {error}"
+                )
                 raise self.refusal(what, place=place_of_error(error)) from error
         if words := memory_mistake(memory, "memory"):
             raise self.refusal(words)
         return memory
 
     def trace(self) -> Fingerprint:
-        """Trace one step of the model by its contract; raise a one-line error for a mistake in the user's code."""
+        """Trace one step of the model by its contract; raise a one-line error for a
+        mistake in the user's code.
+        """
         memory, first = self.first_memory(), first_state(self.scenario)
 
-        def step(moving: Tree, time: Scalars, state: State, draws: Scalars) -> Mapping[str, Any]:
+        def step(
+            moving: Tree, time: Scalars, state: State, draws: Scalars
+        ) -> Mapping[str, Any]:
             given = self.arguments_at(time[0], state, draws) | {"memory": moving}
             results = {}
             for name, method in CONTRACTS[self.kind].methods.items():
@@ -310,13 +457,22 @@ class UserPart:
                         getattr(self, f"require_{method.result}")(given, result)
             if different := difference(moving, given["memory"], "memory"):
                 raise self.refusal("changes the structure of its memory", different)
-            own = {name: getattr(self.record, name, None) for name in ("largest_step", "frequency", "latency")}
+            own = {
+                name: getattr(self.record, name, None)
+                for name in ("largest_step", "frequency", "latency")
+            }
             with suppress(Exception):
                 own["__post_init__"] = leaves(replace(self.record))
             return {"start": memory, **own, **results}
 
         try:
-            return fingerprint(step, in_floats(memory), (0.0,), in_floats(first), (0.5,) * self.uniforms)
+            return fingerprint(
+                step,
+                in_floats(memory),
+                (0.0,),
+                in_floats(first),
+                (0.5,) * self.uniforms,
+            )
         except (TypeError, AttributeError, coerce.RecordError) as error:
             if words := mistake_in(error):
                 raise self.refusal(words, place=place_of_error(error)) from error
@@ -331,7 +487,9 @@ def _values(given: Given, arguments: str) -> list[Any]:
 
 
 def _require_class(part: UserPart) -> None:
-    """Refuse a user-defined class with wrong method parameters, texts or an invalid count of random numbers."""
+    """Refuse a user-defined class with wrong method parameters, texts or an invalid
+    count of random numbers.
+    """
     if part.own is not None:
         return
     kind = type(part.record)
@@ -344,18 +502,25 @@ def _require_class(part: UserPart) -> None:
             raise part.refusal(f"has {name} = {shown(text)}", "must be a text")
     count, given = part.uniforms, getattr(part.record, "uniforms", None)
     if type(count) is not int or not 0 <= count <= MOST_UNIFORMS:
-        line = place_of(given if callable(given) and own_code(given) is not None else kind)
+        line = place_of(
+            given if callable(given) and own_code(given) is not None else kind
+        )
         what = f"{'gives' if callable(given) else 'has'} uniforms = {shown(count)}"
-        raise part.refusal(what, f"must be a whole number from 0 to {MOST_UNIFORMS}", line)
+        raise part.refusal(
+            what, f"must be a whole number from 0 to {MOST_UNIFORMS}", line
+        )
 
 
 def _as_constructed(record: Any) -> Any:
-    """Copy of a record as its constructor made it, without values that it stored in itself later."""
+    """Copy of a record as its constructor made it, without values that it stored in
+    itself later.
+    """
     if type(record) is tuple:
         return tuple(map(_as_constructed, record))
     try:
         again = replace(record)
-        # of a constructor that converts its fields, a second call makes something else than the first: what that made
+        # of a constructor that converts its fields, a second call makes something else
+        # than the first: what that made
         made = again if contents(again) == contents(replace(again)) else record
         for name in vars(again):
             object.__setattr__(again, name, _as_constructed(getattr(made, name)))
@@ -369,25 +534,38 @@ FAILED = "failed"
 
 
 def _fingerprints(own: Sequence[UserPart], *, anew: bool = False) -> list[Fingerprint]:
-    """Trace user-defined models one by one; ``anew``: as newly constructed, with errors recorded."""
+    """Trace user-defined models one by one; ``anew``: as newly constructed, with errors
+    recorded.
+    """
     texts = []
     for part in own:
         try:
             constructed = anew and part.own is None
-            texts.append((replace(part, record=_as_constructed(part.record)) if constructed else part).trace())
+            texts.append(
+                (
+                    replace(part, record=_as_constructed(part.record))
+                    if constructed
+                    else part
+                ).trace()
+            )
         except Exception as error:
             # a flight gives a law more than it has here, and says what is wrong with it
-            if not ANSWERING and (isinstance(error, PartError) or not (anew or part.kind == "law")):
+            if not ANSWERING and (
+                isinstance(error, PartError) or not (anew or part.kind == "law")
+            ):
                 raise
             texts.append({FAILED: failure(error) or str(error)})
     return texts
 
 
-def examine(kind: str, record: object, where: Scenario, place: str = "") -> Sequence[Mistake]:
-    """Examine users' code by the contract of its kind; the first mistake is the only one, none in code that is right.
+def examine(
+    kind: str, record: object, where: Scenario, place: str = ""
+) -> Sequence[Mistake]:
+    """Examine users' code by the contract of its kind; the first mistake is the only
+    one, none in code that is right.
 
-    In this order: the signatures of its class, the trace of each method, what it returns, three equal traces, and an
-    equal one in another process if a plugin has it.
+    In this order: the signatures of its class, the trace of each method, what it
+    returns, three equal traces, and an equal one in another process if a plugin has it.
 
     Args:
         kind: key of ``skyarm.records.registry.contract.CONTRACTS``.
@@ -403,13 +581,16 @@ def examine(kind: str, record: object, where: Scenario, place: str = "") -> Sequ
 
 
 def require_shapes(scenario: Scenario) -> None:
-    """Raise an error if methods of user-defined models have wrong arguments or result shapes, or are not pure.
+    """Raise an error if methods of user-defined models have wrong arguments or result
+    shapes, or are not pure.
 
-    A method that is not pure writes to its arguments, or gives another program when it is traced anew, as it is or as
-    it was constructed; or, where a plugin has it, in another process.
+    A method that is not pure writes to its arguments, or gives another program when it
+    is traced anew, as it is or as it was constructed; or, where a plugin has it, in
+    another process.
 
     Raises:
-        ScenarioError, LawError: one line with file and line, place in the scenario, class and method.
+        ScenarioError, LawError: one line with file and line, place in the scenario,
+            class and method.
     """
     _require_right([*_parts(scenario)])
 
@@ -424,7 +605,9 @@ def _require_right(own: Sequence[UserPart]) -> None:
         _require_class(part)
     anew, once, twice = (_fingerprints(own, anew=anew) for anew in (True, False, False))
 
-    def compare(first: list[Fingerprint], other: list[Fingerprint], where: str, why: str) -> None:
+    def compare(
+        first: list[Fingerprint], other: list[Fingerprint], where: str, why: str
+    ) -> None:
         for part, here, there in zip(own, first, other, strict=True):
             if FAILED in here:
                 continue
@@ -432,16 +615,24 @@ def _require_right(own: Sequence[UserPart]) -> None:
                 raise part.refusal(f"fails {where}", f"{why} ({there[FAILED]})")
             for at in {**here, **there}:
                 if here.get(at) != there.get(at):
-                    raise part.refusal(f"gives another program {where}", why, method=at.split(".")[1])
+                    raise part.refusal(
+                        f"gives another program {where}", why, method=at.split(".")[1]
+                    )
 
     for first, other in ((anew, once), (once, twice)):
         compare(first, other, "whenever it is traced", f"{OUTSIDE}; {PURE}")
-    _try_elsewhere(own, lambda elsewhere: compare(anew, elsewhere, WHERE, f"{CAUSES}; {PURE}"))
+    _try_elsewhere(
+        own, lambda elsewhere: compare(anew, elsewhere, WHERE, f"{CAUSES}; {PURE}")
+    )
 
 
 def has_own(scenario: Scenario) -> bool:
-    """True if the law or a part of a scenario, such as a force, sensor, fault or signal, is user-defined."""
-    return any(is_own(each.controller) for each in scenario.agents.values()) or bool([*_parts(scenario)])
+    """True if the law or a part of a scenario, such as a force, sensor, fault or
+    signal, is user-defined.
+    """
+    return any(is_own(each.controller) for each in scenario.agents.values()) or bool(
+        [*_parts(scenario)]
+    )
 
 
 def _parts(scenario: Scenario) -> Iterator[UserPart]:
@@ -449,15 +640,25 @@ def _parts(scenario: Scenario) -> Iterator[UserPart]:
     for i, name in enumerate(scenario.agents):
         for part in _parts_of_agent(scenario.of(name), scenario, first=i == 0):
             its_own = scenario.is_team and is_of_agent(part.place)
-            yield replace(part, place=f"agents.{name}.{part.place}") if its_own else part
+            yield (
+                replace(part, place=f"agents.{name}.{part.place}") if its_own else part
+            )
 
 
-def _parts_of_agent(scenario: Scenario, whole: Scenario, *, first: bool) -> Iterator[UserPart]:
-    """List the user-defined models of one vehicle's flight; of the ``first`` vehicle those that all share, too."""
+def _parts_of_agent(
+    scenario: Scenario, whole: Scenario, *, first: bool
+) -> Iterator[UserPart]:
+    """List the user-defined models of one vehicle's flight; of the ``first`` vehicle
+    those that all share, too.
+    """
     agent, part = scenario.agent, partial(UserPart, scenario=scenario, whole=whole)
     if is_own(agent.controller) and agent.controller.compiled:
         yield part("law", agent.controller, "controller", own=agent.controller.law)
-    components = scenario.placed_components if first else agent.placed_models(scenario.environment)
+    components = (
+        scenario.placed_components
+        if first
+        else agent.placed_models(scenario.environment)
+    )
     faults = [(f"environment.faults[{i}]", each) for i, each in enumerate(agent.faults)]
     for at, record in [("reference", agent.reference), *faults, *components]:
         for place, each in _values_within(record, at):
@@ -473,11 +674,15 @@ def _parts_of_agent(scenario: Scenario, whole: Scenario, *, first: bool) -> Iter
         *((f"plant.drives.{each.joint}", each.drive) for each in agent.joint_drives),
         *((f"sensors.{named.name}", named.sensor) for named in agent.sensors),
         ("estimator", agent.estimator),
-        *((f"endings[{i}]", each) for i, each in enumerate(scenario.endings if first else ())),
+        *(
+            (f"endings[{i}]", each)
+            for i, each in enumerate(scenario.endings if first else ())
+        ),
     ]
     for place, model in models:
         if own_code(type(model)):
-            # a component of no kind with a contract has the one that all components share
+            # a component of no kind with a contract has the one that all components
+            # share
             kind = getattr(model, "registered_as", "")
             yield part(kind if kind in CONTRACTS else "force", model, place)
 
@@ -491,7 +696,10 @@ def _values_within(record: object, place: str) -> Iterator[tuple[str, object]]:
 
 WHERE = "in a process with an empty environment, another folder and another hash seed"
 
-CAUSES = "it reads the environment or a file that no field names, is made of random numbers, or goes through a set"
+CAUSES = (
+    "it reads the environment or a file that no field names, is made of random numbers,"
+    " or goes through a set"
+)
 
 KEPT = ("SYSTEMROOT", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "PYTHONHOME")
 """Environment variables without which Python or NumPy may not start."""
@@ -504,13 +712,15 @@ from skyarm.simulate.examine import answer
 text = json.dumps(answer())
 with open(out, "w") as file:
     file.write(text)"""
-"""Program of the other process; plugins print to standard error, since standard output carries the answer."""
+"""Program of the other process; plugins print to standard error, since standard output
+carries the answer."""
 
 SECONDS = 120.0
 """Time (s) after which the other process is abandoned."""
 
 DEEP = "a/b/c/d"
-"""Subfolder of the other, empty folder; a field may name a file some folders above the present one."""
+"""Subfolder of the other, empty folder; a field may name a file some folders above the
+present one."""
 
 TRIED: set[str] = set()
 """Models of plugins that this process or its parent has tried."""
@@ -519,11 +729,15 @@ ANSWERING: list[bool] = []
 """Not empty in the other process, which starts no further one."""
 
 
-def _try_elsewhere(own: Sequence[UserPart], compare: Callable[[list[Fingerprint]], None]) -> None:
-    """Compare the traces of user-defined models with those of another process if a plugin defines any of the models.
+def _try_elsewhere(
+    own: Sequence[UserPart], compare: Callable[[list[Fingerprint]], None]
+) -> None:
+    """Compare the traces of user-defined models with those of another process if a
+    plugin defines any of the models.
 
-    Models that differ in the values of their numbers alone are tried once in a process and those that it starts. A
-    warning is where no other process can be had, it gives no answer, or the models cannot travel there.
+    Models that differ in the values of their numbers alone are tried once in a process
+    and those that it starts. A warning is where no other process can be had, it gives
+    no answer, or the models cannot travel there.
 
     Args:
         own: the models.
@@ -532,10 +746,16 @@ def _try_elsewhere(own: Sequence[UserPart], compare: Callable[[list[Fingerprint]
     Raises:
         RegistryError: a plugin cannot be loaded there.
     """
-    codes = [code for part in own if (code := own_code(part.own or type(part.record))) is not None]
+    codes = [
+        code
+        for part in own
+        if (code := own_code(part.own or type(part.record))) is not None
+    ]
     if ANSWERING or not any(map(is_of_plugin, codes)):
         return
-    values = [pair for part in own for pair in walk(part.record) if not is_leaf(pair[1])]
+    values = [
+        pair for part in own for pair in walk(part.record) if not is_leaf(pair[1])
+    ]
     places = [f"{code.co_filename}:{code.co_firstlineno}" for code in codes]
     key = repr((loaded_plugins(), places, values))
     if key in TRIED:
@@ -549,11 +769,18 @@ def _try_elsewhere(own: Sequence[UserPart], compare: Callable[[list[Fingerprint]
                 _lend_file(value, here)
             seed = "1" if os.environ.get("PYTHONHASHSEED") == "0" else "0"
             done = subprocess.run(
-                [sys.executable or "", "-B", "-c", PROGRAM, json.dumps([os.path.abspath(path) for path in sys.path])],
+                [
+                    sys.executable or "",
+                    "-B",
+                    "-c",
+                    PROGRAM,
+                    json.dumps([os.path.abspath(path) for path in sys.path]),
+                ],
                 input=pickle.dumps((luggage(), pack(own))),
                 capture_output=True,
                 cwd=here,
-                env={"PYTHONHASHSEED": seed} | {name: os.environ[name] for name in KEPT if name in os.environ},
+                env={"PYTHONHASHSEED": seed}
+                | {name: os.environ[name] for name in KEPT if name in os.environ},
                 timeout=SECONDS,
                 check=False,
             )
@@ -567,15 +794,25 @@ def _try_elsewhere(own: Sequence[UserPart], compare: Callable[[list[Fingerprint]
     if isinstance(answered, str):
         raise RegistryError(f"{answered} {WHERE}")
     if answered is None:
-        warnings.warn(f"{comma_list(dict.fromkeys(places))}: could not be tried {WHERE}: {why}", stacklevel=2)
+        warnings.warn(
+            f"{comma_list(dict.fromkeys(places))}: could not be tried {WHERE}: {why}",
+            stacklevel=2,
+        )
     else:
         compare(answered)
     TRIED.add(key)
 
 
 def _lend_file(name: object, folder: Path) -> None:
-    """Make a file under a relative path available under the same relative path in another folder."""
-    if not isinstance(name, str) or not name or os.path.isabs(name) or not os.path.exists(name):
+    """Make a file under a relative path available under the same relative path in
+    another folder.
+    """
+    if (
+        not isinstance(name, str)
+        or not name
+        or os.path.isabs(name)
+        or not os.path.exists(name)
+    ):
         return
     there = Path(os.path.normpath(folder / name))
     if there.exists() or not there.is_relative_to(folder.parents[DEEP.count("/")]):
@@ -588,7 +825,9 @@ def _lend_file(name: object, folder: Path) -> None:
 
 
 def answer() -> list[Fingerprint] | str:
-    """Read models from standard input and trace them; return their fingerprints, or a plugin's load error."""
+    """Read models from standard input and trace them; return their fingerprints, or a
+    plugin's load error.
+    """
     ANSWERING.append(True)
     luggage_there, own = pickle.loads(sys.stdin.buffer.read())
     try:
@@ -598,21 +837,27 @@ def answer() -> list[Fingerprint] | str:
     return _fingerprints(pickle.loads(own), anew=True)
 
 
-def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenario: Scenario | str = "case3") -> None:
-    """Refuse a law that cannot be traced, has hidden state, or returns a first command that cannot be.
+def check_law(
+    law: Scenario | Controller | Callable[[Model], Controller],
+    scenario: Scenario | str = "case3",
+) -> None:
+    """Refuse a law that cannot be traced, has hidden state, or returns a first command
+    that cannot be.
 
-    It must be finite, and turn no rotor backwards that is not reversible. A speed above a rotor's largest one is a
-    warning.
+    It must be finite, and turn no rotor backwards that is not reversible. A speed above
+    a rotor's largest one is a warning.
 
-    The law steps over its first periods twice, as floats and as a traced program, and both must agree to the bit: a law
-    that keeps something outside its memory, or freezes a number into the program, differs. A law that is called
-    (``compiled=False``) may keep what it likes and is not compared. After that all of the user's parts in
-    the scenario are checked as before a flight.
+    The law steps over its first periods twice, as floats and as a traced program, and
+    both must agree to the bit: a law that keeps something outside its memory, or
+    freezes a number into the program, differs. A law that is called
+    (``compiled=False``) may keep what it likes and is not compared. After that all of
+    the user's parts in the scenario are checked as before a flight.
 
     Args:
-        law: a controller, or its maker, which gets the scenario's model; or a scenario, whose law is checked where it
-            is user-defined.
-        scenario: gives model, references and initial state; or the name of a shipped one.
+        law: a controller, or its maker, which gets the scenario's model; or a scenario,
+            whose law is checked where it is user-defined.
+        scenario: gives model, references and initial state; or the name of a shipped
+            one.
 
     Raises:
         LawError: one line with the law's file and line.
@@ -622,11 +867,19 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
     else:
         flown = load_scenario(scenario) if isinstance(scenario, str) else scenario
         name, model = getattr(law, "__name__", "law"), flown.agent.model
-        controller = law if isinstance(law, Controller) else call_maker(law, name, model, {})
+        controller = (
+            law if isinstance(law, Controller) else call_maker(law, name, model, {})
+        )
         check_controller(controller)
     flown, rates = flown.with_controller(controller), flown.rates
-    seen = measurement_of(first_state(flown), Vec3(0.0, 0.0, float(flown.agent.plant.gravity)))
-    times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(np.arange(PERIODS))
-    references = [flown.agent.reference.at(float(time)) for time in times[: flown.steps]]
+    seen = measurement_of(
+        first_state(flown), Vec3(0.0, 0.0, float(flown.agent.plant.gravity))
+    )
+    times = Publisher(
+        control_rate=rates.control, reference_rate=rates.reference
+    ).held_time(np.arange(PERIODS))
+    references = [
+        flown.agent.reference.at(float(time)) for time in times[: flown.steps]
+    ]
     try_law(controller, 1.0 / rates.control, seen, references)
     require_shapes(flown)

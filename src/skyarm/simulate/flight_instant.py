@@ -1,4 +1,6 @@
-"""Present instant of a flight under simulation: time, state, readings, and the control period flown last."""
+"""Present instant of a flight under simulation: time, state, readings, and the control
+period flown last.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ from skyarm.world import WindSample
 
 
 class FlightInstant:
-    """Present instant of a flight, which reading does not change; a :class:`skyarm.Session` moves it on."""
+    """Present instant of a flight, which reading does not change; a
+    :class:`skyarm.Session` moves it on.
+    """
 
     _engine: Engine
     """Simulator of the scenario in force."""
@@ -51,7 +55,9 @@ class FlightInstant:
 
     @property
     def now(self) -> LoopState:
-        """Closed-loop state before the next period, or at the end: plant, commands and readings, internal states."""
+        """Closed-loop state before the next period, or at the end: plant, commands and
+        readings, internal states.
+        """
         return self._engine.now
 
     @property
@@ -64,7 +70,9 @@ class FlightInstant:
 
     @property
     def wind(self) -> WindSample:
-        """Air velocity (m/s) and wind force (N) on the base at the start of the next control period, world axes."""
+        """Air velocity (m/s) and wind force (N) on the base at the start of the next
+        control period, world axes.
+        """
         self._require_one("wind")
         (only,) = Stages(self._engine.scenario).around(self.now, self.time)
         return wind_at(*only)
@@ -78,28 +86,48 @@ class FlightInstant:
 
     @property
     def latest(self) -> Piece:
-        """Logged samples of the control period that was flown last; none right after a change of the scenario."""
+        """Logged samples of the control period that was flown last; none right after a
+        change of the scenario.
+        """
         engine = self._engine
         start = max(engine.tick - 1, engine.begun)
-        return Piece(engine.scenario, engine.inputs, start, engine.recorder.samples(start, engine.tick))
+        return Piece(
+            engine.scenario,
+            engine.inputs,
+            start,
+            engine.recorder.samples(start, engine.tick),
+        )
 
     @property
     def latest_arrays(self) -> dict[str, Array]:
-        """Time, state and commands of the last control period by their names in a log; faster than :attr:`latest`."""
+        """Time, state and commands of the last control period by their names in a log;
+        faster than :attr:`latest`.
+        """
         engine, arrays = self._engine, dict[str, Array]()
         start = max(engine.tick - 1, engine.begun)
         times, agents = engine.inputs.times[start : engine.tick], engine.scenario.agents
-        rows = zip(agents.items(), engine.recorder.states_and_commands(start, engine.tick), strict=True)
+        rows = zip(
+            agents.items(),
+            engine.recorder.states_and_commands(start, engine.tick),
+            strict=True,
+        )
         for (name, agent), (states, commands) in rows:
             own = state_arrays(agent.vehicle, times, states, commands)
-            arrays |= own if len(agents) == 1 else {f"{name}{WITHIN}{array}": each for array, each in own.items()}
+            arrays |= (
+                own
+                if len(agents) == 1
+                else {f"{name}{WITHIN}{array}": each for array, each in own.items()}
+            )
         return {**arrays, "time": times}
 
     def _require_one(self, word: str) -> None:
         """Raise an error about what is of one vehicle if the session flies several."""
         agents = self._engine.scenario.agents
         if len(agents) > 1:
-            raise ScenarioError(f"session.{word}: is of one agent; session.now.agents is of {', '.join(agents)}")
+            raise ScenarioError(
+                f"session.{word}: is of one agent; session.now.agents is of"
+                f" {', '.join(agents)}"
+            )
 
     def _require_running(self) -> None:
         if not self.running:

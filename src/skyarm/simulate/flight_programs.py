@@ -1,4 +1,6 @@
-"""Programs of a flight that changes: one for each set of replaced parts and free numbers, in machine code or Python."""
+"""Programs of a flight that changes: one for each set of replaced parts and free
+numbers, in machine code or Python.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from skyarm.simulate.program import ProgramKey
 
 
 class FlightPrograms:
-    """Programs that fly one scenario and all its changes; a program serves every scenario that it fits.
+    """Programs that fly one scenario and all its changes; a program serves every
+    scenario that it fits.
 
     Args:
         paths: numbers that every program reads anew in each period.
@@ -28,27 +31,51 @@ class FlightPrograms:
         slow: reason for flying in Python where machine code was requested; else empty.
     """
 
-    def __init__(self, paths: Sequence[str], *, machine_code: bool, commands: bool, window: int | None) -> None:
-        self.machine_code, self._paths, self._commands, self._window = machine_code, paths, commands, window
+    def __init__(
+        self,
+        paths: Sequence[str],
+        *,
+        machine_code: bool,
+        commands: bool,
+        window: int | None,
+    ) -> None:
+        self.machine_code, self._paths, self._commands, self._window = (
+            machine_code,
+            paths,
+            commands,
+            window,
+        )
         self.codes, self.slow = list[EpisodeCode](), ""
 
     def engine(self, course: Course) -> Engine:
-        """Make the simulator of the scenario in force: machine code if available, else Python."""
+        """Make the simulator of the scenario in force: machine code if available, else
+        Python.
+        """
         scenario = course.now
         if self.machine_code and scenario.kind == "rigid_body" and scenario.is_compiled:
             try:
                 return self._compile(course, scenario)
             except NoMachineCodeError as error:
                 self.slow = str(error)
-        return Engine(EpisodeCode(scenario, machine_code=False, commands=self._commands, window=self._window))
+        return Engine(
+            EpisodeCode(
+                scenario,
+                machine_code=False,
+                commands=self._commands,
+                window=self._window,
+            )
+        )
 
     def _compile(self, course: Course, scenario: Scenario) -> Engine:
-        """Make the simulator in machine code; reuses an earlier program that fits the scenario."""
+        """Make the simulator in machine code; reuses an earlier program that fits the
+        scenario.
+        """
         read, key = self.read(course), self.key(course)
         numbers, shape = dict(read.numbers), read.parts_of(course.begun)
         code = next((code for code in self.codes if code.fits(key, scenario)), None)
         if code is None:
-            # code that flies on after a change is made in a hurry: the vehicle is in the air
+            # code that flies on after a change is made in a hurry: the vehicle is in
+            # the air
             quick = course.overrides is not NONE or course.coming or self._paths
             effort = 0 if quick else 2 if self._commands else None
 
@@ -57,16 +84,26 @@ class FlightPrograms:
 
             now = tuple(numbers.values())
             code = EpisodeCode(
-                scenario, vary, now, commands=self._commands, effort=effort, key=key, window=self._window
+                scenario,
+                vary,
+                now,
+                commands=self._commands,
+                effort=effort,
+                key=key,
+                window=self._window,
             )
             self.codes.append(code)
         return Engine(code, scenario, numbers)
 
     def read(self, course: Course) -> Overrides:
-        """Parameter values that are inputs of the machine code, so that they can change without recompilation."""
+        """Parameter values that are inputs of the machine code, so that they can change
+        without recompilation.
+        """
         return course.overrides.data(course.begun, self._paths)
 
     def key(self, course: Course) -> ProgramKey:
-        """Identifier of a compiled program; equal for scenarios that differ in parameter values only."""
+        """Identifier of a compiled program; equal for scenarios that differ in
+        parameter values only.
+        """
         read = self.read(course)
         return ProgramKey(read.parts, tuple(path for path, _ in read.numbers))

@@ -1,4 +1,6 @@
-"""Dataclasses of the closed loop: state between control periods, inputs, and logged quantities."""
+"""Dataclasses of the closed loop: state between control periods, inputs, and logged
+quantities.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ from skyarm.world import WindSample
 
 @immutable
 class SensorState:
-    """State of one sensor between two control periods: internal state, last reading, delay queue.
+    """State of one sensor between two control periods: internal state, last reading,
+    delay queue.
 
     Attributes:
         memory: internal state of the sensor.
@@ -34,13 +37,17 @@ class SensorState:
 
 @immutable
 class PathClock:
-    """State of the clock of a reference that waits for conditions (guards); times are counts of control periods.
+    """State of the clock of a reference that waits for conditions (guards); times are
+    counts of control periods.
 
     Attributes:
         place: current path time. held: path time of the held sample.
-        guard: index of the next guard. waited: time spent waiting for it. reached: time for which it has been met.
-        origin: tip position at the start of the phase, m, world axes. failed: 1 once a mandatory phase has failed.
-        offset: offset of the reference after a phase that ended early, m. since: path time at which the offset began.
+        guard: index of the next guard. waited: time spent waiting for it. reached: time
+            for which it has been met.
+        origin: tip position at the start of the phase, m, world axes. failed: 1 once a
+            mandatory phase has failed.
+        offset: offset of the reference after a phase that ended early, m. since: path
+            time at which the offset began.
         held_offset, held_since: offset and its beginning for the held sample.
     """
 
@@ -63,14 +70,17 @@ Clock = PathClock | tuple[()]
 
 @immutable
 class AgentLoop:
-    """State of one vehicle, its plant and its control, from one control period to the next.
+    """State of one vehicle, its plant and its control, from one control period to the
+    next.
 
     Attributes:
         state: state of the plant. memory: internal state of the law.
         queue: commands on their way, oldest first; the first acts now.
-        sensors: the full state's first, then the named ones. estimate: memory of the estimator.
+        sensors: the full state's first, then the named ones. estimate: memory of the
+            estimator.
         drives: memories of the joint drives.
-        clock: clock of a reference whose phases wait (:mod:`skyarm.simulate.reference_clock`); () where none does.
+        clock: clock of a reference whose phases wait
+            (:mod:`skyarm.simulate.reference_clock`); () where none does.
         components: memories of the environment models that the vehicle has for itself.
     """
 
@@ -89,8 +99,10 @@ class LoopState:
     """State of the closed loop from one control period to the next.
 
     Attributes:
-        alive: 1 while the episode runs, 0 once it has ended. ticks: control periods flown.
-        agents: each vehicle and its control. components: memories of the environment models that all share.
+        alive: 1 while the episode runs, 0 once it has ended. ticks: control periods
+            flown.
+        agents: each vehicle and its control. components: memories of the environment
+            models that all share.
     """
 
     alive: Scalar
@@ -106,7 +118,9 @@ class LoopState:
 
     @property
     def memories(self) -> Memories:
-        """Memories of all environment models of the only vehicle, in the order of ``Scenario.components``."""
+        """Memories of all environment models of the only vehicle, in the order of
+        ``Scenario.components``.
+        """
         return (*self.agent.components, *self.components)
 
     def with_agent(self, agent: AgentLoop) -> LoopState:
@@ -122,10 +136,11 @@ Wanted_co = TypeVar("Wanted_co", bound=Reference | tuple[()], covariant=True)
 class InputRow(Generic[Wanted_co]):
     """Inputs of the closed loop at a control instant: time and reference.
 
-    Of a scenario whose phases wait it is the time alone, a ``GivenRow``; the loop puts the reference there, and
-    ``path_time``.
-    ``told`` is the time-scaled sample that the law receives in its place and ``path_time`` the reference's time, s
-    (:mod:`skyarm.reference.path_time`); both are empty where none is planned: structure.
+    Of a scenario whose phases wait it is the time alone, a ``GivenRow``; the loop puts
+    the reference there, and ``path_time``. ``told`` is the time-scaled sample that the
+    law receives in its place and ``path_time`` the reference's time, s
+    (:mod:`skyarm.reference.path_time`); both are empty where none is planned:
+    structure.
     """
 
     time: Scalar
@@ -145,10 +160,11 @@ GivenRows = tuple[GivenRow, ...]
 class AgentSample:
     """Quantities of one vehicle at a control instant that a log may contain.
 
-    ``measurement`` is what the law received; ``readings`` are those of the sensors that a log keeps, name and record of
-    each, as they had arrived; ``found`` are the online estimates of the law, () of most laws
-    (:mod:`skyarm.control.law_estimates`); ``led`` are the :meth:`skyarm.simulate.reference_clock.Waits.times` of a
-    reference that waits.
+    ``measurement`` is what the law received; ``readings`` are those of the sensors that
+    a log keeps, name and record of each, as they had arrived; ``found`` are the online
+    estimates of the law, () of most laws (:mod:`skyarm.control.law_estimates`); ``led``
+    are the :meth:`skyarm.simulate.reference_clock.Waits.times` of a reference that
+    waits.
     """
 
     state: State
@@ -162,7 +178,9 @@ class AgentSample:
 
 @immutable
 class Sample:
-    """Quantities of one control instant that a log may contain: those of all vehicles while the episode is alive."""
+    """Quantities of one control instant that a log may contain: those of all vehicles
+    while the episode is alive.
+    """
 
     alive: Scalar
     agents: tuple[AgentSample, ...]
@@ -175,37 +193,63 @@ class Sample:
 
 
 Places = tuple[tuple[tuple[str, ...], ...], tuple[str, ...]]
-"""Parameter paths of each vehicle's own environment models, and of those that all share."""
+"""Parameter paths of each vehicle's own environment models, and of those that all
+share."""
 
 
-def carry_over(first: LoopState, now: LoopState, places: tuple[Places, Places], clocks: Sequence[Clock]) -> LoopState:
-    """Transfer the closed-loop state to a changed scenario; states whose structure differs are initialised anew.
+def carry_over(
+    first: LoopState,
+    now: LoopState,
+    places: tuple[Places, Places],
+    clocks: Sequence[Clock],
+) -> LoopState:
+    """Transfer the closed-loop state to a changed scenario; states whose structure
+    differs are initialised anew.
 
     Args:
         first: first state of the changed scenario.
         now: state of the loop before.
-        places: parameter paths of the environment components in the new and the old scenario.
-        clocks: clocks of other references than before, as they begin in this period; () where it is the same one.
+        places: parameter paths of the environment components in the new and the old
+            scenario.
+        clocks: clocks of other references than before, as they begin in this period; ()
+            where it is the same one.
     """
     (own, shared), (owned, shared_before) = places
     rows = zip(first.agents, now.agents, own, owned, clocks, strict=True)
     agents = tuple(
-        replace(_carry_agent(new, old, clock), components=_carry_models(new.components, old.components, at, before))
+        replace(
+            _carry_agent(new, old, clock),
+            components=_carry_models(new.components, old.components, at, before),
+        )
         for new, old, at, before, clock in rows
     )
     components = _carry_models(first.components, now.components, shared, shared_before)
-    return LoopState(alive=now.alive, ticks=now.ticks, agents=agents, components=components)
+    return LoopState(
+        alive=now.alive, ticks=now.ticks, agents=agents, components=components
+    )
 
 
-def _carry_models(new: Memories, old: Memories, places: Sequence[str], places_before: Sequence[str]) -> Memories:
-    """Internal states of environment models, kept where a model of the same structure stands at the same path."""
+def _carry_models(
+    new: Memories, old: Memories, places: Sequence[str], places_before: Sequence[str]
+) -> Memories:
+    """Internal states of environment models, kept where a model of the same structure
+    stands at the same path.
+    """
     before = dict(zip(places_before, old, strict=True))
-    return tuple(_kept(own, before.get(at)) for at, own in zip(places, new, strict=True))
+    return tuple(
+        _kept(own, before.get(at)) for at, own in zip(places, new, strict=True)
+    )
 
 
 def _carry_agent(new: AgentLoop, old: AgentLoop, clock: Clock) -> AgentLoop:
-    """State of a vehicle and its control, kept in each part that has the same structure as before."""
-    drives = zip(new.drives, old.drives, strict=True) if len(new.drives) == len(old.drives) else ()
+    """State of a vehicle and its control, kept in each part that has the same structure
+    as before.
+    """
+    drives = (
+        zip(new.drives, old.drives, strict=True)
+        if len(new.drives) == len(old.drives)
+        else ()
+    )
     return AgentLoop(
         state=_kept(new.state, old.state),
         memory=_kept(new.memory, old.memory),
@@ -222,7 +266,9 @@ def _kept(new: Record, old: Record) -> Record:
 
 
 def structure_of(record: Record) -> Record:
-    """Copy of a dataclass with every scalar set to 0.0, as a template of its structure for tracing."""
+    """Copy of a dataclass with every scalar set to 0.0, as a template of its structure
+    for tracing.
+    """
     if is_record(record) or isinstance(record, tuple):
         return rebuild(record, iter([0.0] * len(leaves(record))))
     return record

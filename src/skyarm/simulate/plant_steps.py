@@ -1,4 +1,6 @@
-"""Plant models within a control period: the rigid body is traced, other plants and laws are called from Python."""
+"""Plant models within a control period: the rigid body is traced, other plants and laws
+are called from Python.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +32,11 @@ from skyarm.simulate.stages import AgentStages, Stages
 Flat = tuple[float, ...]
 
 
-def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> RigidBodyPlant:
-    """Rigid-body plant of a scenario, from which the number of integration steps follows.
+def rigid_body_plant(
+    scenario: Scenario, first: LoopState | None = None
+) -> RigidBodyPlant:
+    """Rigid-body plant of a scenario, from which the number of integration steps
+    follows.
 
     Args:
         scenario: scenario with concrete numbers.
@@ -39,7 +44,9 @@ def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> Rigi
     """
     around = first_surroundings(scenario, first or first_loop_state(scenario))
     worlds = tuple(each.plant for each in scenario.agents.values())
-    return RigidBodyPlant(worlds, around, scenario.integrator, 1.0 / scenario.rates.physics)
+    return RigidBodyPlant(
+        worlds, around, scenario.integrator, 1.0 / scenario.rates.physics
+    )
 
 
 class Substeps:
@@ -47,67 +54,100 @@ class Substeps:
 
     Args:
         plant: plant that is integrated.
-        at_rest: those that joint stops need at rest; else what more a motion needs is a loop, which JAX has not.
+        at_rest: those that joint stops need at rest; else what more a motion needs is a
+            loop, which JAX has not.
 
     Attributes:
         traced: intervals that are compiled into a program, with their numbers.
     """
 
     def __init__(self, plant: RigidBodyPlant, *, at_rest: bool = False) -> None:
-        self._count, self.traced = plant.steps_at_rest if at_rest else plant.substeps, dict[float, Steps]()
+        self._count, self.traced = (
+            (plant.steps_at_rest if at_rest else plant.substeps),
+            dict[float, Steps](),
+        )
 
     def __call__(self, seconds: float) -> Steps:
-        """Return the number of integration steps in an interval of ``seconds``, and record both."""
+        """Return the number of integration steps in an interval of ``seconds``, and
+        record both.
+        """
         self.traced[seconds] = self._count(seconds)
         return self.traced[seconds]
 
     def fit(self, plant: RigidBodyPlant) -> bool:
-        """True if another plant needs the same number of integration steps in all compiled intervals."""
-        return all(plant.substeps(seconds) == count for seconds, count in self.traced.items())
+        """True if another plant needs the same number of integration steps in all
+        compiled intervals.
+        """
+        return all(
+            plant.substeps(seconds) == count for seconds, count in self.traced.items()
+        )
 
 
 class RigidBodySteps:
     """Traced rigid-body plant model within one control period.
 
     Args:
-        stages: stages of the episode. substeps: counts of integration steps in an interval (s).
+        stages: stages of the episode. substeps: counts of integration steps in an
+            interval (s).
     """
 
     def __init__(self, stages: Stages, substeps: Callable[[float], Steps]) -> None:
-        self._worlds, self._integrator, self._period = stages.worlds, stages.scenario.integrator, stages.period
+        self._worlds, self._integrator, self._period = (
+            stages.worlds,
+            stages.scenario.integrator,
+            stages.period,
+        )
         self._substeps, self._late = substeps, [each.arrival for each in stages.agents]
 
     def proper_accelerations(
         self, states: Sequence[State], commands: Sequence[Command], around: Together
     ) -> tuple[Motion, ...]:
-        """Specific force (m/s^2) and angular acceleration (rad/s^2) of each base, at its origin, base axes."""
-        return tuple(base for base, _ in accelerate(self._worlds, states, commands, around))
+        """Specific force (m/s^2) and angular acceleration (rad/s^2) of each base, at
+        its origin, base axes.
+        """
+        return tuple(
+            base for base, _ in accelerate(self._worlds, states, commands, around)
+        )
 
     def advance(
-        self, states: Sequence[State], before: Sequence[Command], after: Sequence[Command], around: Together
+        self,
+        states: Sequence[State],
+        before: Sequence[Command],
+        after: Sequence[Command],
+        around: Together,
     ) -> Moved:
-        """States of vehicles and contacts after a control period in which new commands arrive."""
+        """States of vehicles and contacts after a control period in which new commands
+        arrive.
+        """
         now = after_impacts(self._worlds, states, around), around.coupled_memories()
         left: Scalar = self._period
         for seconds, commands in arrivals(self._late, before, after):
             if type(seconds) is not float:
-                now = blend(seconds > 0.0, self._hold(now, commands, around, seconds), now)
+                now = blend(
+                    seconds > 0.0, self._hold(now, commands, around, seconds), now
+                )
             elif seconds > 0.0:
                 now = self._hold(now, commands, around, seconds)
             left = left - seconds
         return self._hold(now, after, around, left)
 
-    def _hold(self, now: Moved, commands: Sequence[Command], around: Together, seconds: Scalar) -> Moved:
+    def _hold(
+        self, now: Moved, commands: Sequence[Command], around: Together, seconds: Scalar
+    ) -> Moved:
         """States of vehicles and contacts after an interval with constant commands."""
         count = self._substeps(seconds if type(seconds) is float else self._period)
-        return hold(self._worlds, self._integrator, count, now, commands, around, seconds)
+        return hold(
+            self._worlds, self._integrator, count, now, commands, around, seconds
+        )
 
 
 class EpisodeEndedError(Exception):
-    """Early termination of a flight, raised within a control period that is evaluated in Python.
+    """Early termination of a flight, raised within a control period that is evaluated
+    in Python.
 
     Attributes:
-        agent: name of the vehicle whose command is what ended the episode; else "". command: its numbers; else ().
+        agent: name of the vehicle whose command is what ended the episode; else "".
+            command: its numbers; else ().
     """
 
     def __init__(self, agent: str, command: Flat) -> None:
@@ -116,10 +156,12 @@ class EpisodeEndedError(Exception):
 
 
 class StagesInPython(Stages):
-    """Stages of a control period evaluated in Python with any Python laws; a termination raises an exception.
+    """Stages of a control period evaluated in Python with any Python laws; a
+    termination raises an exception.
 
     Args:
-        scenario: scenario of the episode. calls: internal states of the laws. examples: commands with their structure.
+        scenario: scenario of the episode. calls: internal states of the laws. examples:
+            commands with their structure.
         commands, given: arguments of :class:`Stages`.
     """
 
@@ -131,24 +173,34 @@ class StagesInPython(Stages):
         commands: Sequence[Command] = (),
         given: Sequence[Scalar] = (),
     ) -> None:
-        self._called = dict(zip(scenario.agents, zip(calls, examples, strict=True), strict=True))
+        self._called = dict(
+            zip(scenario.agents, zip(calls, examples, strict=True), strict=True)
+        )
         super().__init__(scenario, commands, given)
 
-    def _stages_of(self, name: str, command: Command | None, given: Scalar | None) -> AgentStages:
+    def _stages_of(
+        self, name: str, command: Command | None, given: Scalar | None
+    ) -> AgentStages:
         """Stages of one vehicle, whose law is called where it cannot be traced."""
-        return AgentStagesInPython(self.scenario.of(name), *self._called[name], command, given)
+        return AgentStagesInPython(
+            self.scenario.of(name), *self._called[name], command, given
+        )
 
     def alive(self, now: LoopState, rows: Sequence[InputRow[Reference]]) -> Scalar:
-        """Evaluate the termination conditions; raise EpisodeEndedError if one is met."""
+        """Evaluate the termination conditions; raise EpisodeEndedError if one is
+        met.
+        """
         going = super().alive(now, rows)
         return _graph_of(going).external(partial(_require_alive, ""), [(going,)], 1)[0]
 
 
 class AgentStagesInPython(AgentStages):
-    """Stages of one vehicle in a control period that is evaluated in Python, with any Python law.
+    """Stages of one vehicle in a control period that is evaluated in Python, with any
+    Python law.
 
     Args:
-        scenario: scenario of its flight alone. calls: internal state of its law. example: command with its structure.
+        scenario: scenario of its flight alone. calls: internal state of its law.
+            example: command with its structure.
         command, given: arguments of :class:`AgentStages`.
     """
 
@@ -166,16 +218,26 @@ class AgentStagesInPython(AgentStages):
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
     ) -> tuple[Scalar, tuple[Command, ...], Command]:
-        """Put a command into the delay queue; raise EpisodeEndedError if it is not finite."""
+        """Put a command into the delay queue; raise EpisodeEndedError if it is not
+        finite.
+        """
         going, moved, acting = super().send(alive, queue, command)
         (name,) = self.scenario.agents
-        checked = _graph_of(going).external(partial(_require_alive, name), [(going,), leaves(command)], 1)
+        checked = _graph_of(going).external(
+            partial(_require_alive, name), [(going,), leaves(command)], 1
+        )
         return checked[0], moved, acting
 
     def apply_law(
-        self, memory: Tree, measurement: Measurement, reference: Reference, path_time: Scalar | tuple[()]
+        self,
+        memory: Tree,
+        measurement: Measurement,
+        reference: Reference,
+        path_time: Scalar | tuple[()],
     ) -> tuple[Tree, Command]:
-        """Evaluate the control law; a law that cannot be traced is called with floats."""
+        """Evaluate the control law; a law that cannot be traced is called with
+        floats.
+        """
         if self.scenario.agent.controller.compiled:
             return super().apply_law(memory, measurement, reference, path_time)
         inputs, law = (measurement, reference, path_time), super().apply_law
@@ -184,7 +246,9 @@ class AgentStagesInPython(AgentStages):
         def call(given: Flat, numbers: Flat) -> Flat:
             if given and 0.5 < given[0] < 1.5:
                 return (0.0,) * count
-            self._calls.memory, command = law(self._calls.memory, *rebuild(inputs, iter(numbers)))
+            self._calls.memory, command = law(
+                self._calls.memory, *rebuild(inputs, iter(numbers))
+            )
             return (*leaves(command), *leaves(PushAlone.of(self._calls.memory)))
 
         given = () if self._given is None else (self._given,)
@@ -195,13 +259,17 @@ class AgentStagesInPython(AgentStages):
 
 @dataclass(slots=True)
 class LawCalls:
-    """Internal state of an untraceable control law between two calls; any Python object."""
+    """Internal state of an untraceable control law between two calls; any Python
+    object.
+    """
 
     memory: Any
 
 
 def _graph_of(record: Tree) -> Graph:
-    """Computation graph of the traced program to which the scalars of a dataclass belong."""
+    """Computation graph of the traced program to which the scalars of a dataclass
+    belong.
+    """
     return next(leaf.graph for leaf in leaves(record) if isinstance(leaf, Node))
 
 
@@ -212,66 +280,124 @@ def _require_alive(agent: str, alive: Flat, command: Flat = ()) -> Flat:
 
 
 class CalledPlant:
-    """Plant model called from a traced program as a Python function, on flat tuples of floats.
+    """Plant model called from a traced program as a Python function, on flat tuples of
+    floats.
 
     Args:
-        plant: plant model of floats. stages: stages of the episode. around: surroundings of one period, as an example.
+        plant: plant model of floats. stages: stages of the episode. around:
+            surroundings of one period, as an example.
 
     Raises:
-        ScenarioError: a user-defined plant that has no function for a part of the scenario, or a delay that is no
-            whole number of physics steps.
+        ScenarioError: a user-defined plant that has no function for a part of the
+            scenario, or a delay that is no whole number of physics steps.
     """
 
     def __init__(self, plant: Plant, stages: Stages, around: Together) -> None:
         self._plant, self._period = plant, stages.period
         self._late = [tuple(map(float, each.arrival)) for each in stages.agents]
         scenario = stages.scenario
-        for name, delay in ((name, getattr(each.delays, name)) for each in scenario.agents.values() for name in DELAYS):
+        for name, delay in (
+            (name, getattr(each.delays, name))
+            for each in scenario.agents.values()
+            for name in DELAYS
+        ):
             steps = delay * scenario.rates.physics
             if abs(steps - round(steps)) > 1e-6:
                 raise ScenarioError(
-                    f"delays.{name} = {delay!r}: must be a whole number of physics steps on the plant {scenario.kind}"
+                    f"delays.{name} = {delay!r}: must be a whole number of physics"
+                    f" steps on the plant {scenario.kind}"
                 )
         sizes = [each.vehicle.sizes for each in stages.worlds]
-        self._kind, commands = scenario.kind, tuple(example_command(*each) for each in sizes)
-        self._intervals = [float(seconds) for seconds, _ in arrivals(self._late, commands, commands)]
-        in_force = trace(lambda *both: tuple(now for _, now in arrivals(self._late, *both)), commands, commands)
+        self._kind, commands = (
+            scenario.kind,
+            tuple(example_command(*each) for each in sizes),
+        )
+        self._intervals = [
+            float(seconds) for seconds, _ in arrivals(self._late, commands, commands)
+        ]
+        in_force = trace(
+            lambda *both: tuple(now for _, now in arrivals(self._late, *both)),
+            commands,
+            commands,
+        )
         self._in_force = in_force.flat
         self._end = sum(len(leaves(example_state(*each))) for each in sizes)
         self._several = getattr(plant, "several", False)
-        self._impact, self._coupled = _impact_of(plant, scenario), coupled_places(self._for_plant(around))
-        self._turning = any(not at_origin(sensor.mounted_at) for each in stages.agents for _, sensor in each.sensors)
+        self._impact, self._coupled = (
+            _impact_of(plant, scenario),
+            coupled_places(self._for_plant(around)),
+        )
+        self._turning = any(
+            not at_origin(sensor.mounted_at)
+            for each in stages.agents
+            for _, sensor in each.sensors
+        )
         if self._turning and not hasattr(plant, "angular_acceleration"):
             raise ScenarioError(
-                f"plant.kind = {self._kind!r}: must define angular_acceleration for a sensor beside the base origin"
+                f"plant.kind = {self._kind!r}: must define angular_acceleration for a"
+                " sensor beside the base origin"
             )
         self._read: tuple[Flat, Flat] = ((), ())
 
     def _for_plant(self, around: Together) -> Together:
-        """Surroundings as inputs of the plant; for one of one vehicle, shared models are among that vehicle's own."""
+        """Surroundings as inputs of the plant; for one of one vehicle, shared models
+        are among that vehicle's own.
+        """
         return around if self._several else Together((around.of(0),), around.names)
 
     def proper_accelerations(
         self, states: Sequence[State], commands: Sequence[Command], around: Together
     ) -> tuple[Motion, ...]:
-        """Specific force (m/s^2) and angular acceleration (rad/s^2) of each base, at its origin, base axes.
+        """Specific force (m/s^2) and angular acceleration (rad/s^2) of each base, at
+        its origin, base axes.
 
-        The angular acceleration is asked of the plant where a sensor is beside the base origin, and zero elsewhere.
+        The angular acceleration is asked of the plant where a sensor is beside the base
+        origin, and zero elsewhere.
         """
-        groups = [leaves(tuple(states)), leaves(tuple(commands)), leaves(self._for_plant(around))]
+        groups = [
+            leaves(tuple(states)),
+            leaves(tuple(commands)),
+            leaves(self._for_plant(around)),
+        ]
         graph, size = _graph_of(states[0]), 3 * len(states)
         forces = graph.external(self._specific_force, groups, size)
-        turns = graph.external(self._angular_acceleration, groups, size) if self._turning else [0] * size
-        rows = zip(*(zip(*[iter(numbers)] * 3, strict=True) for numbers in (turns, forces)), strict=True)
-        return tuple(Motion(angular=Vec3(*turn), linear=Vec3(*force)) for turn, force in rows)
+        turns = (
+            graph.external(self._angular_acceleration, groups, size)
+            if self._turning
+            else [0] * size
+        )
+        rows = zip(
+            *(zip(*[iter(numbers)] * 3, strict=True) for numbers in (turns, forces)),
+            strict=True,
+        )
+        return tuple(
+            Motion(angular=Vec3(*turn), linear=Vec3(*force)) for turn, force in rows
+        )
 
     def advance(
-        self, states: Sequence[State], before: Sequence[Command], after: Sequence[Command], around: Together
+        self,
+        states: Sequence[State],
+        before: Sequence[Command],
+        after: Sequence[Command],
+        around: Together,
     ) -> Moved:
-        """States of vehicles and contacts after a control period in which new commands arrive."""
-        groups = [leaves(tuple(states)), leaves(tuple(before)), leaves(tuple(after)), leaves(self._for_plant(around))]
-        numbers = iter(_graph_of(states[0]).external(self._advance, groups, self._end + len(self._coupled)))
-        return rebuild(tuple(states), numbers), rebuild(around.coupled_memories(), numbers)
+        """States of vehicles and contacts after a control period in which new commands
+        arrive.
+        """
+        groups = [
+            leaves(tuple(states)),
+            leaves(tuple(before)),
+            leaves(tuple(after)),
+            leaves(self._for_plant(around)),
+        ]
+        numbers = iter(
+            _graph_of(states[0]).external(
+                self._advance, groups, self._end + len(self._coupled)
+            )
+        )
+        return rebuild(tuple(states), numbers), rebuild(
+            around.coupled_memories(), numbers
+        )
 
     def _specific_force(self, state: Flat, command: Flat, around: Flat) -> Flat:
         self._read = state, around
@@ -293,15 +419,23 @@ class CalledPlant:
             if seconds > 0.0:
                 command = commands[k * len(before) : (k + 1) * len(before)]
                 numbers = self._hold(state, command, around, seconds)
-                state, around = numbers[: self._end], self._with_memories(around, numbers[self._end :])
+                state, around = (
+                    numbers[: self._end],
+                    self._with_memories(around, numbers[self._end :]),
+                )
             left = left - seconds
         return self._hold(state, after, around, left)
 
     def _hold(self, state: Flat, command: Flat, around: Flat, seconds: float) -> Flat:
-        """Vehicle and contact states as a flat tuple, after an interval with a constant command."""
+        """Vehicle and contact states as a flat tuple, after an interval with a constant
+        command.
+        """
         numbers = self._plant.advance(state, command, around, seconds)
         if self._coupled and len(numbers) != self._end + len(self._coupled):
-            raise ScenarioError(f"plant.kind = {self._kind!r}: does not know [world]; it has no coupled memories")
+            raise ScenarioError(
+                f"plant.kind = {self._kind!r}: does not know [world]; it has no coupled"
+                " memories"
+            )
         return numbers
 
     def _with_memories(self, around: Flat, memories: Flat) -> Flat:
@@ -315,11 +449,13 @@ class CalledPlant:
 
 
 DELAYS = ("command", "rotors", "joints")
-"""Delays of commands, which end between physics steps where they are no whole number of these."""
+"""Delays of commands, which end between physics steps where they are no whole number of
+these."""
 
 
 def _impact_of(plant: Plant, scenario: Scenario) -> Callable[[Flat, Flat], Flat] | None:
-    """Function of a plant that applies impacts of grasps and locking joints; None for a scenario without them.
+    """Function of a plant that applies impacts of grasps and locking joints; None for a
+    scenario without them.
 
     Raises:
         ScenarioError: a user-defined plant without it.
@@ -329,8 +465,13 @@ def _impact_of(plant: Plant, scenario: Scenario) -> Callable[[Flat, Flat], Flat]
     rigid = any(payload.rigid for each in agents for payload in each.payloads)
     if not rigid and not stuck:
         return None
-    after_impact: Callable[[Flat, Flat], Flat] | None = getattr(plant, "after_impact", None)
+    after_impact: Callable[[Flat, Flat], Flat] | None = getattr(
+        plant, "after_impact", None
+    )
     if after_impact is None:
         what = "rigid payloads" if rigid else "environment.faults with stuck"
-        raise ScenarioError(f"plant.kind = {scenario.kind!r}: does not know {what}; it has no after_impact")
+        raise ScenarioError(
+            f"plant.kind = {scenario.kind!r}: does not know {what}; it has no"
+            " after_impact"
+        )
     return after_impact

@@ -1,8 +1,10 @@
-"""Program of the closed loop: a control period of a scenario, cut somewhere, with some numbers free.
+"""Program of the closed loop: a control period of a scenario, cut somewhere, with some
+numbers free.
 
-Every simulator of a scenario traces one. A single flight and a batch fly the whole period, an environment begins it
-with an action, the open loop ends where its feedback would close. Numbers, first state, integration steps, random
-numbers and inputs are those of the scenario and the same for all.
+Every simulator of a scenario traces one. A single flight and a batch fly the whole
+period, an environment begins it with an action, the open loop ends where its feedback
+would close. Numbers, first state, integration steps, random numbers and inputs are
+those of the scenario and the same for all.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ from skyarm.simulate.plant_steps import RigidBodySteps, Substeps, rigid_body_pla
 from skyarm.simulate.stages import Stages
 
 Goals = tuple[MetricGoal, ...]
-"""Desired positions of one vehicle by the held and the continuous reference; empty where the loop evaluates it."""
+"""Desired positions of one vehicle by the held and the continuous reference; empty
+where the loop evaluates it."""
 
 
 @immutable
@@ -40,11 +43,13 @@ class PeriodRow:
     """Inputs of one control period, the same for all flights of a program.
 
     Attributes:
-        ticks: scalar, number of the period where all flights fly the same one; else empty, and each counts its own.
+        ticks: scalar, number of the period where all flights fly the same one; else
+            empty, and each counts its own.
         given: of each vehicle time and reference.
-        modes, commands: of each vehicle the mode (as ``given`` of :class:`Stages`) and values of a command from
-            outside; empty where none is possible.
-        flags, goals: open metric windows, and desired positions of each vehicle; empty where nothing is measured.
+        modes, commands: of each vehicle the mode (as ``given`` of :class:`Stages`) and
+            values of a command from outside; empty where none is possible.
+        flags, goals: open metric windows, and desired positions of each vehicle; empty
+            where nothing is measured.
     """
 
     ticks: Any = ()
@@ -60,11 +65,13 @@ NO_INPUTS = PeriodRow()
 
 
 class ProgramKey(NamedTuple):
-    """Structure from which a program was traced; programs of equal keys differ in the values of their numbers alone.
+    """Structure from which a program was traced; programs of equal keys differ in the
+    values of their numbers alone.
 
     Attributes:
         parts: replaced parts. free: paths whose numbers are arguments.
-        changed: paths that changes in flight set. swept: those of them that vary between flights.
+        changed: paths that changes in flight set. swept: those of them that vary
+            between flights.
     """
 
     parts: tuple[tuple[str, object], ...] = ()
@@ -78,7 +85,9 @@ AS_IT_IS = ProgramKey()
 
 
 class TracedPeriod(NamedTuple):
-    """One control period under trace: stages and plant of the scenario with its numbers, inputs, random numbers."""
+    """One control period under trace: stages and plant of the scenario with its
+    numbers, inputs, random numbers.
+    """
 
     stages: Stages
     plant: PlantSteps[State]
@@ -88,7 +97,8 @@ class TracedPeriod(NamedTuple):
 
 
 Cut = Callable[[TracedPeriod, Any], tuple[Tree, Tree]]
-"""Part of a control period: function from a period and the state before it to the state after it and what is logged."""
+"""Part of a control period: function from a period and the state before it to the state
+after it and what is logged."""
 
 
 class LoopProgram:
@@ -98,7 +108,8 @@ class LoopProgram:
         scenario: scenario with the present values of its numbers.
         vary: the scenario from the numbers; None without any.
         numbers: record of the present values, from which the program is traced.
-        stiffest: the scenario whose joint friction, air, forces and drives fix the integration steps; else the same.
+        stiffest: the scenario whose joint friction, air, forces and drives fix the
+            integration steps; else the same.
         key: structure of the scenario.
         loops: keep repetitions as loops, for machine code; JAX wants them written out.
     """
@@ -114,7 +125,11 @@ class LoopProgram:
         loops: bool = True,
     ) -> None:
         self.scenario, self.numbers, self.key = scenario, numbers, key
-        self.vary, self._stiffest, self._loops = vary or (lambda _: scenario), stiffest or scenario, loops
+        self.vary, self._stiffest, self._loops = (
+            vary or (lambda _: scenario),
+            stiffest or scenario,
+            loops,
+        )
 
     @cached_property
     def first(self) -> LoopState:
@@ -150,7 +165,14 @@ class LoopProgram:
         """Plant model within a control period."""
         return RigidBodySteps(stages, self.substeps)
 
-    def trace(self, cut: Cut, carry: Tree, row: PeriodRow = NO_INPUTS, *, own_seeds: bool = False) -> Loop:
+    def trace(
+        self,
+        cut: Cut,
+        carry: Tree,
+        row: PeriodRow = NO_INPUTS,
+        *,
+        own_seeds: bool = False,
+    ) -> Loop:
         """Trace a part of the control period.
 
         Args:
@@ -160,22 +182,37 @@ class LoopProgram:
             own_seeds: every flight draws with a seed of its own.
         """
 
-        def step(now: Tree, numbers: Tree, fed: PeriodRow, uniforms: Uniforms) -> tuple[Tree, Tree]:
+        def step(
+            now: Tree, numbers: Tree, fed: PeriodRow, uniforms: Uniforms
+        ) -> tuple[Tree, Tree]:
             stages = self.stages(numbers, fed)
-            return cut(TracedPeriod(stages, self.plant_steps(stages), numbers, fed, uniforms), now)
+            return cut(
+                TracedPeriod(stages, self.plant_steps(stages), numbers, fed, uniforms),
+                now,
+            )
 
         return trace_loop(
-            step, structure_of(carry), self.numbers, row, self.draws, loops=self._loops, own_seeds=own_seeds
+            step,
+            structure_of(carry),
+            self.numbers,
+            row,
+            self.draws,
+            loops=self._loops,
+            own_seeds=own_seeds,
         )
 
     def serves(self, key: ProgramKey, plant: RigidBodyPlant) -> bool:
-        """True if code of this program also flies a scenario of that structure, on its plant."""
+        """True if code of this program also flies a scenario of that structure, on its
+        plant.
+        """
         return key == self.key and self.substeps.fit(plant)
 
     @property
     def start_draws(self) -> tuple[Scalars, ...]:
         """Uniform numbers that start each environment model, as an example."""
-        return tuple((0.5,) * (2 * count) for _, count in draw_plan(self.scenario).models)
+        return tuple(
+            (0.5,) * (2 * count) for _, count in draw_plan(self.scenario).models
+        )
 
     @cached_property
     def _start(self) -> Program:
@@ -185,7 +222,8 @@ class LoopProgram:
         return trace(start, self.numbers, *self.start_draws)
 
     def start(self, numbers: Array, seed: int, episodes: Array) -> Array:
-        """Initial loop states of many flights: one row per scalar, one column per flight.
+        """Initial loop states of many flights: one row per scalar, one column per
+        flight.
 
         Args:
             numbers: (numbers, flights).

@@ -1,8 +1,10 @@
-"""Clock of a reference whose task phases wait for conditions (guards), such as a contact force.
+"""Clock of a reference whose task phases wait for conditions (guards), such as a
+contact force.
 
-It counts control periods of the reference, goes on with the flight's own, stands still at the
-planned end of a phase with a guard until the flight shows what the guard requires, and skips what is left of a phase
-that may end early. Guards use the law's measurement and the force that the law observes.
+It counts control periods of the reference, goes on with the flight's own, stands still
+at the planned end of a phase with a guard until the flight shows what the guard
+requires, and skips what is left of a phase that may end early. Guards use the law's
+measurement and the force that the law observes.
 
 Where no phase waits the clock is ``()``: structure, without an operation.
 """
@@ -14,7 +16,17 @@ from dataclasses import replace
 from typing import Any, TypeVar, cast
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import absolute, data, floor, logical_and, logical_not, logical_or, minimum, sqrt, where
+from skyarm.algebra.scalars import (
+    absolute,
+    data,
+    floor,
+    logical_and,
+    logical_not,
+    logical_or,
+    minimum,
+    sqrt,
+    where,
+)
 from skyarm.control.controller import preview_leads
 from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics.kinematics import frame_pose
@@ -29,7 +41,14 @@ from skyarm.reference.trajectory import PASSED, Reference
 from skyarm.scenario.in_flight import Overrides
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.loop_state import AgentLoop, Clock, GivenRow, InputRow, LoopState, PathClock
+from skyarm.simulate.loop_state import (
+    AgentLoop,
+    Clock,
+    GivenRow,
+    InputRow,
+    LoopState,
+    PathClock,
+)
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
 
 Instant = tuple[Scalar, Sequence[Scalar]]
@@ -38,14 +57,17 @@ T = TypeVar("T")
 
 @immutable
 class Seen:
-    """Measured quantities by which the conditions (guards) that end task phases are evaluated.
+    """Measured quantities by which the conditions (guards) that end task phases are
+    evaluated.
 
     Attributes:
-        tip: measured position of the tip, m, world axes. goal: its desired position by the held reference.
+        tip: measured position of the tip, m, world axes. goal: its desired position by
+            the held reference.
         push: contact request of that reference.
-        force: tip force as the law observes it, N, world axes; None of a law that observes none.
-        felt: tip force as a force sensor measures it, for guards that require it. switches: 1 closed, in the order of
-            those that ``Waits`` looks at.
+        force: tip force as the law observes it, N, world axes; None of a law that
+            observes none.
+        felt: tip force as a force sensor measures it, for guards that require it.
+            switches: 1 closed, in the order of those that ``Waits`` looks at.
     """
 
     tip: Vec3
@@ -58,10 +80,12 @@ class Seen:
 
 @immutable
 class GuardTerms:
-    """Times and flags of the condition (guard) that ends a task phase; times in control periods, flags 1 or 0.
+    """Times and flags of the condition (guard) that ends a task phase; times in control
+    periods, flags 1 or 0.
 
     Attributes:
-        stop: position of the base's reference at its end, m; () where no phase ends early.
+        stop: position of the base's reference at its end, m; () where no phase ends
+            early.
     """
 
     end: Scalar
@@ -84,7 +108,8 @@ BEGUN = -1.0
 
 
 class Waits:
-    """Evaluator of the conditions (guards) that end task phases, and of the clock of the waiting reference.
+    """Evaluator of the conditions (guards) that end task phases, and of the clock of
+    the waiting reference.
 
     Args:
         scenario: scenario, whose numbers may be traced.
@@ -95,13 +120,22 @@ class Waits:
         self._leads = preview_leads(scenario.agent.controller.par)
         self.guards: tuple[Guard, ...] = scenario.agent.reference.guards
         self.loads = frozenset(name for guard in self.guards for name in guard.loads)
-        self._believed = tuple(each for each in scenario.agent.payloads if each.believed and each.name in self.loads)
+        self._believed = tuple(
+            each
+            for each in scenario.agent.payloads
+            if each.believed and each.name in self.loads
+        )
         self._rate = float(scenario.rates.control)
         self._ratio = scenario.rates.control // scenario.rates.reference
         self._vehicle = scenario.agent.model.vehicle
         self._moves = any(guard.early for guard in self.guards)
         self.switches = tuple(
-            dict.fromkeys(name for guard in self.guards for name in (guard.closed, guard.open) if name)
+            dict.fromkeys(
+                name
+                for guard in self.guards
+                for name in (guard.closed, guard.open)
+                if name
+            )
         )
         self._sensed = any(guard.sensed for guard in self.guards)
         self._measures = any(guard.distance is not None for guard in self.guards)
@@ -116,12 +150,20 @@ class Waits:
             timeout=guard.timeout * rate,
             early=float(guard.early),
             fails=float(guard.fails),
-            stop=Vec3(*map(data, self._trajectory.at(guard.at).position)) if self._moves else (),
+            stop=(
+                Vec3(*map(data, self._trajectory.at(guard.at).position))
+                if self._moves
+                else ()
+            ),
         )
 
     def terms(self, n: Scalar) -> GuardTerms:
-        """Times and flags of guard number ``n``; beyond the last guard, those of a guard that is never reached."""
-        return _select(n, (*self._terms, replace(self._terms[-1], end=NEVER, early=0.0)))
+        """Times and flags of guard number ``n``; beyond the last guard, those of a
+        guard that is never reached.
+        """
+        return _select(
+            n, (*self._terms, replace(self._terms[-1], end=NEVER, early=0.0))
+        )
 
     def first(self) -> Clock:
         """Initial state of the reference clock; () for a task without guards."""
@@ -142,7 +184,8 @@ class Waits:
         )
 
     def begun_at(self, ticks: Scalar) -> Clock:
-        """Reference clock of a task that starts in mid-flight; guards whose planned times have passed are skipped.
+        """Reference clock of a task that starts in mid-flight; guards whose planned
+        times have passed are skipped.
 
         The distance of a phase that is under way then counts from there on.
         """
@@ -155,15 +198,24 @@ class Waits:
         return replace(first, place=ticks, held=ticks, guard=guard, waited=BEGUN)
 
     def lead(self, clock: Clock, ticks: Scalar, row: GivenRow) -> InputRow[Reference]:
-        """Closed-loop inputs of a control period, with the reference evaluated at the reference clock's time."""
+        """Closed-loop inputs of a control period, with the reference evaluated at the
+        reference clock's time.
+        """
         if not clock or row.reference != ():
             # without a clock the reference is in the row
             return cast("InputRow[Reference]", row)
-        path_time, reference = self.path_time(clock), self.previewed_reference(clock, ticks)
+        path_time, reference = (
+            self.path_time(clock),
+            self.previewed_reference(clock, ticks),
+        )
         # the hand's command is of this period, not of a sample
         if self._trajectory.load is not None:
-            reference = replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
-        return InputRow(time=row.time, reference=reference, told=row.told, path_time=path_time)
+            reference = replace(
+                reference, load=(self._trajectory.load.derivatives(path_time)[0],)
+            )
+        return InputRow(
+            time=row.time, reference=reference, told=row.told, path_time=path_time
+        )
 
     def is_sound(self, clock: Clock) -> Scalar:
         """True while no mandatory task phase has timed out."""
@@ -174,45 +226,74 @@ class Waits:
         return self.times(clock, ticks) if clock else ()
 
     def advance(
-        self, clock: Clock, ticks: Scalar, measurement: Measurement, row: InputRow[Reference], memory: Tree
+        self,
+        clock: Clock,
+        ticks: Scalar,
+        measurement: Measurement,
+        row: InputRow[Reference],
+        memory: Tree,
     ) -> Clock:
-        """State of the reference clock after a control period, from the law's measurement and observed force."""
+        """State of the reference clock after a control period, from the law's
+        measurement and observed force.
+        """
         if not clock:
             return ()
-        return self.following(clock, ticks, self.guard_inputs(measurement, row.reference, observed_push(memory)))
+        return self.following(
+            clock,
+            ticks,
+            self.guard_inputs(measurement, row.reference, observed_push(memory)),
+        )
 
     def _hold_sample(self, clock: PathClock, ticks: Scalar) -> PathClock:
-        """Reference clock with its held sample renewed if the reference rate requires a new sample now."""
+        """Reference clock with its held sample renewed if the reference rate requires a
+        new sample now.
+        """
         fresh = due(ticks, self._ratio)
         sampled = where(fresh, clock.place, clock.held)
         if not self._moves:
             return replace(clock, held=sampled)
-        offset, since = blend(fresh, (clock.offset, clock.since), (clock.held_offset, clock.held_since))
+        offset, since = blend(
+            fresh, (clock.offset, clock.since), (clock.held_offset, clock.held_since)
+        )
         return replace(clock, held=sampled, held_offset=offset, held_since=since)
 
     def times(self, clock: PathClock, ticks: Scalar) -> Scalars:
-        """Path times (s) and position offsets (m) of the current reference and of its held sample, for the log.
+        """Path times (s) and position offsets (m) of the current reference and of its
+        held sample, for the log.
 
-        Times of the reference and of its held sample, s, its offset, m, and since when; those of the sample.
+        Times of the reference and of its held sample, s, its offset, m, and since when;
+        those of the sample.
         """
         sample = self._hold_sample(clock, ticks)
-        offsets = leaves((clock.offset, clock.since, sample.held_offset, sample.held_since))
+        offsets = leaves(
+            (clock.offset, clock.since, sample.held_offset, sample.held_since)
+        )
         return self.path_time(clock), sample.held / self._rate, *offsets
 
     def instants(self, times: Sequence[Scalar]) -> tuple[Instant, Instant]:
-        """Path time and position offset of the held reference, then of the current reference."""
+        """Path time and position offset of the held reference, then of the current
+        reference.
+        """
         path_time, sampled, *offsets = times
         return (sampled, offsets[4:]), (path_time, offsets[:4])
 
     def held_reference(self, clock: PathClock, ticks: Scalar) -> Reference:
-        """Reference sample that is held in a control period, at the reference clock's time."""
+        """Reference sample that is held in a control period, at the reference clock's
+        time.
+        """
         return self.reference(*self.instants(self.times(clock, ticks))[0])
 
     def previewed_reference(self, clock: PathClock, ticks: Scalar) -> Reference:
-        """Held reference sample with preview samples, which end at the next condition (guard) of the task."""
+        """Held reference sample with preview samples, which end at the next condition
+        (guard) of the task.
+        """
         sample, end = self.held_reference(clock, ticks), self.end(clock)
         time, offset = self.instants(self.times(clock, ticks))[0]
-        return with_preview(sample, self._leads, lambda lead: self.reference(minimum(time + lead, end), offset))
+        return with_preview(
+            sample,
+            self._leads,
+            lambda lead: self.reference(minimum(time + lead, end), offset),
+        )
 
     def end(self, clock: PathClock) -> Scalar:
         """Path time (s) at which the reference waits for its next condition (guard)."""
@@ -223,8 +304,14 @@ class Waits:
         return clock.place / self._rate
 
     def task_time(self, row: InputRow[Reference]) -> Scalar:
-        """Time (s) of events of the task: that along a reference whose phases wait, else the flight's."""
-        return row.path_time if self.guards and not isinstance(row.path_time, tuple) else row.time
+        """Time (s) of events of the task: that along a reference whose phases wait,
+        else the flight's.
+        """
+        return (
+            row.path_time
+            if self.guards and not isinstance(row.path_time, tuple)
+            else row.time
+        )
 
     def phase(self, path_time: Scalar) -> Scalar:
         """Index of the task phase at a path time (s); 0 for a task without phases."""
@@ -239,37 +326,76 @@ class Waits:
         if not offset:
             return planned
         *moved, since = offset
-        return offset_reference(planned, Vec3(*moved), self._trajectory.returns, since / self._rate, time)
+        return offset_reference(
+            planned, Vec3(*moved), self._trajectory.returns, since / self._rate, time
+        )
 
     def with_task_loads(self, par: Any, path_time: Scalar | tuple[()]) -> Any:
-        """Parameters of the law with the payloads carried at a path time (s) added to its vehicle model."""
+        """Parameters of the law with the payloads carried at a path time (s) added to
+        its vehicle model.
+        """
         vehicle = par.model.vehicle
         for payload in self._believed:
             carried = logical_and(path_time >= payload.pick, path_time < payload.drop)
-            vehicle = vehicle.with_payload(where(carried, payload.mass, 0.0), payload.frame or None)
+            vehicle = vehicle.with_payload(
+                where(carried, payload.mass, 0.0), payload.frame or None
+            )
         if not self._believed:
             return par
         return replace(par, model=replace(par.model, vehicle=vehicle))
 
-    def guard_inputs(self, measurement: Measurement, reference: Reference, force: Vec3 | None) -> Seen:
-        """Measured and desired tip position, forces and tactile switches, for evaluating conditions (guards)."""
-        tip = tip_at(self._vehicle, measurement.position, measurement.quaternion, measurement.joints)
+    def guard_inputs(
+        self, measurement: Measurement, reference: Reference, force: Vec3 | None
+    ) -> Seen:
+        """Measured and desired tip position, forces and tactile switches, for
+        evaluating conditions (guards).
+        """
+        tip = tip_at(
+            self._vehicle,
+            measurement.position,
+            measurement.quaternion,
+            measurement.joints,
+        )
         goal, felt = goal_of(self._vehicle, reference).tool, None
         if self._sensed:
-            turned = frame_pose(self._vehicle, self._vehicle.frame(), measurement.joints).R
-            felt = measurement.rotation.apply(turned.apply(Vec3(*measurement.tip_force)))
+            turned = frame_pose(
+                self._vehicle, self._vehicle.frame(), measurement.joints
+            ).R
+            felt = measurement.rotation.apply(
+                turned.apply(Vec3(*measurement.tip_force))
+            )
         switches = measurement.switches if self.switches else ()
-        return Seen(tip=tip, goal=goal, push=reference.push, force=force, felt=felt, switches=switches)
+        return Seen(
+            tip=tip,
+            goal=goal,
+            push=reference.push,
+            force=force,
+            felt=felt,
+            switches=switches,
+        )
 
     def following(self, clock: PathClock, ticks: Scalar, seen: Seen) -> PathClock:
-        """Evaluate a task phase's condition (guard); return the reference clock a period later, advanced or waiting."""
+        """Evaluate a task phase's condition (guard); return the reference clock a
+        period later, advanced or waiting.
+        """
         n, now = clock.guard, self.terms(clock.guard)
         there = clock.place >= now.end - WHOLE
-        begins = logical_or(clock.place <= now.begin + WHOLE, clock.waited < 0.5 * BEGUN)
+        begins = logical_or(
+            clock.place <= now.begin + WHOLE, clock.waited < 0.5 * BEGUN
+        )
         fresh = logical_and(begins, clock.waited < 0.5)
-        origin = blend(fresh, seen.tip, clock.origin) if self._measures else clock.origin
-        looks = logical_or(there, logical_and(now.early > 0.5, logical_not(fresh))) if self._moves else there
-        holds = _select(n, [self._holds(guard, seen, origin) for guard in self.guards]) > 0.5
+        origin = (
+            blend(fresh, seen.tip, clock.origin) if self._measures else clock.origin
+        )
+        looks = (
+            logical_or(there, logical_and(now.early > 0.5, logical_not(fresh)))
+            if self._moves
+            else there
+        )
+        holds = (
+            _select(n, [self._holds(guard, seen, origin) for guard in self.guards])
+            > 0.5
+        )
         reached = where(logical_and(looks, holds), clock.reached + 1.0, 0.0)
         enough = reached > now.hold + (1.0 - 1e-6)
         late = logical_and(there, clock.waited >= now.timeout - 1e-6)
@@ -280,8 +406,12 @@ class Waits:
         offset, since = clock.offset, clock.since
         # the reference keeps its position when the rest of a phase is skipped
         if self._moves:
-            position = self.reference(self.path_time(clock), leaves((offset, since))).position
-            offset, since = blend(enough, (position - Vec3(*now.stop), now.end), (offset, since))
+            position = self.reference(
+                self.path_time(clock), leaves((offset, since))
+            ).position
+            offset, since = blend(
+                enough, (position - Vec3(*now.stop), now.end), (offset, since)
+            )
         return replace(
             self._hold_sample(clock, ticks),
             place=minimum(gone, self.terms(number).end),
@@ -295,9 +425,14 @@ class Waits:
         )
 
     def _holds(self, guard: Guard, seen: Seen, origin: Vec3 | tuple[()]) -> Scalar:
-        """1.0 if all conditions of a guard are met by the measured quantities, else 0.0."""
+        """1.0 if all conditions of a guard are met by the measured quantities, else
+        0.0.
+        """
         met: list[Scalar] = []
-        direction, force = Vec3(*map(data, guard.direction)), seen.felt if guard.sensed else seen.force
+        direction, force = (
+            Vec3(*map(data, guard.direction)),
+            (seen.felt if guard.sensed else seen.force),
+        )
         if guard.error is not None:
             away = counted_error(seen.tip - seen.goal, seen.push, seen.tip)
             met.append(sqrt(away.dot(away)) <= guard.error)
@@ -307,7 +442,9 @@ class Waits:
             met.append(force is not None and direction.dot(force) <= guard.force_below)
         for name, state in ((guard.closed, 1.0), (guard.open, 0.0)):
             if name:
-                met.append(absolute(seen.switches[self.switches.index(name)] - state) < 0.5)
+                met.append(
+                    absolute(seen.switches[self.switches.index(name)] - state) < 0.5
+                )
         if guard.distance is not None:
             met.append(direction.dot(Vec3(*origin) - seen.tip) >= guard.distance)
         all_met: Scalar = 1.0
@@ -317,7 +454,9 @@ class Waits:
 
 
 def _select(n: Scalar, values: Sequence[T]) -> T:
-    """Element ``n`` of a sequence for a traced index ``n``; the last element beyond the end."""
+    """Element ``n`` of a sequence for a traced index ``n``; the last element beyond the
+    end.
+    """
     element = values[-1]
     for i in reversed(range(len(values) - 1)):
         element = blend(n < i + 0.5, values[i], element)
@@ -325,37 +464,60 @@ def _select(n: Scalar, values: Sequence[T]) -> T:
 
 
 def due(ticks: Scalar, every: int) -> Scalar:
-    """True in every ``every``-th control period; ``ticks`` is the number of the period."""
+    """True in every ``every``-th control period; ``ticks`` is the number of the
+    period.
+    """
     late = ticks - floor(ticks / float(every) + 0.5 / every) * float(every)
     fresh: Scalar = late < 0.5
     return fresh
 
 
-def other_references(scenario: Scenario, now: Overrides, then: Overrides) -> tuple[str, ...]:
-    """Names of the vehicles whose whole reference scheduled changes have replaced between two instants."""
+def other_references(
+    scenario: Scenario, now: Overrides, then: Overrides
+) -> tuple[str, ...]:
+    """Names of the vehicles whose whole reference scheduled changes have replaced
+    between two instants.
+    """
 
     def of(overrides: Overrides, name: str) -> list[tuple[str, object]]:
-        named = [(agent_of(path), word_of(path), value) for path, value in overrides.parts]
-        return [(word, value) for of, word, value in named if of in ("", name) and word.split(".")[0] == "reference"]
+        named = [
+            (agent_of(path), word_of(path), value) for path, value in overrides.parts
+        ]
+        return [
+            (word, value)
+            for of, word, value in named
+            if of in ("", name) and word.split(".")[0] == "reference"
+        ]
 
     return tuple(name for name in scenario.agents if of(now, name) != of(then, name))
 
 
-def clocks_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, anew: Collection[str]) -> list[Clock]:
-    """Reference clocks restarted after a change of the scenario; () for a vehicle whose old clock continues.
+def clocks_of_change(
+    scenario: Scenario, first: LoopState, now: LoopState, *, anew: Collection[str]
+) -> list[Clock]:
+    """Reference clocks restarted after a change of the scenario; () for a vehicle whose
+    old clock continues.
 
     Args:
         scenario: scenario after the change.
         first: its first loop state.
-        now: state of the loop where the change came; it may be that of many lanes, of which some have ended.
+        now: state of the loop where the change came; it may be that of many lanes, of
+            which some have ended.
         anew: names of the vehicles whose reference is another one.
     """
     rows = zip(scenario.agents, first.agents, now.agents, strict=True)
-    return [_clock_of_change(scenario.of(name), new, old, now, anew=name in anew) for name, new, old in rows]
+    return [
+        _clock_of_change(scenario.of(name), new, old, now, anew=name in anew)
+        for name, new, old in rows
+    ]
 
 
-def _clock_of_change(scenario: Scenario, first: AgentLoop, own: AgentLoop, now: LoopState, *, anew: bool) -> Clock:
-    """Reference clock of one vehicle restarted after a change of the scenario; () if the old clock continues."""
+def _clock_of_change(
+    scenario: Scenario, first: AgentLoop, own: AgentLoop, now: LoopState, *, anew: bool
+) -> Clock:
+    """Reference clock of one vehicle restarted after a change of the scenario; () if
+    the old clock continues.
+    """
     other = mismatch(first.clock, own.clock, "clock")
     if first.clock == () or not (anew or other):
         return ()

@@ -1,8 +1,9 @@
-"""Simulation of the plant under logged commands, from any state and with any vehicle parameters, in SIMD lanes.
+"""Simulation of the plant under logged commands, from any state and with any vehicle
+parameters, in SIMD lanes.
 
-What a flight's commands explain is flown by the same step as every simulation. Lanes of machine code differ in the
-numbers of the vehicle, in where in the log they begin, and in a constant wrench, which stands for what the model leaves
-unexplained.
+What a flight's commands explain is flown by the same step as every simulation. Lanes of
+machine code differ in the numbers of the vehicle, in where in the log they begin, and
+in a constant wrench, which stands for what the model leaves unexplained.
 """
 
 from __future__ import annotations
@@ -36,26 +37,35 @@ Numbers = Mapping[str, Scalar]
 
 @immutable
 class Unexplained(Component[tuple[Vec3, Vec3]]):
-    """Residual force (N) and torque (N m) on the base about its origin, base axes, unexplained by the plant model."""
+    """Residual force (N) and torque (N m) on the base about its origin, base axes,
+    unexplained by the plant model.
+    """
 
     def wrenches(
-        self, memory: tuple[Vec3, Vec3], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+        self,
+        memory: tuple[Vec3, Vec3],
+        t: Scalar,
+        motion: PointMotion,
+        rotor_speeds: Sequence[Scalar],
     ) -> Sequence[Wrench]:
-        """Residual force and torque on the base, unexplained by the plant model, in world axes."""
+        """Residual force and torque on the base, unexplained by the plant model, in
+        world axes.
+        """
         force, torque = map(motion.rotation.apply, memory)
         return [Wrench(force_W=force, torque_W=torque)]
 
 
 @immutable
 class Inputs:
-    """Vehicle parameters, unexplained wrench and commands of one simulated flight over one step.
+    """Vehicle parameters, unexplained wrench and commands of one simulated flight over
+    one step.
 
     Attributes:
         numbers: vehicle parameters in the order of the replay's names.
         thrust: factor of every rotor's thrust and drag torque, as by the battery.
         force, torque: unexplained wrench, N and N m, base axes.
-        before, after: commands between which the step switches: speeds of the rotors, rad/s, and setpoints of the
-            joints' drives, N m or N without one.
+        before, after: commands between which the step switches: speeds of the rotors,
+            rad/s, and setpoints of the joints' drives, N m or N without one.
         late: instants within the step at which the rotors switch, and the joints, s.
     """
 
@@ -72,10 +82,12 @@ class CommandReplay:
     """Compiled plant model that flies under logged commands.
 
     Args:
-        vehicle_of: numbers by name -> vehicle, of any scalars. start: usual numbers, by which steps are chosen.
+        vehicle_of: numbers by name -> vehicle, of any scalars. start: usual numbers, by
+            which steps are chosen.
         drives_of: vehicle -> drive of each joint; none where all take torques.
         step: time over which inputs are constant, s. gravity: m/s^2.
-        sensed: numbers, states before and after a step -> what is logged of it beside the state.
+        sensed: numbers, states before and after a step -> what is logged of it beside
+            the state.
         finer: least number of integration steps within one.
 
     Attributes:
@@ -113,11 +125,21 @@ class CommandReplay:
         none = ZERO3_DATA
         still, late = example_command(n, rotors), (0.0, 0.0)
         self._inputs = Inputs(
-            numbers=tuple(start.values()), thrust=1.0, force=none, torque=none, before=still, after=still, late=late
+            numbers=tuple(start.values()),
+            thrust=1.0,
+            force=none,
+            torque=none,
+            before=still,
+            after=still,
+            late=late,
         )
         state = example_state(n, rotors)
         self._carry = state, memories
-        plant = RigidBodyPlant(Truth(vehicle=usual, gravity=gravity), around(usual, self._inputs, memories), "rk4")
+        plant = RigidBodyPlant(
+            Truth(vehicle=usual, gravity=gravity),
+            around(usual, self._inputs, memories),
+            "rk4",
+        )
         usually = plant.substeps(step)
         self.substeps = max(finer, usually.near)
         count = usually._replace(near=self.substeps)
@@ -129,8 +151,18 @@ class CommandReplay:
             numbers = dict(zip(self.names, given.numbers, strict=True))
             vehicle = vehicle_of(numbers)
             setpoints = mean_efforts(given.before, given.after, given.late[1], step)
-            rows = zip(drives_of(vehicle), memories, setpoints, before.joints, before.joint_rates, strict=False)
-            memories = tuple(drive.advance(memory, mean, q, qd, step) for drive, memory, mean, q, qd in rows)
+            rows = zip(
+                drives_of(vehicle),
+                memories,
+                setpoints,
+                before.joints,
+                before.joint_rates,
+                strict=False,
+            )
+            memories = tuple(
+                drive.advance(memory, mean, q, qd, step)
+                for drive, memory, mean, q, qd in rows
+            )
             worlds = (Truth(vehicle=vehicle, gravity=gravity),)
             beside = Together((around(vehicle, given, memories),))
             now: Moved = (before,), ()
@@ -142,11 +174,16 @@ class CommandReplay:
             return (after, memories), tuple(sensed(numbers, before, after))
 
         loop = trace_loop(fly, (state, memories), self._inputs, (), loops=True)
-        # contracted, its bits would depend on the effort of the compiler: a search and a design decide by them
-        self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True, effort=1)
+        # contracted, its bits would depend on the effort of the compiler: a search and
+        # a design decide by them
+        self._kernel = Kernel(
+            loop, Lanes(host_width(), contract=False), logging=True, effort=1
+        )
 
     def flights(self, lanes: int, threads: int = 1) -> ReplayedFlights:
-        """Make flights simulated side by side, all at rest at the origin, with the default vehicle parameters."""
+        """Make flights simulated side by side, all at rest at the origin, with the
+        default vehicle parameters.
+        """
         return ReplayedFlights(self._kernel, self._carry, self._inputs, lanes, threads)
 
 
@@ -154,22 +191,39 @@ class ReplayedFlights:
     """Flights under logged commands, simulated side by side, step by step.
 
     Attributes:
-        state: field of a state -> (numbers, lanes) now. memories: (numbers, lanes) of the joints' drives.
-        inputs: field of the inputs -> (numbers, lanes) over the next step; commands by ``speeds_before``,
-            ``speeds_after``, ``setpoints_before`` and ``setpoints_after``.
+        state: field of a state -> (numbers, lanes) now. memories: (numbers, lanes) of
+            the joints' drives.
+        inputs: field of the inputs -> (numbers, lanes) over the next step; commands by
+            ``speeds_before``, ``speeds_after``, ``setpoints_before`` and
+            ``setpoints_after``.
         logged: (numbers, lanes) of the last step.
     """
 
-    def __init__(self, kernel: Kernel, carry: tuple[State, Memories], inputs: Inputs, lanes: int, threads: int) -> None:
+    def __init__(
+        self,
+        kernel: Kernel,
+        carry: tuple[State, Memories],
+        inputs: Inputs,
+        lanes: int,
+        threads: int,
+    ) -> None:
         self._stepper = LaneStepper(kernel, lanes, threads=threads)
         stepper = self._stepper
         self.state, count = _views(carry[0], stepper.carry)
         self.memories = stepper.carry[count:]
         self.inputs, _ = _views(inputs, stepper.parameters)
         for part in ("before", "after"):
-            fields, rows = {"rotor_speeds": "speeds", "efforts": "setpoints"}, self.inputs.pop(part)
+            fields, rows = (
+                {
+                    "rotor_speeds": "speeds",
+                    "efforts": "setpoints",
+                },
+                self.inputs.pop(part),
+            )
             commands, _ = _views(getattr(inputs, part), rows)
-            self.inputs |= {f"{name}_{part}": commands[field] for field, name in fields.items()}
+            self.inputs |= {
+                f"{name}_{part}": commands[field] for field, name in fields.items()
+            }
         self.logged: Array = stepper.logged
         self.state["quaternion"][0] = 1.0
         self.inputs["thrust"][:] = 1.0
@@ -186,7 +240,9 @@ class ReplayedFlights:
 
 
 def _views(record: Dataclass, rows: Array) -> tuple[dict[str, Array], int]:
-    """Views of the array rows that hold each field of a dataclass, by field name, and the total number of rows."""
+    """Views of the array rows that hold each field of a dataclass, by field name, and
+    the total number of rows.
+    """
     views, first = dict[str, Array](), 0
     for name in field_names(type(record)) or ():
         last = first + len(leaves(getattr(record, name)))

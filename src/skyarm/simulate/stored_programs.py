@@ -1,7 +1,9 @@
-"""Programs of flights on disk, beside their machine code, so that a command that is repeated traces nothing.
+"""Programs of flights on disk, beside their machine code, so that a command that is
+repeated traces nothing.
 
-A program is found by all that it was traced from: scenario, source files of the library, versions and processor. Where
-code of the user's could take part, in the scenario or by a plugin, nothing is stored.
+A program is found by all that it was traced from: scenario, source files of the
+library, versions and processor. Where code of the user's could take part, in the
+scenario or by a plugin, nothing is stored.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import structure_of
 
 ALGEBRA = ("NPY_", "OPENBLAS_", "MKL_", "OMP_", "BLIS_")
-"""First letters of the environment variables on which the last bits of NumPy's linear algebra depend."""
+"""First letters of the environment variables on which the last bits of NumPy's linear
+algebra depend."""
 
 
 @positional
@@ -37,9 +40,12 @@ class FlightProgram:
     """Traced program of a control period as machine code needs it.
 
     Attributes:
-        loop: its operations and scalars are left out where it is stored. assembly: its text for LLVM.
-        substeps: intervals (s) that it was traced with, each with its number of integration steps.
-        shared: True if equal vehicles share the code of a period, which compiles sooner and flies slower.
+        loop: its operations and scalars are left out where it is stored. assembly: its
+            text for LLVM.
+        substeps: intervals (s) that it was traced with, each with its number of
+            integration steps.
+        shared: True if equal vehicles share the code of a period, which compiles sooner
+            and flies slower.
     """
 
     loop: Loop
@@ -64,20 +70,34 @@ def program_name(scenario: Scenario, *details: object) -> str:
     content = json.dumps([plain(scenario), details])
     if "<lambda>" in content:  # two of one place have one name
         return ""
-    variables = sorted(each for each in os.environ.items() if each[0].startswith(ALGEBRA))
-    return "\n".join((sources.decode(), content, sys.version, np.__version__, processor(), f"{cores()} {variables}"))
+    variables = sorted(
+        each for each in os.environ.items() if each[0].startswith(ALGEBRA)
+    )
+    return "\n".join(
+        (
+            sources.decode(),
+            content,
+            sys.version,
+            np.__version__,
+            processor(),
+            f"{cores()} {variables}",
+        )
+    )
 
 
 def load_program(name: str) -> FlightProgram | None:
     """Read a stored program by its name; None if there is none."""
     content = object_cache.load(name) if name else None
-    program: FlightProgram | None = None if content is None else restore(json.loads(zlib.decompress(content)))
+    program: FlightProgram | None = (
+        None if content is None else restore(json.loads(zlib.decompress(content)))
+    )
     return program
 
 
 REPEATS = 30
-"""Number of repetitions in which a command may save what full optimisation of its program takes. Nobody waits for it,
-and it has the lowest priority: with 10, no flight of two vehicles that carry a bar was ever optimised."""
+"""Number of repetitions in which a command may save what full optimisation of its
+program takes. Nobody waits for it, and it has the lowest priority: with 10, no flight
+of two vehicles that carry a bar was ever optimised."""
 
 _repeated, _fleets = list[str](), list[str]()
 
@@ -89,15 +109,21 @@ APART = (
 
 
 def note_repeat(program: FlightProgram, scenario: Scenario) -> None:
-    """Note a stored program that is flown again, if one that flies faster pays in the end."""
+    """Note a stored program that is flown again, if one that flies faster pays in the
+    end.
+    """
     if program.shared:
         _fleets.append(json.dumps(plain(scenario)))
-    elif program.assembly.effort == 0 and program.assembly.pays(scenario.steps, REPEATS):
+    elif program.assembly.effort == 0 and program.assembly.pays(
+        scenario.steps, REPEATS
+    ):
         _repeated.append(program.assembly.text)
 
 
 def optimise_repeated() -> None:
-    """Start to compile the programs that this command flew again at full effort, for the next time; returns at once."""
+    """Start to compile the programs that this command flew again at full effort, for
+    the next time; returns at once.
+    """
     for text in _repeated:
         compile_behind(text)
     for flight in _fleets:
@@ -105,8 +131,15 @@ def optimise_repeated() -> None:
 
 
 def store_program(name: str, program: FlightProgram) -> None:
-    """Store a program under its name, without its operations; an empty name stores nothing."""
+    """Store a program under its name, without its operations; an empty name stores
+    nothing.
+    """
     if name:
         loop = program.loop
-        shape = replace(loop, program=Lowered((), (), ()), result=((), structure_of(loop.result[1])))
-        object_cache.store(name, zlib.compress(json.dumps(plain(replace(program, loop=shape))).encode(), 1))
+        shape = replace(
+            loop, program=Lowered((), (), ()), result=((), structure_of(loop.result[1]))
+        )
+        object_cache.store(
+            name,
+            zlib.compress(json.dumps(plain(replace(program, loop=shape))).encode(), 1),
+        )

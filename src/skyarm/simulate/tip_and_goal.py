@@ -10,12 +10,18 @@ from skyarm.vehicle import Vehicle
 
 
 def tool_of(vehicle: Vehicle, state: State) -> Vec3:
-    """Tip position (m), world axes; position of the base origin if the vehicle has no tip."""
+    """Tip position (m), world axes; position of the base origin if the vehicle has no
+    tip.
+    """
     return tip_at(vehicle, state.position, state.quaternion, state.joints)
 
 
-def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: Scalars) -> Vec3:
-    """Tip position (m), world axes, from base position, attitude and joint positions."""
+def tip_at(
+    vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: Scalars
+) -> Vec3:
+    """Tip position (m), world axes, from base position, attitude and joint
+    positions.
+    """
     if not vehicle.end_effector:
         return position
     tip = frame_pose(vehicle, vehicle.frame(), joints).p
@@ -23,12 +29,17 @@ def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: Sca
 
 
 def goal_of(vehicle: Vehicle, reference: Reference) -> MetricGoal:
-    """Desired positions of base, joints and tip of a reference; without a tip reference, the tip of the level vehicle.
+    """Desired positions of base, joints and tip of a reference; without a tip
+    reference, the tip of the level vehicle.
 
     The latter is p_d + R_z(psi_d) p_e(th_d).
     """
     if reference.tip:
-        return MetricGoal(position=reference.position, joints=reference.joints, tool=Vec3(*reference.tip))
+        return MetricGoal(
+            position=reference.position,
+            joints=reference.joints,
+            tool=Vec3(*reference.tip),
+        )
     tool = reference.position
     if vehicle.end_effector:
         tip = frame_pose(vehicle, vehicle.frame(), reference.joints).p

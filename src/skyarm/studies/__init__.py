@@ -1,1 +1,3 @@
-"""Studies of many flights: sweeps, controller comparison, gain tuning, identification, margins, feasibility."""
+"""Studies of many flights: sweeps, controller comparison, gain tuning, identification,
+margins, feasibility.
+"""

@@ -1,4 +1,6 @@
-"""Arms on an airframe: attach the bodies, joints and frames of one description to a link or frame of another."""
+"""Arms on an airframe: attach the bodies, joints and frames of one description to a
+link or frame of another.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +20,14 @@ from skyarm.vehicle.stated_rotors import StatedRotor
 from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
 
 MIMIC = ("lock", "couple")
-"""Treatments of joints that follow others: fixed at rest, or moved with their leaders."""
+"""Treatments of joints that follow others: fixed at rest, or moved with their
+leaders."""
 
 
 @positional
 class Mount:
-    """Place where an arm is mounted: link or frame of the airframe, pose, and prefix of the arm's names.
+    """Place where an arm is mounted: link or frame of the airframe, pose, and prefix of
+    the arm's names.
 
     Attributes:
         to: "base", the name of the airframe's root, of a link or of a frame.
@@ -51,7 +55,9 @@ def at_origin(link: int = BASE, name: str = "") -> Frame:
 
 
 def place_in(bodies: RigidBodies, name: str, field: str) -> Frame:
-    """Find a named link or frame: index of the body that carries it, and its pose in that body."""
+    """Find a named link or frame: index of the body that carries it, and its pose in
+    that body.
+    """
     names = [link.name for link in bodies.links]
     if name in ("base", bodies.root):
         return at_origin(name=name)
@@ -67,7 +73,12 @@ def place_in(bodies: RigidBodies, name: str, field: str) -> Frame:
 def posed_in(frame: Frame, R: Mat3, p: Vec3, name: str = "") -> Frame:
     """Frame with a given pose (m) relative to another frame of the same moving body."""
     position = description.vector(frame.position + frame.rotation.apply(p))
-    return Frame(name=name, link=frame.link, position=position, rotation=description.rotation(frame.rotation @ R))
+    return Frame(
+        name=name,
+        link=frame.link,
+        position=position,
+        rotation=description.rotation(frame.rotation @ R),
+    )
 
 
 def moved_into(frame: Frame, posed: FrameOrLook) -> FrameOrLook:
@@ -77,7 +88,8 @@ def moved_into(frame: Frame, posed: FrameOrLook) -> FrameOrLook:
 
 
 def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies:
-    """Attach an arm to an airframe; the arm's root link merges with the carrying body and remains as a frame.
+    """Attach an arm to an airframe; the arm's root link merges with the carrying body
+    and remains as a frame.
 
     Args:
         airframe: airframe with the arms that came before.
@@ -87,7 +99,11 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
     Raises:
         VehicleError: no such link, or a name that stands in both.
     """
-    seat = posed_in(place_in(airframe, mount.to, f"{mount.field}.to"), mount.rotation, mount.position)
+    seat = posed_in(
+        place_in(airframe, mount.to, f"{mount.field}.to"),
+        mount.rotation,
+        mount.position,
+    )
     if arm.pose != (Mat3.identity(), ZERO3):
         seat = posed_in(seat, *arm.pose)
     named = _with_prefix(arm, mount.prefix)
@@ -96,21 +112,33 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
     first = len(airframe.links)
 
     def move(frame: FrameOrLook) -> FrameOrLook:
-        return moved_into(seat, frame) if frame.link == BASE else replace(frame, link=first + frame.link)
+        return (
+            moved_into(seat, frame)
+            if frame.link == BASE
+            else replace(frame, link=first + frame.link)
+        )
 
     def mount_link(link: Link) -> Link:
         if link.parent != BASE:
             return replace(link, parent=first + link.parent)
         at = posed_in(seat, link.joint.rotation, link.joint.position)
-        return replace(link, parent=at.link, joint=replace(link.joint, position=at.position, rotation=at.rotation))
+        return replace(
+            link,
+            parent=at.link,
+            joint=replace(link.joint, position=at.position, rotation=at.rotation),
+        )
 
     load = named.base.transform(seat.rotation, seat.position)
     base, links = airframe.base, list(airframe.links)
-    of_joints: dict[str, Any] = {word: {**getattr(airframe, word), **getattr(named, word)} for word in OF_JOINTS}
+    of_joints: dict[str, Any] = {
+        word: {**getattr(airframe, word), **getattr(named, word)} for word in OF_JOINTS
+    }
     if seat.link == BASE:
         base = description.body([base, load])
     else:
-        links[seat.link] = replace(links[seat.link], body=description.body([links[seat.link].body, load]))
+        links[seat.link] = replace(
+            links[seat.link], body=description.body([links[seat.link].body, load])
+        )
     return replace(
         airframe,
         base=base,
@@ -123,14 +151,25 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
 
 
 def bodies_of(vehicle: Vehicle) -> RigidBodies:
-    """Bodies, joints and frames of a vehicle without its rotors; followers are listed as mimic joints."""
+    """Bodies, joints and frames of a vehicle without its rotors; followers are listed
+    as mimic joints.
+    """
     leaders = vehicle.joint_names
     mimics = {
-        each.link.joint.name: Mimic(leaders[each.leader], float(each.ratio), float(each.offset))
+        each.link.joint.name: Mimic(
+            leaders[each.leader], float(each.ratio), float(each.offset)
+        )
         for each in vehicle.followers
     }
     return RigidBodies(
-        vehicle.name, "base", vehicle.base, vehicle.moving, vehicle.frames, mimics, vehicle.notes, vehicle.looks
+        vehicle.name,
+        "base",
+        vehicle.base,
+        vehicle.moving,
+        vehicle.frames,
+        mimics,
+        vehicle.notes,
+        vehicle.looks,
     )
 
 
@@ -142,22 +181,46 @@ def _with_prefix(arm: RigidBodies, prefix: str) -> RigidBodies:
         return replace(part, name=prefix + part.name)
 
     own: dict[str, Any] = {
-        word: {prefix + name: each for name, each in getattr(arm, word).items()} for word in OF_JOINTS
+        word: {prefix + name: each for name, each in getattr(arm, word).items()}
+        for word in OF_JOINTS
     }
-    own["mimics"] = {name: replace(each, joint=prefix + each.joint) for name, each in own["mimics"].items()}
-    own["faults"] = {f"{prefix}: {k}": frozenset(prefix + name for name in v) for k, v in arm.faults.items()}
+    own["mimics"] = {
+        name: replace(each, joint=prefix + each.joint)
+        for name, each in own["mimics"].items()
+    }
+    own["faults"] = {
+        f"{prefix}: {k}": frozenset(prefix + name for name in v)
+        for k, v in arm.faults.items()
+    }
     links = tuple(replace(rename(link), joint=rename(link.joint)) for link in arm.links)
     frames, looks = tuple(map(rename, arm.frames)), tuple(map(rename, arm.looks))
-    return replace(arm, root=prefix + arm.root, links=links, frames=frames, looks=looks, **own)
+    return replace(
+        arm, root=prefix + arm.root, links=links, frames=frames, looks=looks, **own
+    )
 
 
-def _require_new_names(airframe: RigidBodies, arm: RigidBodies, root: list[str], mount: Mount) -> None:
-    """Raise an error if links, frames or joints of an arm have names that the airframe uses."""
-    taken = {"base", airframe.root, *(link.name for link in airframe.links), *(f.name for f in airframe.frames)}
+def _require_new_names(
+    airframe: RigidBodies, arm: RigidBodies, root: list[str], mount: Mount
+) -> None:
+    """Raise an error if links, frames or joints of an arm have names that the airframe
+    uses.
+    """
+    taken = {
+        "base",
+        airframe.root,
+        *(link.name for link in airframe.links),
+        *(f.name for f in airframe.frames),
+    }
     joints = {link.joint.name for link in airframe.links}
     doubles = [("link", link.name) for link in arm.links if link.name in taken]
-    doubles += [("frame", name) for name in (*root, *(f.name for f in arm.frames)) if name in taken - {"base"}]
-    doubles += [("joint", link.joint.name) for link in arm.links if link.joint.name in joints]
+    doubles += [
+        ("frame", name)
+        for name in (*root, *(f.name for f in arm.frames))
+        if name in taken - {"base"}
+    ]
+    doubles += [
+        ("joint", link.joint.name) for link in arm.links if link.joint.name in joints
+    ]
     if doubles:
         kind, name = doubles[0]
         refuse(
@@ -184,23 +247,33 @@ class Mimic:
     offset: float = 0.0
 
     def at_rest(self, lower: float = 0.0, upper: float = 0.0) -> float:
-        """Value of a following joint while its leader is at zero, or at the limit nearest to zero."""
+        """Value of a following joint while its leader is at zero, or at the limit
+        nearest to zero.
+        """
         return self.ratio * min(max(0.0, lower), upper) + self.offset
 
 
 def held_pose(kind: str, axis: Vec3, value: float) -> tuple[Mat3, Vec3]:
-    """Pose of a child link in the frame of its joint at a constant joint value (rad or m)."""
-    return (axis_rotation(axis, value), ZERO3) if kind == "revolute" else (Mat3.identity(), axis * value)
+    """Pose of a child link in the frame of its joint at a constant joint value (rad or
+    m).
+    """
+    return (
+        (axis_rotation(axis, value), ZERO3)
+        if kind == "revolute"
+        else (Mat3.identity(), axis * value)
+    )
 
 
 def couple(
     links: Sequence[Link], frames: Sequence[Frame], mimics: Mapping[str, Mimic]
 ) -> tuple[tuple[Link, ...], tuple[Follower, ...], tuple[Frame, ...]]:
-    """Separate followers (links with coupled joints) from independent links; frames get the new link indices.
+    """Separate followers (links with coupled joints) from independent links; frames get
+    the new link indices.
 
-    Damping and armature of a follower's joint act at its leader, by the square of the ratio; its dry friction by
-    the ratio, at the leader's own rate. Its limits narrow those of its leader; where they would leave it no range, as
-    in files whose limits forget a sign, the leader keeps its own (:func:`limits_that_contradict`).
+    Damping and armature of a follower's joint act at its leader, by the square of the
+    ratio; its dry friction by the ratio, at the leader's own rate. Its limits narrow
+    those of its leader; where they would leave it no range, as in files whose limits
+    forget a sign, the leader keeps its own (:func:`limits_that_contradict`).
 
     Args:
         links: links, parents before children.
@@ -208,11 +281,16 @@ def couple(
         mimics: name of a joint -> relation to its leader.
 
     Raises:
-        VehicleError: a joint that is not there, a ring, or a link with a joint of its own on a follower.
+        VehicleError: a joint that is not there, a ring, or a link with a joint of its
+            own on a follower.
     """
     if not mimics:
         return tuple(links), (), tuple(frames)
-    whole = {link.joint.name: resolve(link.joint.name, mimics, links) for link in links if link.joint.name in mimics}
+    whole = {
+        link.joint.name: resolve(link.joint.name, mimics, links)
+        for link in links
+        if link.joint.name in mimics
+    }
     free = [i for i, link in enumerate(links) if link.joint.name not in whole]
     tied = [i for i, link in enumerate(links) if link.joint.name in whole]
     place = {old: new for new, old in enumerate([*free, *tied])} | {-1: -1}
@@ -220,20 +298,39 @@ def couple(
     followers = []
     for i in tied:
         mimic, joint = whole[links[i].joint.name], links[i].joint
-        joints[mimic.joint] = _narrow_range(_with_friction(joints[mimic.joint], joint, mimic.ratio), joint, mimic)
+        joints[mimic.joint] = _narrow_range(
+            _with_friction(joints[mimic.joint], joint, mimic.ratio), joint, mimic
+        )
         nothing: dict[str, Any] = dict.fromkeys(PLAIN, 0)
         plain = replace(joint, **nothing)
         link = replace(links[i], parent=place[links[i].parent], joint=plain)
-        leader = next(k for k, old in enumerate(free) if links[old].joint.name == mimic.joint)
+        leader = next(
+            k for k, old in enumerate(free) if links[old].joint.name == mimic.joint
+        )
         followers.append(
-            Follower(link=link, leader=leader, ratio=mimic.ratio, offset=description.zero_is_structure(mimic.offset))
+            Follower(
+                link=link,
+                leader=leader,
+                ratio=mimic.ratio,
+                offset=description.zero_is_structure(mimic.offset),
+            )
         )
     independent = []
     for i in free:
         if place[links[i].parent] >= len(free):
             name = links[links[i].parent].name
-            refuse(f"joint[{links[i].joint.name}].parent", name, "must not follow another joint; lock it instead")
-        independent.append(replace(links[i], parent=place[links[i].parent], joint=joints[links[i].joint.name]))
+            refuse(
+                f"joint[{links[i].joint.name}].parent",
+                name,
+                "must not follow another joint; lock it instead",
+            )
+        independent.append(
+            replace(
+                links[i],
+                parent=place[links[i].parent],
+                joint=joints[links[i].joint.name],
+            )
+        )
     moved = tuple(replace(frame, link=place[frame.link]) for frame in frames)
     return tuple(independent), tuple(followers), moved
 
@@ -249,38 +346,62 @@ def follow(name: str, mimics: Mapping[str, Mimic]) -> Mimic:
         ratio, offset = ratio * mimic.ratio, offset + ratio * mimic.offset
         if mimic.joint in passed:
             refuse(
-                f"joint[{name}].mimic.joint", mimic.joint, f"must not lead back ({' -> '.join([*passed, mimic.joint])})"
+                f"joint[{name}].mimic.joint",
+                mimic.joint,
+                f"must not lead back ({' -> '.join([*passed, mimic.joint])})",
             )
         passed.append(mimic.joint)
     return Mimic(passed[-1], ratio, offset)
 
 
 def resolve(name: str, mimics: Mapping[str, Mimic], links: Sequence[Link]) -> Mimic:
-    """Leader at the end of a mimic joint's chain of mimics; raises an error if the leader is not a moving joint."""
+    """Leader at the end of a mimic joint's chain of mimics; raises an error if the
+    leader is not a moving joint.
+    """
     joints, leader = [link.joint.name for link in links], follow(name, mimics)
     if leader.joint not in joints:
         last = next(each for each in mimics if mimics[each].joint == leader.joint)
-        refuse(f"joint[{last}].mimic.joint", leader.joint, f"must be one of {', '.join(joints)}")
+        refuse(
+            f"joint[{last}].mimic.joint",
+            leader.joint,
+            f"must be one of {', '.join(joints)}",
+        )
     if leader.ratio == 0.0:
-        refuse(f"joint[{name}].mimic.ratio", leader.ratio, "must not be 0; a joint that never moves is fixed")
+        refuse(
+            f"joint[{name}].mimic.ratio",
+            leader.ratio,
+            "must not be 0; a joint that never moves is fixed",
+        )
     return leader
 
 
 def _with_friction(leader: Joint, follower: Joint, ratio: float) -> Joint:
     """Leader joint to which a follower's friction and armature are added."""
     values: dict[str, Any] = {}
-    for name, by in (("damping", ratio * ratio), ("armature", ratio * ratio), ("coulomb", abs(ratio))):
+    for name, by in (
+        ("damping", ratio * ratio),
+        ("armature", ratio * ratio),
+        ("coulomb", abs(ratio)),
+    ):
         more = getattr(follower, name)
         if not absent(more):
             values[name] = add(getattr(leader, name), mul(by, more))
     return replace(leader, **values) if values else leader
 
 
-def _range_of_leader(leader: Joint, follower: Joint, ratio: Scalar, offset: Scalar) -> tuple[Scalar, Scalar] | None:
-    """Range of a leader joint that satisfies the limits of leader and follower; None if the range is empty."""
-    if not concrete(leader.lower, leader.upper, follower.lower, follower.upper, ratio, offset):
+def _range_of_leader(
+    leader: Joint, follower: Joint, ratio: Scalar, offset: Scalar
+) -> tuple[Scalar, Scalar] | None:
+    """Range of a leader joint that satisfies the limits of leader and follower; None if
+    the range is empty.
+    """
+    if not concrete(
+        leader.lower, leader.upper, follower.lower, follower.upper, ratio, offset
+    ):
         return leader.lower, leader.upper
-    first, last = sorted(((follower.lower - offset) / ratio, (follower.upper - offset) / ratio))
+    first, last = sorted(
+        ((follower.lower - offset) / ratio, (follower.upper - offset) / ratio)
+    )
     low, high = max(leader.lower, first), min(leader.upper, last)
     return (low, high) if low < high else None
 
@@ -292,12 +413,25 @@ def _narrow_range(leader: Joint, follower: Joint, mimic: Mimic) -> Joint:
     return replace(leader, lower=limits[0], upper=limits[1])
 
 
-def limits_that_contradict(links: Sequence[Link], followers: Sequence[Follower]) -> tuple[str, ...]:
-    """Notes on followers whose joint limits contradict those of their leader joints and are therefore ignored."""
+def limits_that_contradict(
+    links: Sequence[Link], followers: Sequence[Follower]
+) -> tuple[str, ...]:
+    """Notes on followers whose joint limits contradict those of their leader joints and
+    are therefore ignored.
+    """
     notes = Notes()
     for each in followers:
-        if _range_of_leader(links[each.leader].joint, each.link.joint, each.ratio, each.offset) is None:
-            notes.add("has limits that leave the joint it follows no range; they do not count", each.link.joint.name)
+        if (
+            _range_of_leader(
+                links[each.leader].joint, each.link.joint, each.ratio, each.offset
+            )
+            is None
+        ):
+            notes.add(
+                "has limits that leave the joint it follows no range; they do not"
+                " count",
+                each.link.joint.name,
+            )
     return notes.lines()
 
 
@@ -308,16 +442,22 @@ class RigidBodies:
     Attributes:
         name: name of the vehicle.
         root: name of the root link, the base.
-        base, links: bodies and joints, in an order in which every parent precedes its children.
+        base, links: bodies and joints, in an order in which every parent precedes its
+            children.
         frames: one for each link that a fixed joint merged into another.
-        mimics: name of a joint that follows another one -> relation to its leader; no joint does if empty.
+        mimics: name of a joint that follows another one -> relation to its leader; no
+            joint does if empty.
         notes: elements that its reader left out or read in another way, a line each.
         looks: meshes of its links.
         rotors: rotors that its file states.
-        drives: servos that its file states: joint -> table as ``[drives.JOINT]`` of a vehicle file has it.
-        pose: rotation and position (m) of the root in its file, which it keeps where an airframe carries it.
-        faults: error about what the file holds -> joints that make it harmless if all are held.
-        speeds: name of a joint -> largest rate that its file states, rad/s or m/s; 0 for none.
+        drives: servos that its file states: joint -> table as ``[drives.JOINT]`` of a
+            vehicle file has it.
+        pose: rotation and position (m) of the root in its file, which it keeps where an
+            airframe carries it.
+        faults: error about what the file holds -> joints that make it harmless if all
+            are held.
+        speeds: name of a joint -> largest rate that its file states, rad/s or m/s; 0
+            for none.
     """
 
     name: str
@@ -335,18 +475,31 @@ class RigidBodies:
     faults: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
     def require_no_faults(self) -> None:
-        """Raise an error for the first fault, with the joints that make all of them harmless if they are held.
+        """Raise an error for the first fault, with the joints that make all of them
+        harmless if they are held.
 
         Raises:
             VehicleError: one line with field, value, what is allowed and the cure.
         """
         for fault in self.faults:
-            names = sorted({follow(each, self.mimics).joint for joints in self.faults.values() for each in joints})
-            hold = f'[[joints]] name = "{names[0]}", hold = 0.0' + f", and so {', '.join(names[1:])}" * (len(names) > 1)
-            raise VehicleError(f"{fault}; or hold the joints on which such parts act: {hold}")
+            names = sorted(
+                {
+                    follow(each, self.mimics).joint
+                    for joints in self.faults.values()
+                    for each in joints
+                }
+            )
+            hold = (
+                f'[[joints]] name = "{names[0]}", hold = 0.0'
+                + f", and so {', '.join(names[1:])}" * (len(names) > 1)
+            )
+            raise VehicleError(
+                f"{fault}; or hold the joints on which such parts act: {hold}"
+            )
 
     def require_airframe(self) -> None:
-        """Raise an error for the root of another program's file that is no airframe: it lacks mass or inertia.
+        """Raise an error for the root of another program's file that is no airframe: it
+        lacks mass or inertia.
 
         Raises:
             VehicleError: one line with field, value, what is allowed and the cure.
@@ -354,9 +507,14 @@ class RigidBodies:
         mass, least = float(self.base.mass), principal_moments(self.base.inertia)[0]
         if mass == 0.0 or 0.0 <= least < NOISE:
             field, value, lacks = (
-                ("mass", mass, "weighs nothing") if mass == 0.0 else ("inertia", least, "has no inertia")
+                ("mass", mass, "weighs nothing")
+                if mass == 0.0
+                else ("inertia", least, "has no inertia")
             )
-            cure = f"its root '{self.root}' {lacks}, and an airframe can carry it by [[attach]]"
+            cure = (
+                f"its root '{self.root}' {lacks}, and an airframe can carry it by"
+                " [[attach]]"
+            )
             refuse(f"base.{field}", value, f"must be greater than 0; {cure}")
 
 
@@ -365,26 +523,34 @@ SHOWN = 4
 
 
 class Notes:
-    """Notes on a vehicle file that is read; elements with equal notes share one line: ``joints a, b: TEXT``."""
+    """Notes on a vehicle file that is read; elements with equal notes share one line:
+    ``joints a, b: TEXT``.
+    """
 
     def __init__(self) -> None:
         self._names: dict[tuple[str, str], list[str]] = {}
 
     def add(self, text: str, name: str = "", kind: str = "joint") -> None:
-        """Add a note about one named element, such as a joint, or about the whole file."""
+        """Add a note about one named element, such as a joint, or about the whole
+        file.
+        """
         names = self._names.setdefault((kind, text), [])
         if name and name not in names:
             names.append(name)
 
     def lines(self) -> tuple[str, ...]:
         """All notes on the vehicle file, each as one line of text."""
-        return tuple(_line(kind, text, names) for (kind, text), names in self._names.items())
+        return tuple(
+            _line(kind, text, names) for (kind, text), names in self._names.items()
+        )
 
 
 def _line(kind: str, text: str, names: list[str]) -> str:
     if not names:
         return printable(text)
-    listed = ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
+    listed = ", ".join(names[:SHOWN]) + (
+        f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    )
     many = f"{kind[:-1]}ies" if kind.endswith("y") else f"{kind}s"
     return printable(f"{many if len(names) > 1 else kind} {listed}: {text}")
 
@@ -405,19 +571,32 @@ class BodyTree:
         self.mimics, self.notes = mimics, notes
 
     def add_link(self, name: str, parent: int, joint: Joint) -> Frame:
-        """Add a link with its joint to the body ``parent``; returns the link's frame."""
-        self.links.append(Link(name=name, parent=parent, joint=joint, body=Body(mass=0)))
+        """Add a link with its joint to the body ``parent``; returns the link's
+        frame.
+        """
+        self.links.append(
+            Link(name=name, parent=parent, joint=joint, body=Body(mass=0))
+        )
         self.parts.append([])
         return at_origin(len(self.links) - 1)
 
     def add_body(self, link: int, body: Body) -> None:
-        """Add a mass, expressed in the axes of a link or the base, to that link or base."""
+        """Add a mass, expressed in the axes of a link or the base, to that link or
+        base.
+        """
         self.parts[link + 1].append(body)
 
     def bodies(self, name: str, root: str, coupled: bool) -> RigidBodies:
-        """Completed tree of bodies; ``coupled`` keeps mimic joints as moving followers."""
-        base, *bodies = (description.body(each) if each else Body(mass=0.0) for each in self.parts)
-        links = tuple(replace(link, body=body) for link, body in zip(self.links, bodies, strict=True))
+        """Completed tree of bodies; ``coupled`` keeps mimic joints as moving
+        followers.
+        """
+        base, *bodies = (
+            description.body(each) if each else Body(mass=0.0) for each in self.parts
+        )
+        links = tuple(
+            replace(link, body=body)
+            for link, body in zip(self.links, bodies, strict=True)
+        )
         moving = {link.joint.name for link in links} if coupled else ()
         return RigidBodies(
             name=name,
@@ -425,14 +604,19 @@ class BodyTree:
             base=base,
             links=links,
             frames=tuple(self.frames),
-            mimics={joint: mimic for joint, mimic in self.mimics.items() if joint in moving},
+            mimics={
+                joint: mimic for joint, mimic in self.mimics.items() if joint in moving
+            },
             notes=self.notes.lines(),
             looks=tuple(self.looks),
         )
 
 
-def with_pose(bodies: RigidBodies, pose: tuple[Mat3, Vec3], notes: Notes) -> RigidBodies:
-    """Bodies with the pose of their root in its file, and with their notes, one more for a pose beside the origin.
+def with_pose(
+    bodies: RigidBodies, pose: tuple[Mat3, Vec3], notes: Notes
+) -> RigidBodies:
+    """Bodies with the pose of their root in its file, and with their notes, one more
+    for a pose beside the origin.
 
     Args:
         bodies: those of a file.
@@ -440,6 +624,9 @@ def with_pose(bodies: RigidBodies, pose: tuple[Mat3, Vec3], notes: Notes) -> Rig
         notes: notes of its reader.
     """
     if pose != (Mat3.identity(), ZERO3):
-        why = "moved or turned in its file, a pose that it keeps where [[attach]] names this file, and not elsewhere"
+        why = (
+            "moved or turned in its file, a pose that it keeps where [[attach]] names"
+            " this file, and not elsewhere"
+        )
         notes.add(why, bodies.root, "body")
     return replace(bodies, pose=pose, notes=notes.lines())

@@ -1,7 +1,9 @@
-"""Conversion of the numbers of a vehicle file: exact zeros and ones become constants of compiled code.
+"""Conversion of the numbers of a vehicle file: exact zeros and ones become constants of
+compiled code.
 
-What stands as 0 or 1 in a file, and what is computed from it to exactly 0.0 (a product of inertia of a symmetric
-body), is structure and folds away; every other number stays data (see :mod:`skyarm.algebra.scalars`).
+What stands as 0 or 1 in a file, and what is computed from it to exactly 0.0 (a product
+of inertia of a symmetric body), is structure and folds away; every other number stays
+data (see :mod:`skyarm.algebra.scalars`).
 """
 
 from __future__ import annotations
@@ -19,17 +21,21 @@ from skyarm.vehicle.check import refuse
 from skyarm.vehicle.linkage import Body
 
 ROUNDING = 1e-15
-"""Distance from 0, 1 or -1 below which an entry of a rotation becomes that number; sin(pi) is 1.2e-16 in floating
-point."""
+"""Distance from 0, 1 or -1 below which an entry of a rotation becomes that number;
+sin(pi) is 1.2e-16 in floating point."""
 
 
 def zero_is_structure(value: float) -> int | float:
-    """Convert an exact zero to a constant of compiled code; other numbers stay variable."""
+    """Convert an exact zero to a constant of compiled code; other numbers stay
+    variable.
+    """
     return 0 if value == 0.0 else float(value)
 
 
 def vector(values: Iterable[Any]) -> Vec3:
-    """Vector of three numbers, in which exact zeros and ones become constants of compiled code."""
+    """Vector of three numbers, in which exact zeros and ones become constants of
+    compiled code.
+    """
     return Vec3.from_numbers(list(map(float, values)))
 
 
@@ -38,14 +44,20 @@ def unit_axis(field: str, numbers: Iterable[Any]) -> Vec3:
     values = list(map(float, numbers))
     length = math.hypot(*values)
     if not (length > 0.0 and math.isfinite(length)):
-        refuse(field, values, "must have a direction (three finite numbers, not all zero; any length)")
+        refuse(
+            field,
+            values,
+            "must have a direction (three finite numbers, not all zero; any length)",
+        )
     if abs(length - 1.0) <= ROUNDING:
         length = 1.0
     return Vec3.from_numbers([value / length for value in values])
 
 
 def rotation(R: Mat3) -> Mat3:
-    """Rotation matrix with entries rounded to 0 and 1 where sin and cos left rounding errors."""
+    """Rotation matrix with entries rounded to 0 and 1 where sin and cos left rounding
+    errors.
+    """
     return Mat3.from_numbers([[_snap(float(entry)) for entry in row] for row in R.rows])
 
 
@@ -55,17 +67,21 @@ def _snap(entry: float) -> float:
 
 
 def rotation_rpy(rpy: Sequence[float]) -> Mat3:
-    """Rotation matrix Rz(yaw) Ry(pitch) Rx(roll) of angles in rad: child axes to parent axes.
+    """Rotation matrix Rz(yaw) Ry(pitch) Rx(roll) of angles in rad: child axes to parent
+    axes.
 
     Source: URDF specification, element origin.
     """
-    return rotation(euler_rotation(tuple(map(math.sin, rpy)), tuple(map(math.cos, rpy))))
+    return rotation(
+        euler_rotation(tuple(map(math.sin, rpy)), tuple(map(math.cos, rpy)))
+    )
 
 
 def unit_quaternion(R: Mat3) -> list[float]:
     """Unit quaternion w, x, y, z of a rotation matrix.
 
-    Source: Shepperd 1978, Quaternion from rotation matrix: by the largest of the four components.
+    Source: Shepperd 1978, Quaternion from rotation matrix: by the largest of the four
+    components.
     """
     row = max(quaternion_products(R.rows), key=lambda each: math.hypot(*each))
     return [float(each) / math.hypot(*row) for each in row]
@@ -75,21 +91,32 @@ def rotation_quaternion(field: str, wxyz: Sequence[float]) -> Mat3:
     """Rotation matrix of a quaternion, whose length must be 1 to 1e-6."""
     length = math.hypot(*wxyz)
     if not abs(length - 1.0) <= TOLERANCE:
-        refuse(field, list(wxyz), f"must be of unit length within {TOLERANCE:g}; its length is {length:.9g}")
+        refuse(
+            field,
+            list(wxyz),
+            f"must be of unit length within {TOLERANCE:g}; its length is {length:.9g}",
+        )
     return rotation(Quaternion(*map(float, wxyz)).normalized().rotation())
 
 
 def quaternion_products(R: Any) -> list[list[Any]]:
-    """Products (4 x 4) of the components w, x, y, z of a rotation matrix's quaternion, times 4.
+    """Products (4 x 4) of the components w, x, y, z of a rotation matrix's quaternion,
+    times 4.
 
-    Each row is a multiple of the quaternion; that of the largest diagonal entry keeps the most digits.
+    Each row is a multiple of the quaternion; that of the largest diagonal entry keeps
+    the most digits.
 
     Args:
         R: three rows of three numbers or arrays.
     """
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R
     a, b, c, d, e, f = zy - yz, xz - zx, yx - xy, yx + xy, xz + zx, zy + yz
-    w, x, y, z = 1.0 + xx + yy + zz, 1.0 + xx - yy - zz, 1.0 - xx + yy - zz, 1.0 - xx - yy + zz
+    w, x, y, z = (
+        1.0 + xx + yy + zz,
+        1.0 + xx - yy - zz,
+        1.0 - xx + yy - zz,
+        1.0 - xx - yy + zz,
+    )
     return [[w, a, b, c], [a, x, d, e], [b, d, y, f], [c, e, f, z]]
 
 
@@ -99,9 +126,13 @@ def inertia(values: Iterable[Any]) -> Sym3:
 
 
 def body(parts: Sequence[Body]) -> Body:
-    """Merge the parts of one link into one body; exact zeros become constants of compiled code."""
+    """Merge the parts of one link into one body; exact zeros become constants of
+    compiled code.
+    """
     # a part that weighs nothing would still move the centre of mass by a rounding error
-    weighed = [part for part in parts if any((part.mass, *part.inertia.entries))] or parts[:1]
+    weighed = [
+        part for part in parts if any((part.mass, *part.inertia.entries))
+    ] or parts[:1]
     whole = weighed[0] if len(weighed) == 1 else Body.of_parts(weighed)
     return Body(
         mass=float(whole.mass),
@@ -112,7 +143,8 @@ def body(parts: Sequence[Body]) -> Body:
 
 
 def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:
-    """Order links so that every parent precedes its children, and otherwise keep the given order.
+    """Order links so that every parent precedes its children, and otherwise keep the
+    given order.
 
     Args:
         parents: name of each link's parent; ``root`` is the base.
@@ -126,7 +158,11 @@ def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:
     children: dict[str, list[int]] = {name: [] for name in (root, *names)}
     for index, (name, parent) in enumerate(parents.items()):
         if parent not in children:
-            refuse(field.format(name), parent, must_be_one_of([each for each in children if each != name], parent))
+            refuse(
+                field.format(name),
+                parent,
+                must_be_one_of([each for each in children if each != name], parent),
+            )
         children[parent].append(index)
     order: list[str] = []
     ready = list(children[root])  # in the order of the file, so a heap
@@ -138,12 +174,18 @@ def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:
     if len(order) < len(names):
         placed = set(order)
         ring = _ring(parents, next(name for name in names if name not in placed))
-        refuse(field.format(ring[0]), parents[ring[0]], f"closed chains are not supported ({' -> '.join(ring)})")
+        refuse(
+            field.format(ring[0]),
+            parents[ring[0]],
+            f"closed chains are not supported ({' -> '.join(ring)})",
+        )
     return order
 
 
 def _ring(parents: Mapping[str, str], start: str) -> list[str]:
-    """Link names along a cycle of parents that is reached from a start link; the first name is repeated at the end."""
+    """Link names along a cycle of parents that is reached from a start link; the first
+    name is repeated at the end.
+    """
     walked = [start]
     while parents[walked[-1]] not in walked:
         walked.append(parents[walked[-1]])

@@ -5,16 +5,27 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from skyarm.vehicle.attach import BodyTree, Notes, RigidBodies, at_origin, follow, held_pose, moved_into, posed_in
+from skyarm.vehicle.attach import (
+    BodyTree,
+    Notes,
+    RigidBodies,
+    at_origin,
+    follow,
+    held_pose,
+    moved_into,
+    posed_in,
+)
 from skyarm.vehicle.linkage import BASE
 
 
 def hold_joints(bodies: RigidBodies, values: Mapping[str, float]) -> RigidBodies:
-    """Bodies in which some joints stand still for good: each link joins its parent and stays as a frame.
+    """Bodies in which some joints stand still for good: each link joins its parent and
+    stays as a frame.
 
     Args:
         bodies: bodies, joints and frames.
-        values: name of a joint -> its constant value, rad or m. Joints that follow it are held where it puts them.
+        values: name of a joint -> its constant value, rad or m. Joints that follow it
+            are held where it puts them.
     """
     if not values:
         return bodies
@@ -29,11 +40,17 @@ def hold_joints(bodies: RigidBodies, values: Mapping[str, float]) -> RigidBodies
         joint, body = link.joint, link.body
         at = posed_in(seats[link.parent], joint.rotation, joint.position)
         if joint.name in held:
-            seat = posed_in(at, *held_pose(joint.kind, joint.axis, held[joint.name]), link.name)
+            seat = posed_in(
+                at, *held_pose(joint.kind, joint.axis, held[joint.name]), link.name
+            )
             tree.frames.append(seat)
             body = body.transform(seat.rotation, seat.position)
         else:
-            seat = tree.add_link(link.name, at.link, replace(joint, position=at.position, rotation=at.rotation))
+            seat = tree.add_link(
+                link.name,
+                at.link,
+                replace(joint, position=at.position, rotation=at.rotation),
+            )
         tree.add_body(seat.link, body)
         seats[index] = seat
     made = tree.bodies(bodies.name, bodies.root, coupled=False)
@@ -41,9 +58,16 @@ def hold_joints(bodies: RigidBodies, values: Mapping[str, float]) -> RigidBodies
         bodies,
         base=made.base,
         links=made.links,
-        frames=(*(moved_into(seats[each.link], each) for each in bodies.frames), *made.frames),
+        frames=(
+            *(moved_into(seats[each.link], each) for each in bodies.frames),
+            *made.frames,
+        ),
         looks=tuple(moved_into(seats[each.link], each) for each in bodies.looks),
         mimics={name: each for name, each in bodies.mimics.items() if name not in held},
         drives={name: each for name, each in bodies.drives.items() if name not in held},
-        faults={fault: joints - held.keys() for fault, joints in bodies.faults.items() if joints - held.keys()},
+        faults={
+            fault: joints - held.keys()
+            for fault, joints in bodies.faults.items()
+            if joints - held.keys()
+        },
     )

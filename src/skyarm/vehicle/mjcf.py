@@ -1,9 +1,11 @@
 """MJCF files: read a vehicle's rigid bodies and joints with MuJoCo's parser.
 
-The body with the free joint, or with three slides and three hinges in its place, is the base; without one it is the
-only body of the world that has joints or weighs something, which then floats, or the world itself. Hinges and slides
-become joints, several of one body joints with massless links between them. Sites, and bodies without joints, become
-frames. What has no counterpart is refused by its name; what acts on joints only is refused where these are not held.
+The body with the free joint, or with three slides and three hinges in its place, is the
+base; without one it is the only body of the world that has joints or weighs something,
+which then floats, or the world itself. Hinges and slides become joints, several of one
+body joints with massless links between them. Sites, and bodies without joints, become
+frames. What has no counterpart is refused by its name; what acts on joints only is
+refused where these are not held.
 """
 
 from __future__ import annotations
@@ -34,7 +36,13 @@ from skyarm.vehicle.attach import (
 )
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import Body, Joint
-from skyarm.vehicle.mjcf_actuators import AT_JOINT, at_joint, effort_of, name_of, read_drives
+from skyarm.vehicle.mjcf_actuators import (
+    AT_JOINT,
+    at_joint,
+    effort_of,
+    name_of,
+    read_drives,
+)
 from skyarm.vehicle.rotor_sources.mujoco_thrust import SITE, MujocoVehicle
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.vehicle_records import Frame
@@ -49,8 +57,10 @@ class _Tree(BodyTree):
 
     Attributes:
         seats: frame of each body. balls: ball joints, at rest.
-        of_rotors: joints that spin or tilt rotors. carrying: links and sites that carry rotors.
-        sites: site -> name of its frame, which is another one where a body has the site's.
+        of_rotors: joints that spin or tilt rotors. carrying: links and sites that carry
+            rotors.
+        sites: site -> name of its frame, which is another one where a body has the
+            site's.
     """
 
     def __init__(self, model: MjModel, coupled: bool, notes: Notes) -> None:
@@ -64,8 +74,14 @@ class _Tree(BodyTree):
         self.named = {name_of(model, "body", body) for body in range(1, model.nbody)}
 
     def unique(self, name: str) -> str:
-        """Unique name, with underscores appended where needed: MuJoCo has separate names for each kind of element."""
-        taken = {frame.name for frame in self.frames} | {link.name for link in self.links} | self.named
+        """Unique name, with underscores appended where needed: MuJoCo has separate
+        names for each kind of element.
+        """
+        taken = (
+            {frame.name for frame in self.frames}
+            | {link.name for link in self.links}
+            | self.named
+        )
         while name in taken:
             name += "_"
         return name
@@ -76,7 +92,8 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
 
     Args:
         path: path of the file.
-        mimic: "lock" or "couple": joints that an equality ties to others are fixed where they rest, or follow.
+        mimic: "lock" or "couple": joints that an equality ties to others are fixed
+            where they rest, or follow.
         base: name of the body of the world that is the base; "" for the only one.
 
     Raises:
@@ -88,49 +105,83 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     root, left_out = _root(model, base, notes)
     faults = require_supported(model, root, notes)
     for body in left_out:
-        notes.add("fixed to the world beside the vehicle; not read", name_of(model, "body", body), "part")
+        notes.add(
+            "fixed to the world beside the vehicle; not read",
+            name_of(model, "body", body),
+            "part",
+        )
     tree = _Tree(model, mimic == "couple", notes)
     tree.seats[root] = at_origin()
-    rotors = rotors_in(RotorFile(path, MujocoVehicle(model, _at_rest(model, root), root, notes)))
+    rotors = rotors_in(
+        RotorFile(path, MujocoVehicle(model, _at_rest(model, root), root, notes))
+    )
     tree.of_rotors = {name for each in rotors for name in (each.joint, each.tilt_joint)}
     tree.carrying = {each.link for each in rotors}
     _read_body(tree, root)
     for body in range(1, model.nbody):
-        if body != root and model.body_parentid[body] in tree.seats and body not in left_out:
+        if (
+            body != root
+            and model.body_parentid[body] in tree.seats
+            and body not in left_out
+        ):
             _read_child(tree, body)
-    rotors = tuple(replace(each, link=tree.sites.get(each.link, each.link)) for each in rotors)
+    rotors = tuple(
+        replace(each, link=tree.sites.get(each.link, each.link)) for each in rotors
+    )
     title = model.names[: model.names.index(b"\0")].decode() or path.stem
-    bodies = tree.bodies(title, name_of(model, "body", root) if root else "world", tree.coupled)
-    driven = {link.joint.name for link in tree.links} - tree.of_rotors - set(bodies.mimics)
+    bodies = tree.bodies(
+        title, name_of(model, "body", root) if root else "world", tree.coupled
+    )
+    driven = (
+        {link.joint.name for link in tree.links} - tree.of_rotors - set(bodies.mimics)
+    )
     drives = read_drives(model, driven, tree.mimics, notes)
     pose = (Mat3.identity(), ZERO3)
     if root and not _joints(model, root):
-        pose = (_rotation(model.body_quat[root]), description.vector(model.body_pos[root]))
+        pose = (
+            _rotation(model.body_quat[root]),
+            description.vector(model.body_pos[root]),
+        )
     movable = {link.joint.name for link in tree.links} | tree.balls
     # the others are fixed
-    acting = {fault: joints & movable for fault, joints in faults.items() if joints & movable}
-    return with_pose(replace(bodies, rotors=rotors, drives=drives, faults=acting), pose, notes)
+    acting = {
+        fault: joints & movable for fault, joints in faults.items() if joints & movable
+    }
+    return with_pose(
+        replace(bodies, rotors=rotors, drives=drives, faults=acting), pose, notes
+    )
 
 
 NUMBERS = (
-    "pos quat axis axisangle euler xyaxes zaxis fromto size mass density diaginertia fullinertia ref damping armature "
-    "frictionloss stiffness range actuatorfrcrange gear ctrlrange forcerange gainprm biasprm dynprm kp kv timeconst"
+    "pos quat axis axisangle euler xyaxes zaxis fromto size mass density diaginertia"
+    " fullinertia ref damping armature frictionloss stiffness range actuatorfrcrange"
+    " gear ctrlrange forcerange gainprm biasprm dynprm kp kv timeconst"
 )
-"""Attributes with the numbers of a vehicle; MuJoCo takes NaN in some of them for one that is left out."""
+"""Attributes with the numbers of a vehicle; MuJoCo takes NaN in some of them for one
+that is left out."""
 
 
 def _require_finite(root: ET.Element) -> None:
-    """Raise an error for a number that is not finite; a range may have no end, nor a floor, and a flag is no number."""
+    """Raise an error for a number that is not finite; a range may have no end, nor a
+    floor, and a flag is no number.
+    """
     for parent in root.iter():
         for element in (each for each in parent if each.tag != "flag"):
             field = f"{element.tag}[{element.get('name') or parent.get('name', '')}]"
             for word in NUMBERS.split():
                 for text in element.get(word, "").split():
-                    finite(text, f"{field}.{word}", infinite=word.endswith("range") or element.get("type") == "plane")
+                    finite(
+                        text,
+                        f"{field}.{word}",
+                        infinite=word.endswith("range")
+                        or element.get("type") == "plane",
+                    )
 
 
 def _compile(path: Path, notes: Notes) -> MjModel:
-    """Compile an MJCF file to MuJoCo's model; an error is shortened to one line, NaN in included files is refused."""
+    """Compile an MJCF file to MuJoCo's model; an error is shortened to one line, NaN in
+    included files is refused.
+    """
     root = read_xml(path, notes.add)
     require_root(root, "mujoco")
     _require_finite(root)
@@ -146,7 +197,9 @@ def _compile(path: Path, notes: Notes) -> MjModel:
             raise ValueError(warnings[0])
         return model
     except ValueError as error:
-        raise VehicleError(f"MJCF = {one_line(str(error))!r}: must be a model that MuJoCo loads") from None
+        raise VehicleError(
+            f"MJCF = {one_line(str(error))!r}: must be a model that MuJoCo loads"
+        ) from None
     finally:
         mujoco.set_mju_user_warning(usual)
 
@@ -154,28 +207,49 @@ def _compile(path: Path, notes: Notes) -> MjModel:
 NOWHERE = 1000
 """MuJoCo's enumeration value of a transmission that acts at nothing."""
 
-SWITCHES = "constraint equality frictionloss limit spring damper gravity clampctrl actuation"
-"""Flags of a file's option without which its simulation lacks a part of the physics; contacts are not read anyway."""
+SWITCHES = (
+    "constraint equality frictionloss limit spring damper gravity clampctrl actuation"
+)
+"""Flags of a file's option without which its simulation lacks a part of the physics;
+contacts are not read anyway."""
 
 
 def _read_option(model: MjModel, notes: Notes) -> None:
-    """Leave out the actuators that a file's option disables, with notes on what else it changes of the physics."""
+    """Leave out the actuators that a file's option disables, with notes on what else it
+    changes of the physics.
+    """
     import mujoco
 
-    bits = {each: int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{each.upper()}")) for each in SWITCHES.split()}
-    if flags := ", ".join(each for each, bit in bits.items() if model.opt.disableflags & bit):
-        notes.add(f"{flags}: disabled by the option of the file; not read: here they act")
+    bits = {
+        each: int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{each.upper()}"))
+        for each in SWITCHES.split()
+    }
+    if flags := ", ".join(
+        each for each, bit in bits.items() if model.opt.disableflags & bit
+    ):
+        notes.add(
+            f"{flags}: disabled by the option of the file; not read: here they act"
+        )
     gravity = model.opt.gravity.tolist()
     if any(gravity[:2]) or gravity[2] >= 0.0:
-        notes.add(f"gravity {gravity} of the option: not read; the scenario states gravity, along -z")
+        notes.add(
+            f"gravity {gravity} of the option: not read; the scenario states gravity,"
+            " along -z"
+        )
     for actuator, group in enumerate(model.actuator_group.tolist()):
         if group in range(31) and model.opt.disableactuator >> group & 1:
-            notes.add("of a group that the option disables: left out", name_of(model, "actuator", actuator), "actuator")
+            notes.add(
+                "of a group that the option disables: left out",
+                name_of(model, "actuator", actuator),
+                "actuator",
+            )
             model.actuator_trntype[actuator] = NOWHERE
 
 
 def _at_rest(model: MjModel, root: int) -> MjData:
-    """Poses of the bodies, joints and sites of a MuJoCo model at rest, a free base at the origin of the world."""
+    """Poses of the bodies, joints and sites of a MuJoCo model at rest, a free base at
+    the origin of the world.
+    """
     import mujoco
 
     if _joints(model, root):
@@ -189,46 +263,85 @@ def _at_rest(model: MjModel, root: int) -> MjData:
 
 
 def _root(model: MjModel, wanted: str, notes: Notes) -> tuple[int, list[int]]:
-    """Body that becomes the base (0 for the world), and other bodies of the world, which are not read.
+    """Body that becomes the base (0 for the world), and other bodies of the world,
+    which are not read.
 
     Raises:
         VehicleError: several bodies could be the base, or ``wanted`` is none of them.
     """
-    top = {body: name_of(model, "body", body) for body in range(1, model.nbody) if not model.body_parentid[body]}
+    top = {
+        body: name_of(model, "body", body)
+        for body in range(1, model.nbody)
+        if not model.body_parentid[body]
+    }
     free = [body for body in top if _is_free(model, body)]
-    moving = [body for body in top if body not in free and body in model.body_rootid[model.jnt_bodyid]]
-    heavy = [body for body in top if model.body_subtreemass[body] and model.body_mocapid[body] < 0]
-    chosen = [body for body in top if top[body] == wanted] if wanted else free or moving or heavy or list(top)
-    listed = ", ".join(f"{top[body]} ({float(model.body_subtreemass[body]):.6g} kg)" for body in top)
+    moving = [
+        body
+        for body in top
+        if body not in free and body in model.body_rootid[model.jnt_bodyid]
+    ]
+    heavy = [
+        body
+        for body in top
+        if model.body_subtreemass[body] and model.body_mocapid[body] < 0
+    ]
+    chosen = (
+        [body for body in top if top[body] == wanted]
+        if wanted
+        else free or moving or heavy or list(top)
+    )
+    listed = ", ".join(
+        f"{top[body]} ({float(model.body_subtreemass[body]):.6g} kg)" for body in top
+    )
     cure = f'base = "NAME" of the vehicle file takes one: {listed}'
     if wanted and not chosen:
         refuse("base", wanted, f"must be a body of the world: {listed}")
     if not wanted and free and moving:
-        refuse(f"body[{top[moving[0]]}]", "beside the base", f"must be a part of the base's tree; {cure}")
+        refuse(
+            f"body[{top[moving[0]]}]",
+            "beside the base",
+            f"must be a part of the base's tree; {cure}",
+        )
     if len(chosen) > 1 and not moving:
         what = "bodies with a free joint" if free else "bodies of the world"
         refuse(what, [top[body] for body in chosen], f"must be one, the base; {cure}")
     if len(chosen) > 1:
         notes.add(f"together on the world, which is the base; {cure}")
         return 0, []
-    root = chosen[0] if chosen and (chosen[0] in free or not _joints(model, chosen[0])) else 0
+    root = (
+        chosen[0]
+        if chosen and (chosen[0] in free or not _joints(model, chosen[0]))
+        else 0
+    )
     if root in free and len(_joints(model, root)) > 1:
-        why = "on three slides and three hinges: taken as free; their limits, damping and friction are not read"
+        why = (
+            "on three slides and three hinges: taken as free; their limits, damping and"
+            " friction are not read"
+        )
         notes.add(why, top[root], "body")
     return root, [body for body in top if body not in chosen]
 
 
 def _is_free(model: MjModel, body: int) -> bool:
-    """True if a body of the world has a free joint, or three slides and three hinges that nothing holds."""
+    """True if a body of the world has a free joint, or three slides and three hinges
+    that nothing holds.
+    """
     joints = _joints(model, body)
     kinds = np.array([kind_of(model, joint) for joint in joints])
     if sorted(kinds) != ["prismatic"] * 3 + ["revolute"] * 3:
         return "free" in kinds
-    driven = set(model.actuator_trnid[np.isin(model.actuator_trntype, AT_JOINT), 0].tolist())
+    driven = set(
+        model.actuator_trnid[np.isin(model.actuator_trntype, AT_JOINT), 0].tolist()
+    )
     tied = {name_of(model, "jnt", joint) for joint in joints} & set(mimics_of(model))
-    sprung = any(_is_stated(model, ("jnt_stiffness", "jnt_stiffnesspoly"), joint) for joint in joints)
+    sprung = any(
+        _is_stated(model, ("jnt_stiffness", "jnt_stiffnesspoly"), joint)
+        for joint in joints
+    )
     axes = (model.jnt_axis[joints][kinds == each] for each in set(kinds))
-    return not (driven & {*joints} or tied or sprung) and all(np.linalg.matrix_rank(each, 1e-6) == 3 for each in axes)
+    return not (driven & {*joints} or tied or sprung) and all(
+        np.linalg.matrix_rank(each, 1e-6) == 3 for each in axes
+    )
 
 
 def _joints(model: MjModel, body: int) -> list[int]:
@@ -237,19 +350,35 @@ def _joints(model: MjModel, body: int) -> list[int]:
 
 
 def _read_child(tree: _Tree, body: int) -> None:
-    """Add a body and its joints to the tree; MuJoCo applies the joints in sequence, each about its own anchor."""
+    """Add a body and its joints to the tree; MuJoCo applies the joints in sequence,
+    each about its own anchor.
+    """
     model, name = tree.model, name_of(tree.model, "body", body)
     carrier = tree.seats[model.body_parentid[body]]
-    at = posed_in(carrier, _rotation(model.body_quat[body]), description.vector(model.body_pos[body]))
+    at = posed_in(
+        carrier,
+        _rotation(model.body_quat[body]),
+        description.vector(model.body_pos[body]),
+    )
     balls = [joint for joint in _joints(model, body) if kind_of(model, joint) == "ball"]
     tree.balls |= {name_of(model, "jnt", joint) for joint in balls}
-    moving = [joint for joint in _joints(model, body) if joint not in balls and not _is_fixed(tree, joint)]
+    moving = [
+        joint
+        for joint in _joints(model, body)
+        if joint not in balls and not _is_fixed(tree, joint)
+    ]
     for joint in _joints(model, body):
         anchor = description.vector(model.jnt_pos[joint])
         at = posed_in(at, Mat3.identity(), anchor)
         if joint in moving:
             silent = name_of(model, "jnt", joint) in tree.of_rotors
-            made = read_joint(model, joint, at.rotation, at.position, Notes() if silent else tree.notes)
+            made = read_joint(
+                model,
+                joint,
+                at.rotation,
+                at.position,
+                Notes() if silent else tree.notes,
+            )
             link = name if joint == moving[-1] else tree.unique(f"{name}.{made.name}")
             at = tree.add_link(link, at.link, made)
         elif joint not in balls:
@@ -262,7 +391,9 @@ def _read_child(tree: _Tree, body: int) -> None:
 
 
 def _is_fixed(tree: _Tree, joint: int) -> bool:
-    """True if a joint cannot move: it follows a fixed joint, or follows any joint while mimic joints are locked."""
+    """True if a joint cannot move: it follows a fixed joint, or follows any joint while
+    mimic joints are locked.
+    """
     name = name_of(tree.model, "jnt", joint)
     if name not in tree.mimics or not tree.coupled:
         return name in tree.mimics
@@ -275,7 +406,14 @@ def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
     name = name_of(tree.model, "jnt", joint)
     value = resting(tree.model, name, tree.mimics)
     tree.notes.add(f"tied by an equality: fixed at {value:g}", name)
-    return posed_in(at, *held_pose(kind_of(tree.model, joint), description.vector(tree.model.jnt_axis[joint]), value))
+    return posed_in(
+        at,
+        *held_pose(
+            kind_of(tree.model, joint),
+            description.vector(tree.model.jnt_axis[joint]),
+            value,
+        ),
+    )
 
 
 def _read_body(tree: _Tree, body: int) -> None:
@@ -289,8 +427,13 @@ def _read_body(tree: _Tree, body: int) -> None:
         tree.add_body(at.link, Body(mass=mass, com=com, inertia=moments.rotate(R)))
     for site in range(model.nsite):
         name = name_of(model, "site", site)
-        if model.site_bodyid[site] == body and (model.site(site).name or name in tree.carrying):
-            pose = _rotation(model.site_quat[site]), description.vector(model.site_pos[site])
+        if model.site_bodyid[site] == body and (
+            model.site(site).name or name in tree.carrying
+        ):
+            pose = (
+                _rotation(model.site_quat[site]),
+                description.vector(model.site_pos[site]),
+            )
             tree.sites[name] = tree.unique(name)
             tree.frames.append(posed_in(at, *pose, tree.sites[name]))
 
@@ -309,15 +452,22 @@ def kind_of(model: MjModel, joint: int) -> str:
 
 
 def read_joint(model: MjModel, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Joint:
-    """Convert a MuJoCo joint to this library's joint, with zero at the model's reference position (``ref``)."""
+    """Convert a MuJoCo joint to this library's joint, with zero at the model's
+    reference position (``ref``).
+    """
     name = name_of(model, "jnt", joint)
     if model.qpos0[model.jnt_qposadr[joint]]:
         notes.add("with a ref: its zero here is where the file's model stands", name)
     lower, upper = limits(model, joint)
     dof = model.jnt_dofadr[joint]
-    given = {"damping": "dof_damping", "coulomb": "dof_frictionloss", "armature": "dof_armature"}
+    given = {
+        "damping": "dof_damping",
+        "coulomb": "dof_frictionloss",
+        "armature": "dof_armature",
+    }
     rubbing: dict[str, Any] = {
-        ours: description.zero_is_structure(float(getattr(model, theirs)[dof])) for ours, theirs in given.items()
+        ours: description.zero_is_structure(float(getattr(model, theirs)[dof]))
+        for ours, theirs in given.items()
     }
     axis = description.unit_axis(f"joint[{name}].axis", model.jnt_axis[joint])
     return Joint(
@@ -334,7 +484,8 @@ def read_joint(model: MjModel, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Jo
 
 
 def mimics_of(model: MjModel) -> dict[str, Mimic]:
-    """Mimic relation of each joint from the file's joint equalities; the leader of a locked joint is "".
+    """Mimic relation of each joint from the file's joint equalities; the leader of a
+    locked joint is "".
 
     Raises:
         VehicleError: an equality that is not linear.
@@ -345,14 +496,28 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
     for each in range(model.neq):
         if model.eq_type[each] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[each]:
             continue
-        name, other = name_of(model, "jnt", model.eq_obj1id[each]), model.eq_obj2id[each]
+        name, other = (
+            name_of(model, "jnt", model.eq_obj1id[each]),
+            model.eq_obj2id[each],
+        )
         numbers = [float(value) for value in model.eq_data[each][:5]]
         if any(numbers[2:]):
-            refuse(f"equality of joint[{name}].polycoef", numbers, "must be a straight line: two numbers, then zeros")
+            refuse(
+                f"equality of joint[{name}].polycoef",
+                numbers,
+                "must be a straight line: two numbers, then zeros",
+            )
         if name in mimics:
             refuse(f"equality of joint[{name}]", "two of them", "must be at most one")
-        leader, (offset, ratio) = name_of(model, "jnt", other) if other >= 0 else "", numbers[:2]
-        driven = other >= 0 and at_joint(model, model.eq_obj1id[each]) and not at_joint(model, other)
+        leader, (offset, ratio) = (
+            (name_of(model, "jnt", other) if other >= 0 else ""),
+            numbers[:2],
+        )
+        driven = (
+            other >= 0
+            and at_joint(model, model.eq_obj1id[each])
+            and not at_joint(model, other)
+        )
         # MuJoCo's ties bind both: what is driven leads
         if driven and ratio and leader not in mimics:
             name, leader, offset, ratio = leader, name, -offset / ratio, 1.0 / ratio
@@ -361,13 +526,19 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
 
 
 def resting(model: MjModel, name: str, mimics: Mapping[str, Mimic]) -> float:
-    """Value of a mimic joint while the last leader in its chain of mimic joints is at rest."""
+    """Value of a mimic joint while the last leader in its chain of mimic joints is at
+    rest.
+    """
     leader = follow(name, mimics)
-    return leader.at_rest(*(limits(model, model.joint(leader.joint).id) if leader.joint else (0.0, 0.0)))
+    return leader.at_rest(
+        *(limits(model, model.joint(leader.joint).id) if leader.joint else (0.0, 0.0))
+    )
 
 
 def limits(model: MjModel, joint: int) -> tuple[float, float]:
-    """Lower and upper joint limit relative to the reference position, rad or m; infinite without limits."""
+    """Lower and upper joint limit relative to the reference position, rad or m;
+    infinite without limits.
+    """
     if not model.jnt_limited[joint]:
         return -math.inf, math.inf
     zero = float(model.qpos0[model.jnt_qposadr[joint]])
@@ -375,11 +546,20 @@ def limits(model: MjModel, joint: int) -> tuple[float, float]:
     return lower, upper
 
 
-TENDON_FORCES = ("tendon_stiffness", "tendon_damping", "tendon_frictionloss", "tendon_limited", "tendon_armature")
+TENDON_FORCES = (
+    "tendon_stiffness",
+    "tendon_damping",
+    "tendon_frictionloss",
+    "tendon_limited",
+    "tendon_armature",
+)
 
 
-def require_supported(model: MjModel, root: int, notes: Notes) -> dict[str, frozenset[str]]:
-    """Elements of an MJCF file that are not supported: error -> joints that make it harmless if all are held.
+def require_supported(
+    model: MjModel, root: int, notes: Notes
+) -> dict[str, frozenset[str]]:
+    """Elements of an MJCF file that are not supported: error -> joints that make it
+    harmless if all are held.
 
     Args:
         model: MuJoCo's model.
@@ -391,28 +571,45 @@ def require_supported(model: MjModel, root: int, notes: Notes) -> dict[str, froz
     """
     faults = {**_joint_faults(model, notes), **_loop_faults(model, root)}
     for tendon in range(model.ntendon):
-        name, wraps = name_of(model, "tendon", tendon), slice(model.tendon_adr[tendon], None)
+        name, wraps = (
+            name_of(model, "tendon", tendon),
+            slice(model.tendon_adr[tendon], None),
+        )
         if not _is_stated(model, TENDON_FORCES, tendon):
             notes.add("not read", name, "tendon")
         else:
             joints = model.wrap_objid[wraps][: model.tendon_num[tendon]]
-            fault = f"tendon[{name}] = 'a pull of its own': must pull nothing; tendons are not supported"
+            fault = (
+                f"tendon[{name}] = 'a pull of its own': must pull nothing; tendons are"
+                " not supported"
+            )
             if (model.wrap_type[wraps][: len(joints)] != 1).any():
                 raise VehicleError(fault)
             faults[fault] = frozenset(name_of(model, "jnt", joint) for joint in joints)
     for body in range(1, model.nbody):
         if model.body_gravcomp[body]:
-            refuse(f"body[{name_of(model, 'body', body)}].gravcomp", float(model.body_gravcomp[body]), "must be 0")
+            refuse(
+                f"body[{name_of(model, 'body', body)}].gravcomp",
+                float(model.body_gravcomp[body]),
+                "must be 0",
+            )
     if model.nflex:
         refuse("flex", model.nflex, "must be rigid bodies only")
     for actuator in range(model.nactuator):
         name = name_of(model, "actuator", actuator)
         if _is_stated(model, ("actuator_armature", "actuator_damping"), actuator):
-            refuse(f"actuator[{name}]", "armature or damping of its own", "must be stated at its joint")
+            refuse(
+                f"actuator[{name}]",
+                "armature or damping of its own",
+                "must be stated at its joint",
+            )
         if model.actuator_trntype[actuator] not in (*AT_JOINT, SITE, NOWHERE):
             notes.add("not at a joint or site, so not read", name, "actuator")
     if model.opt.density or model.opt.viscosity:
-        notes.add("density and viscosity of the option are not read; [drag] and the scenario's air say that")
+        notes.add(
+            "density and viscosity of the option are not read; [drag] and the"
+            " scenario's air say that"
+        )
     return faults
 
 
@@ -422,20 +619,38 @@ def _is_stated(model: MjModel, names: tuple[str, ...], index: int) -> bool:
 
 
 def _joint_faults(model: MjModel, notes: Notes) -> dict[str, frozenset[str]]:
-    """Ball joints, springs and nonlinear damping, with their joints; notes on what a free joint has of these."""
+    """Ball joints, springs and nonlinear damping, with their joints; notes on what a
+    free joint has of these.
+    """
     faults = {}
     for joint in range(model.njnt):
-        name, kind, dof = name_of(model, "jnt", joint), kind_of(model, joint), model.jnt_dofadr[joint]
+        name, kind, dof = (
+            name_of(model, "jnt", joint),
+            kind_of(model, joint),
+            model.jnt_dofadr[joint],
+        )
         own = frozenset({name})
         if kind == "ball":
-            faults[f"joint[{name}].type = 'ball': must be 'hinge' or 'slide'; or three hinges in one body"] = own
+            faults[
+                f"joint[{name}].type = 'ball': must be 'hinge' or 'slide'; or three"
+                " hinges in one body"
+            ] = own
         if _is_stated(model, ("jnt_stiffness", "jnt_stiffnesspoly"), joint):
             stiffness = model.jnt_stiffness[joint].ravel().tolist()[0]
-            faults[f"joint[{name}].stiffness = {stiffness}: must be 0; springs are not supported"] = own
+            faults[
+                f"joint[{name}].stiffness = {stiffness}: must be 0; springs are not"
+                " supported"
+            ] = own
         if _is_stated(model, ("dof_dampingpoly",), dof):
             faults[f"joint[{name}].damping = 'a polynomial': must be one number"] = own
-        if kind == "free" and _is_stated(model, ("dof_armature", "dof_damping", "dof_frictionloss"), dof):
-            notes.add("free, with armature or friction of the file's defaults, not read; a <freejoint/> has none", name)
+        if kind == "free" and _is_stated(
+            model, ("dof_armature", "dof_damping", "dof_frictionloss"), dof
+        ):
+            notes.add(
+                "free, with armature or friction of the file's defaults, not read; a"
+                " <freejoint/> has none",
+                name,
+            )
         if kind == "free" and own in faults.values():
             raise VehicleError(list(faults)[-1])
     return faults
@@ -445,12 +660,22 @@ def _loop_faults(model: MjModel, root: int) -> dict[str, frozenset[str]]:
     """Equalities that close a chain, with the joints between their two bodies."""
     import mujoco
 
-    kinds, faults = {int(mujoco.mjtEq.mjEQ_CONNECT): "connect", int(mujoco.mjtEq.mjEQ_WELD): "weld"}, {}
+    kinds, faults = (
+        {
+            int(mujoco.mjtEq.mjEQ_CONNECT): "connect",
+            int(mujoco.mjtEq.mjEQ_WELD): "weld",
+        },
+        {},
+    )
     for each in range(model.neq):
         kind, ends = model.eq_type[each], (model.eq_obj1id[each], model.eq_obj2id[each])
         if not model.eq_active0[each] or kind == mujoco.mjtEq.mjEQ_JOINT:
             continue
-        allowed = "closed chains are not supported" if kind in kinds else "only equalities of joints are supported"
+        allowed = (
+            "closed chains are not supported"
+            if kind in kinds
+            else "only equalities of joints are supported"
+        )
         fault = f"equality[{each}] = {kinds.get(kind, 'of another kind')!r}: {allowed}"
         at_bodies = kind in kinds and model.eq_objtype[each] == mujoco.mjtObj.mjOBJ_BODY
         trees = set(model.body_rootid[list(ends)].tolist()) if at_bodies else set()
@@ -458,7 +683,11 @@ def _loop_faults(model: MjModel, root: int) -> dict[str, frozenset[str]]:
         if not at_bodies or (root and root in trees and len(trees) > 1):
             raise VehicleError(f"{fault}; must be left out of the file")
         first, second = (set(_up(model, body)) for body in ends)
-        faults[fault] = frozenset(name_of(model, "jnt", j) for body in first ^ second for j in _joints(model, body))
+        faults[fault] = frozenset(
+            name_of(model, "jnt", j)
+            for body in first ^ second
+            for j in _joints(model, body)
+        )
     return faults
 
 

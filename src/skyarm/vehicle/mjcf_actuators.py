@@ -1,7 +1,8 @@
 """Actuators of MJCF files: the effort of each joint, and the gains of its servos.
 
-An actuator's force is gain * control + bias, within its force range; a joint takes the gear times it. A bias of
--kp length - kv velocity is a servo, whatever its control means. Source: MuJoCo documentation, Computation, Actuation.
+An actuator's force is gain * control + bias, within its force range; a joint takes the
+gear times it. A bias of -kp length - kv velocity is a servo, whatever its control
+means. Source: MuJoCo documentation, Computation, Actuation.
 """
 
 from __future__ import annotations
@@ -16,23 +17,42 @@ from skyarm.records.arrays import Array
 from skyarm.vehicle.attach import Notes
 
 AT_JOINT, FIXED, PID = (0, 1), 0, 5
-"""MuJoCo's enumeration values of transmissions at a joint, and of gains: a number per control, and a pid's."""
+"""MuJoCo's enumeration values of transmissions at a joint, and of gains: a number per
+control, and a pid's."""
 
 LAGGING = (0, 2, 3)
-"""MuJoCo's enumeration values of dynamics in which a constant control comes through whole: none, and two filters."""
+"""MuJoCo's enumeration values of dynamics in which a constant control comes through
+whole: none, and two filters."""
 
 
 def name_of(model: Any, kind: str, index: int) -> str:
-    """Name of an element of a MuJoCo model; made from its index if the file states none."""
+    """Name of an element of a MuJoCo model; made from its index if the file states
+    none.
+    """
     return str(getattr(model, kind)(index).name) or f"{kind}{index}"
 
 
 def force_range(model: Any, actuator: int) -> tuple[float, float]:
-    """Least and largest force (N or N m) of an actuator before its gear: its range, its control's, its activation's."""
-    low, high = model.actuator_forcerange[actuator] if model.actuator_forcelimited[actuator] else (-math.inf, math.inf)
-    first, lagging = model.actuator_ctrladr[actuator], model.actuator_dyntype[actuator] in LAGGING
-    of_control = model.actuator_ctrlrange[first], lagging and model.actuator_ctrllimited[first]
-    of_activation = model.actuator_actrange[actuator], model.actuator_actlimited[actuator]
+    """Least and largest force (N or N m) of an actuator before its gear: its range, its
+    control's, its activation's.
+    """
+    low, high = (
+        model.actuator_forcerange[actuator]
+        if model.actuator_forcelimited[actuator]
+        else (-math.inf, math.inf)
+    )
+    first, lagging = (
+        model.actuator_ctrladr[actuator],
+        model.actuator_dyntype[actuator] in LAGGING,
+    )
+    of_control = (
+        model.actuator_ctrlrange[first],
+        lagging and model.actuator_ctrllimited[first],
+    )
+    of_activation = (
+        model.actuator_actrange[actuator],
+        model.actuator_actlimited[actuator],
+    )
     for ends, counts in (of_control, of_activation):
         if counts and is_plain(model, actuator):
             least, most = np.sort(model.actuator_gainprm[actuator][0] * ends)
@@ -41,8 +61,12 @@ def force_range(model: Any, actuator: int) -> tuple[float, float]:
 
 
 def bias_of(model: Any, actuator: int) -> Array:
-    """Coefficients of an actuator's bias; zeros without a bias, where MuJoCo ignores the numbers of the file."""
-    bias: Array = model.actuator_biasprm[actuator] * (model.actuator_biastype[actuator] != 0)
+    """Coefficients of an actuator's bias; zeros without a bias, where MuJoCo ignores
+    the numbers of the file.
+    """
+    bias: Array = model.actuator_biasprm[actuator] * (
+        model.actuator_biastype[actuator] != 0
+    )
     return bias
 
 
@@ -50,42 +74,70 @@ def is_plain(model: Any, actuator: int) -> bool:
     """True if an actuator's force is a number times its control."""
     # a plugin's force follows from none of the model's numbers
     alone = model.actuator_plugin[actuator] < 0
-    return alone and model.actuator_gaintype[actuator] == FIXED and not bias_of(model, actuator).any()
+    return (
+        alone
+        and model.actuator_gaintype[actuator] == FIXED
+        and not bias_of(model, actuator).any()
+    )
 
 
 def is_servo(model: Any, actuator: int) -> bool:
-    """True if an actuator's force is that of a motor or of a loop that pulls towards a setpoint."""
-    known = model.actuator_gaintype[actuator] in (FIXED, PID) and model.actuator_biastype[actuator] < 2
-    return known and model.actuator_plugin[actuator] < 0 and max(bias_of(model, actuator)[1:3]) <= 0.0
+    """True if an actuator's force is that of a motor or of a loop that pulls towards a
+    setpoint.
+    """
+    known = (
+        model.actuator_gaintype[actuator] in (FIXED, PID)
+        and model.actuator_biastype[actuator] < 2
+    )
+    return (
+        known
+        and model.actuator_plugin[actuator] < 0
+        and max(bias_of(model, actuator)[1:3]) <= 0.0
+    )
 
 
 def at_joint(model: Any, joint: int) -> list[int]:
     """Actuators that act at a joint."""
     kinds, ids = model.actuator_trntype, model.actuator_trnid
-    return [a for a in range(model.nactuator) if kinds[a] in AT_JOINT and ids[a][0] == joint]
+    return [
+        a for a in range(model.nactuator) if kinds[a] in AT_JOINT and ids[a][0] == joint
+    ]
 
 
 def effort_of(model: Any, joint: int, notes: Notes) -> float:
-    """Effort limit of a joint from all its actuators together, N m or N; 0 without actuators."""
+    """Effort limit of a joint from all its actuators together, N m or N; 0 without
+    actuators.
+    """
     name, total = name_of(model, "jnt", joint), 0.0
     for actuator in (each for each in at_joint(model, joint) if is_servo(model, each)):
         low, high = force_range(model, actuator)
         total += abs(float(model.actuator_gear[actuator][0])) * max(-low, high)
         if abs(low + high) > 0.0:
-            notes.add("with a range of effort that differs both ways; the larger one counts for both", name)
+            notes.add(
+                "with a range of effort that differs both ways; the larger one counts"
+                " for both",
+                name,
+            )
     if model.jnt_actfrclimited[joint]:
         total = min(total, float(abs(model.jnt_actfrcrange[joint]).max()))
     if total == 0.0:
-        notes.add("without an actuator, so passive; [[joints]] effort_limit gives it a drive", name)
+        notes.add(
+            "without an actuator, so passive; [[joints]] effort_limit gives it a drive",
+            name,
+        )
     elif math.isinf(total):
-        notes.add("of unlimited effort: the file states none; [[joints]] effort_limit does", name)
+        notes.add(
+            "of unlimited effort: the file states none; [[joints]] effort_limit does",
+            name,
+        )
     return total
 
 
 def read_drives(
     model: Any, joints: Collection[str], following: Collection[str], notes: Notes
 ) -> dict[str, dict[str, Any]]:
-    """Servos of the joints: joint -> table as ``[drives.JOINT]`` of a vehicle file has it.
+    """Servos of the joints: joint -> table as ``[drives.JOINT]`` of a vehicle file has
+    it.
 
     Args:
         model: MuJoCo's model.
@@ -102,26 +154,60 @@ def read_drives(
         if not model.jnt_type[joint]:
             for each in actuators:
                 own = name_of(model, "actuator", each)
-                notes.add("at the free joint: a wrench on the vehicle and no rotor; not read", own, "actuator")
+                notes.add(
+                    "at the free joint: a wrench on the vehicle and no rotor; not read",
+                    own,
+                    "actuator",
+                )
         if name in joints:
-            stiffness, damping, integral = map(float, sum((_gains(model, a, notes) for a in actuators), np.zeros(3)))
+            stiffness, damping, integral = map(
+                float, sum((_gains(model, a, notes) for a in actuators), np.zeros(3))
+            )
             table = {"kind": "velocity_servo", "gain": damping}
             if stiffness:
-                table = {"kind": "position_servo", "stiffness": stiffness, "damping": damping, "integral": integral}
+                table = {
+                    "kind": "position_servo",
+                    "stiffness": stiffness,
+                    "damping": damping,
+                    "integral": integral,
+                }
             if stiffness or damping:
-                drives[name] = {**table, "inertia": 1.0 / float(model.dof_invweight0[model.jnt_dofadr[joint]])}
+                drives[name] = {
+                    **table,
+                    "inertia": (
+                        1.0 / float(model.dof_invweight0[model.jnt_dofadr[joint]])
+                    ),
+                }
     return drives
 
 
 def _gains(model: Any, actuator: int, notes: Notes) -> Array:
-    """Torque per position error, per rate and per integral of the error that an actuator gives its joint; or zeros."""
-    bias, kind, servo = bias_of(model, actuator), model.actuator_gaintype[actuator], is_servo(model, actuator)
+    """Torque per position error, per rate and per integral of the error that an
+    actuator gives its joint; or zeros.
+    """
+    bias, kind, servo = (
+        bias_of(model, actuator),
+        model.actuator_gaintype[actuator],
+        is_servo(model, actuator),
+    )
     name = name_of(model, "actuator", actuator)
-    if not servo or (bias[0] and not bias[1]) or model.actuator_dyntype[actuator] not in (0, 6):
-        why = "muscle, damper, dcmotor, plugin, or with a filter or bias of its own: that is not read"
+    if (
+        not servo
+        or (bias[0] and not bias[1])
+        or model.actuator_dyntype[actuator] not in (0, 6)
+    ):
+        why = (
+            "muscle, damper, dcmotor, plugin, or with a filter or bias of its own: that"
+            " is not read"
+        )
         notes.add(why, name, "actuator")
-    if model.actuator_delay[actuator] or (kind == PID and model.actuator_dynprm[actuator].any()):
-        why = "with a delay, slewmax or imax: not read; [drives] latency and speed_limit state a servo's"
+    if model.actuator_delay[actuator] or (
+        kind == PID and model.actuator_dynprm[actuator].any()
+    ):
+        why = (
+            "with a delay, slewmax or imax: not read; [drives] latency and speed_limit"
+            " state a servo's"
+        )
         notes.add(why, name, "actuator")
     integral = model.actuator_gainprm[actuator][0] if kind == PID else 0.0
     gains: Array = np.array([-bias[1], -bias[2], integral])

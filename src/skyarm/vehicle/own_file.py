@@ -1,4 +1,6 @@
-"""Vehicles of other programs' files as vehicle files of this library: ``skyarm new vehicle NAME --from FILE``."""
+"""Vehicles of other programs' files as vehicle files of this library: ``skyarm new
+vehicle NAME --from FILE``.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,12 @@ from skyarm.vehicle.attach import RigidBodies, bodies_of, place_in
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.rotor_tables import RotorTables, joints_below_rotors, mount_rotors
 from skyarm.vehicle.stated_rotors import MAX_THRUST, gaps_of
-from skyarm.vehicle.vehicle_files import is_robot, load_with_bodies, naming_file, robot_file
+from skyarm.vehicle.vehicle_files import (
+    is_robot,
+    load_with_bodies,
+    naming_file,
+    robot_file,
+)
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import SOURCES
 from skyarm.vehicle.vehicle_text import vehicle_text
@@ -37,7 +44,8 @@ NO_ROTORS = """
 
 
 def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, bool]:
-    """Text of a vehicle file, and whether the vehicle in it is whole or has gaps, written as comments to be filled in.
+    """Text of a vehicle file, and whether the vehicle in it is whole or has gaps,
+    written as comments to be filled in.
 
     Args:
         file: name or path that :func:`skyarm.load_vehicle` takes.
@@ -45,7 +53,8 @@ def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, bool]:
         tip: link or frame that becomes the end effector; that of the file if empty.
 
     Raises:
-        VehicleError: one line: the file cannot be read, has no such tip, or lacks numbers in a file of this library.
+        VehicleError: one line: the file cannot be read, has no such tip, or lacks
+            numbers in a file of this library.
     """
     loaded, bodies = load_with_bodies(file)
     if loaded.gaps and bodies is None:
@@ -54,46 +63,99 @@ def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, bool]:
         return _text(file, replace(loaded, name=name), bodies, tip)
 
 
-def _text(file: str, vehicle: Vehicle, bodies: RigidBodies | None, tip: str) -> tuple[str, bool]:
+def _text(
+    file: str, vehicle: Vehicle, bodies: RigidBodies | None, tip: str
+) -> tuple[str, bool]:
     path = robot_file(file) if is_robot(file) else Path(file)
     if tip:
-        frames = {each.name: each for each in (place_in(bodies_of(vehicle), tip, "--tip"), *vehicle.frames)}
+        frames = {
+            each.name: each
+            for each in (place_in(bodies_of(vehicle), tip, "--tip"), *vehicle.frames)
+        }
         vehicle = replace(vehicle, frames=tuple(frames.values()), end_effector=tip)
-    notes = {"rotors.inertia": f"{path.name}: links of the rotors, about their axes", **dict(vehicle.sources)}
+    notes = {
+        "rotors.inertia": f"{path.name}: links of the rotors, about their axes",
+        **dict(vehicle.sources),
+    }
     notes |= {"base.mass": f"{path.name}: its root and what is fixed to it"}
     for link in vehicle.moving:
-        notes |= {f"links.{link.name}.mass": path.name, f"links.{link.name}.joint.name": path.name}
-    head = [f"Written by: skyarm new vehicle {vehicle.name} --from {file}", *vehicle.notes]
+        notes |= {
+            f"links.{link.name}.mass": path.name,
+            f"links.{link.name}.joint.name": path.name,
+        }
+    head = [
+        f"Written by: skyarm new vehicle {vehicle.name} --from {file}",
+        *vehicle.notes,
+    ]
     if vehicle.looks:
         head.append(f"{len(vehicle.looks)} meshes: left out; a vehicle file names none")
     if bodies is None or not vehicle.gaps:
         text = vehicle_text(vehicle, head, notes)
         return (text, True) if vehicle.rotors else (text + NO_ROTORS, False)
-    own = {each.name: {gap.partition(" ")[0]: gap for gap in gaps_of(each, each.values)} for each in bodies.rotors}
+    own = {
+        each.name: {gap.partition(" ")[0]: gap for gap in gaps_of(each, each.values)}
+        for each in bodies.rotors
+    }
     gaps = {field: gap for each in own.values() for field, gap in each.items()}
     if "axis" in gaps:  # a comment in its place would read as z
-        refuse("--from", file, f"must state the direction of each thrust; it lacks {gaps['axis']}")
+        refuse(
+            "--from",
+            file,
+            f"must state the direction of each thrust; it lacks {gaps['axis']}",
+        )
     if joints := joints_below_rotors(bodies):
-        source = next(name for name, suffixes in SOURCES.items() if path.suffix in suffixes)
+        source = next(
+            name for name, suffixes in SOURCES.items() if path.suffix in suffixes
+        )
         named = file if is_robot(file) else path.resolve().as_posix()
-        words = {"source": source, "file": named, "vehicle": vehicle, "head": head, "joints": joints, "rotors": own}
-        return render_template("vehicle/exported/riding.jinja", toml=toml_value, **words), False
-    flying = mount_rotors(bodies, RotorTables(own={name: _any_values(each) for name, each in own.items()}))
-    blocks = vehicle_text(replace(vehicle, rotors=flying.rotors), head, notes).split("\n\n")
+        words = {
+            "source": source,
+            "file": named,
+            "vehicle": vehicle,
+            "head": head,
+            "joints": joints,
+            "rotors": own,
+        }
+        return (
+            render_template("vehicle/exported/riding.jinja", toml=toml_value, **words),
+            False,
+        )
+    flying = mount_rotors(
+        bodies, RotorTables(own={name: _any_values(each) for name, each in own.items()})
+    )
+    blocks = vehicle_text(replace(vehicle, rotors=flying.rotors), head, notes).split(
+        "\n\n"
+    )
     # at a speed of 1, the thrust coefficient is the largest thrust
-    most = {each.name for each in bodies.rotors if "max_speed" in own[each.name] and MAX_THRUST in each.values}
+    most = {
+        each.name
+        for each in bodies.rotors
+        if "max_speed" in own[each.name] and MAX_THRUST in each.values
+    }
     for k, block in enumerate(blocks):
         rotor = re.match(r'\[\[rotors]]\nname = "(.*)"', block)
-        for field, gap in (own.get(rotor[1], {}) if rotor else gaps if block.startswith("[rotor_d") else {}).items():
+        for field, gap in (
+            own.get(rotor[1], {})
+            if rotor
+            else gaps
+            if block.startswith("[rotor_d")
+            else {}
+        ).items():
             line, comment = rf"^{field} = .*", f"# {field} = ...  # missing: {gap}"
             # an entry of tilt = {...} behind its axis: left out
             if inner := field.partition(".")[2]:
-                line, comment = rf"^(tilt = .*), {inner} = -?1\.0\b(.*)", rf"\1\2  # missing: {gap}"
+                line, comment = (
+                    rf"^(tilt = .*), {inner} = -?1\.0\b(.*)",
+                    rf"\1\2  # missing: {gap}",
+                )
             blocks[k] = re.sub(line, comment, blocks[k], flags=re.MULTILINE)
         if rotor[1] in most if rotor else len(most) == len(own):
-            blocks[k] = blocks[k].replace("\nthrust_coefficient = ", f"\n{MAX_THRUST} = ")
+            blocks[k] = blocks[k].replace(
+                "\nthrust_coefficient = ", f"\n{MAX_THRUST} = "
+            )
     text = "\n\n".join(blocks).replace(
-        "[rotor_defaults]", "[rotor_defaults]\nall_stated = true  # no default for a gap"
+        "[rotor_defaults]",
+        "[rotor_defaults]\nall_stated = true  # no default for a gap",
     )
     return text, False
 
@@ -101,4 +163,6 @@ def _text(file: str, vehicle: Vehicle, bodies: RigidBodies | None, tip: str) -> 
 def _any_values(gaps: Mapping[str, str]) -> dict[str, Any]:
     """Values in place of those that a rotor lacks, with which it can be mounted."""
     inner = {name: value for name, value in OF_TILTS.items() if f"tilt.{name}" in gaps}
-    return dict.fromkeys((name for name in gaps if "." not in name), 1) | ({"tilt": inner} if inner else {})
+    return dict.fromkeys((name for name in gaps if "." not in name), 1) | (
+        {"tilt": inner} if inner else {}
+    )

@@ -1,10 +1,13 @@
 """Text of a vehicle as URDF or SDF, with Gazebo's motor-model plugins for its rotors.
 
-Each link's frame is its joint's frame at zero, as in this library. A rotor is a link of its own, which Gazebo demands,
-with z along the thrust; it takes a thousandth of the base's mass, less where the base could not give it. Numbers are
-written in full. What only this library reads back of the rotors is an element of its own, which others skip. A format
-of export is a registered function (kind ``vehicle_format``); its template names in the first lines what the file loses.
-Source: URDF specification (ROS wiki, urdf/XML); SDFormat specification 1.11; gz-sim, MulticopterMotorModel.cc.
+Each link's frame is its joint's frame at zero, as in this library. A rotor is a link of
+its own, which Gazebo demands, with z along the thrust; it takes a thousandth of the
+base's mass, less where the base could not give it. Numbers are written in full. What
+only this library reads back of the rotors is an element of its own, which others skip.
+A format of export is a registered function (kind ``vehicle_format``); its template
+names in the first lines what the file loses.
+Source: URDF specification (ROS wiki, urdf/XML); SDFormat specification 1.11; gz-sim,
+MulticopterMotorModel.cc.
 """
 
 from __future__ import annotations
@@ -26,7 +29,9 @@ from skyarm.view.pages.markup import render_template
 
 @positional
 class _Piece:
-    """Link of a robot's file: what moves it, or fixes it where it has no joint, and where it is in its parent."""
+    """Link of a robot's file: what moves it, or fixes it where it has no joint, and
+    where it is in its parent.
+    """
 
     name: str
     parent: str = ""
@@ -39,12 +44,18 @@ class _Piece:
 
     @property
     def angles(self) -> tuple[float, float, float]:
-        """Roll, pitch and yaw (rad) about fixed axes; in full also where the pitch is a right angle."""
+        """Roll, pitch and yaw (rad) about fixed axes; in full also where the pitch is a
+        right angle.
+        """
         R = [[float(each) for each in row] for row in self.rotation.rows]
         yaw = math.atan2(R[1][0], R[0][0])
         s, c = math.sin(yaw), math.cos(yaw)
         pitch = math.atan2(-R[2][0], c * R[0][0] + s * R[1][0])
-        return math.atan2(s * R[0][2] - c * R[1][2], c * R[1][1] - s * R[0][1]), pitch, yaw
+        return (
+            math.atan2(s * R[0][2] - c * R[1][2], c * R[1][1] - s * R[0][1]),
+            pitch,
+            yaw,
+        )
 
 
 def urdf_text(vehicle: Vehicle) -> str:
@@ -67,12 +78,19 @@ def sdf_text(vehicle: Vehicle) -> str:
 
 def _robot(form: str, vehicle: Vehicle) -> str:
     pieces, first = _pieces(vehicle, one_space=form == "sdf"), 1 + len(vehicle.moving)
-    return render_vehicle(form, vehicle, pieces=pieces, motors=list(zip(vehicle.rotors, pieces[first:], strict=False)))
+    return render_vehicle(
+        form,
+        vehicle,
+        pieces=pieces,
+        motors=list(zip(vehicle.rotors, pieces[first:], strict=False)),
+    )
 
 
 def render_vehicle(form: str, vehicle: Vehicle, **values: Any) -> str:
     """Render the template of a format with a vehicle and further values."""
-    names = Counter([*_part_names(vehicle), *(_joint_names(vehicle) if form == "sdf" else ())])
+    names = Counter(
+        [*_part_names(vehicle), *(_joint_names(vehicle) if form == "sdf" else ())]
+    )
     endless = {each.name: sum(map(math.isinf, each.ends)) for each in vehicle.joints}
     return render_template(
         f"vehicle/exported/{form}.jinja",
@@ -88,7 +106,8 @@ def render_vehicle(form: str, vehicle: Vehicle, **values: Any) -> str:
 
 
 def _pieces(vehicle: Vehicle, *, one_space: bool) -> list[_Piece]:
-    """Links of the file: base, moving links, one for each rotor, one without mass for each frame.
+    """Links of the file: base, moving links, one for each rotor, one without mass for
+    each frame.
 
     Args:
         vehicle: its parts.
@@ -111,20 +130,32 @@ def _pieces(vehicle: Vehicle, *, one_space: bool) -> list[_Piece]:
         pose = names[link.parent], joint, at.position, at.rotation
         pieces.append(_Piece(name, *pose, link.body, at, follower))
     hubs = [
-        Frame(name=each.name, link=BASE, position=each.position, rotation=_upright(each)) for each in vehicle.rotors
+        Frame(
+            name=each.name, link=BASE, position=each.position, rotation=_upright(each)
+        )
+        for each in vehicle.rotors
     ]
     for k, frame in enumerate((*hubs, *vehicle.frames)):
         name = unused_name(plain(frame.name), taken)
         taken.append(name)
         joint = unused_name(f"{name}_joint", joints)
         joints.append(joint)
-        spins = (spun, Joint(name=joint, axis=Vec3(0, 0, 1))) if k < len(hubs) else (None, None)
-        pieces.append(_Piece(name, names[frame.link], joint, frame.position, frame.rotation, *spins))
+        spins = (
+            (spun, Joint(name=joint, axis=Vec3(0, 0, 1)))
+            if k < len(hubs)
+            else (None, None)
+        )
+        pieces.append(
+            _Piece(
+                name, names[frame.link], joint, frame.position, frame.rotation, *spins
+            )
+        )
     return pieces
 
 
 WORLD = "world"
-"""Name that SDF keeps for the world; "::" in a name stands between a model and its part."""
+"""Name that SDF keeps for the world; "::" in a name stands between a model and its
+part."""
 
 
 def _plain_name(name: str) -> str:
@@ -137,18 +168,25 @@ def _joint_names(vehicle: Vehicle) -> list[str]:
 
 
 def _part_names(vehicle: Vehicle) -> list[str]:
-    """Names of links, rotors and frames, which share one space of names in a robot's file."""
+    """Names of links, rotors and frames, which share one space of names in a robot's
+    file.
+    """
     named: tuple[Any, ...] = (*vehicle.moving, *vehicle.rotors, *vehicle.frames)
     return [each.name for each in named]
 
 
 def _digits(value: Any) -> str:
     """Text of a number or of several, in full."""
-    return " ".join(repr(float(each)) for each in (value if hasattr(value, "__iter__") else (value,)))
+    return " ".join(
+        repr(float(each))
+        for each in (value if hasattr(value, "__iter__") else (value,))
+    )
 
 
 def actuator_names(vehicle: Vehicle) -> list[str]:
-    """Unique names of a vehicle's actuators in an exported file: rotors, driven joints, then servos of tilts."""
+    """Unique names of a vehicle's actuators in an exported file: rotors, driven joints,
+    then servos of tilts.
+    """
     driven = (each.name for each in vehicle.joints if float(each.effort_limit) != 0.0)
     tilts = (f"{each.name}_tilt" for each in vehicle.rotors if each.tilt is not None)
     names: list[str] = []
@@ -158,12 +196,17 @@ def actuator_names(vehicle: Vehicle) -> list[str]:
 
 
 def _with_rotor_links(vehicle: Vehicle) -> tuple[Body, Body]:
-    """Body of the base without its rotors' links, and that of one rotor, in the axes of its link."""
+    """Body of the base without its rotors' links, and that of one rotor, in the axes of
+    its link.
+    """
     for share in (1e-3, 1e-5, 1e-7, 1e-9):
         mass = share * float(vehicle.base.mass)
         disc = 1e-4 * mass  # a few centimetres across
         rotor = Body(mass=mass, inertia=Sym3(disc, disc, 2.0 * disc))
-        left = _less(vehicle.base, [rotor.transform(_upright(each), each.position) for each in vehicle.rotors])
+        left = _less(
+            vehicle.base,
+            [rotor.transform(_upright(each), each.position) for each in vehicle.rotors],
+        )
         try:
             check.inertia("base.inertia", left.inertia, planar=False)
         except VehicleError:
@@ -185,9 +228,17 @@ def _less(whole: Body, parts: Sequence[Body]) -> Body:
 
 
 def _upright(rotor: Rotor) -> Mat3:
-    """Rotation whose z axis is a rotor's axis, by the shortest turn from z; about x where it points down."""
+    """Rotation whose z axis is a rotor's axis, by the shortest turn from z; about x
+    where it points down.
+    """
     x, y, z = map(float, rotor.axis)
     if z <= -1.0 + 1e-12:
         return Mat3.from_numbers([[1, 0, 0], [0, -1, 0], [0, 0, -1]])
     k = 1.0 / (1.0 + z)
-    return Mat3.from_numbers([[1.0 - k * x * x, -k * x * y, x], [-k * x * y, 1.0 - k * y * y, y], [-x, -y, z]])
+    return Mat3.from_numbers(
+        [
+            [1.0 - k * x * x, -k * x * y, x],
+            [-k * x * y, 1.0 - k * y * y, y],
+            [-x, -y, z],
+        ]
+    )

@@ -1,4 +1,6 @@
-"""Rotors of a vehicle file: its own ``[[rotors]]``, and those of the file it names, which ``[[rotors]]`` complete."""
+"""Rotors of a vehicle file: its own ``[[rotors]]``, and those of the file it names,
+which ``[[rotors]]`` complete.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,14 @@ from skyarm.vehicle.attach import RigidBodies, place_in
 from skyarm.vehicle.check import VehicleError, refuse, unique
 from skyarm.vehicle.held_joints import hold_joints
 from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.stated_rotors import LAGS, MAX_THRUST, NEEDED_OF_TILTS, StatedRotor, gaps_of, whole_values
+from skyarm.vehicle.stated_rotors import (
+    LAGS,
+    MAX_THRUST,
+    NEEDED_OF_TILTS,
+    StatedRotor,
+    gaps_of,
+    whole_values,
+)
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt, arm_direction
 from skyarm.vehicle.vehicle_records import Rolling, Rotor
@@ -27,7 +36,8 @@ COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
 SENSES = {"ccw": 1, "cw": -1}
 
 ROUNDED = 0.01
-"""Relative difference below which a largest thrust agrees with coefficient and speed: data sheets round."""
+"""Relative difference below which a largest thrust agrees with coefficient and speed:
+data sheets round."""
 
 Values = Mapping[str, Any]
 
@@ -37,7 +47,8 @@ class RotorTables:
     """``[rotor_defaults]`` and ``[[rotors]]`` of a vehicle file, as read.
 
     Attributes:
-        whole: every rotor states all that a real one has; a number that it leaves out is a gap, without a default.
+        whole: every rotor states all that a real one has; a number that it leaves out
+            is a gap, without a default.
         usual: values of rotors that state none.
         own: values by name: fields of a rotor, ``max_thrust``, ``link`` and ``tilt``.
         tables: the tables themselves by name, for messages.
@@ -51,11 +62,13 @@ class RotorTables:
 
 @positional
 class MountedRotors:
-    """Rotors on the base of a vehicle, with the bodies whose joints the rotors' own are no part of.
+    """Rotors on the base of a vehicle, with the bodies whose joints the rotors' own are
+    no part of.
 
     Attributes:
         bodies: bodies without the joints that only spin rotors.
-        rotors: whole rotors. gaps: a line for each group of rotors that a file states and that lack numbers.
+        rotors: whole rotors. gaps: a line for each group of rotors that a file states
+            and that lack numbers.
         sources: (field, where it stood) pairs. notes: what was left out.
     """
 
@@ -67,7 +80,9 @@ class MountedRotors:
 
 
 def read_rotor_tables(top: Fields, tilting: bool = False) -> RotorTables:
-    """Read ``[rotor_defaults]`` and ``[[rotors]]`` of a vehicle file; ``tilting``: they may complete a file's tilts."""
+    """Read ``[rotor_defaults]`` and ``[[rotors]]`` of a vehicle file; ``tilting``: they
+    may complete a file's tilts.
+    """
     inner = top.inner("rotor_defaults")
     usual, whole = _values(inner, tilting), inner.flag("all_stated", False)
     inner.done()
@@ -91,7 +106,10 @@ def _values(fields: Fields, tilting: bool) -> dict[str, Any]:
     """Read the stated fields of one rotor, or those of [rotor_defaults]."""
     values: dict[str, Any] = dict(numbers_from(Rotor, fields, partial=True))
     values |= _axis(fields)
-    for name, read in (("reversible", fields.flag), ("rolling", partial(fields.choice, options=get_args(Rolling)))):
+    for name, read in (
+        ("reversible", fields.flag),
+        ("rolling", partial(fields.choice, options=get_args(Rolling))),
+    ):
         if fields.states(name):
             values[name] = read(name)
     if fields.take(MAX_THRUST, None) is not None:
@@ -113,52 +131,87 @@ def _axis(fields: Fields) -> dict[str, Vec3]:
 
 
 def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
-    """Rotors of a vehicle: those of the file that describes the bodies, completed by the vehicle file's own tables.
+    """Rotors of a vehicle: those of the file that describes the bodies, completed by
+    the vehicle file's own tables.
 
-    ``[[rotors]]`` that name rotors of the file complete these; if none of them does, they stand in place of all.
+    ``[[rotors]]`` that name rotors of the file complete these; if none of them does,
+    they stand in place of all.
 
     Args:
         bodies: bodies, with the rotors that their file states.
         tables: tables of the vehicle file.
 
     Raises:
-        VehicleError: a number is missing where the tables speak of rotors, or a rotor rides on a link that moves.
+        VehicleError: a number is missing where the tables speak of rotors, or a rotor
+            rides on a link that moves.
     """
     stated = {each.name: _at_mass(bodies, each) for each in bodies.rotors}
     strange = [name for name in tables.own if name not in stated]
     if strange and len(strange) < len(tables.own):
-        refuse("rotors.name", strange[0], f"must be one of {', '.join(stated)}, or none of the entries may name one")
+        refuse(
+            "rotors.name",
+            strange[0],
+            f"must be one of {', '.join(stated)}, or none of the entries may name one",
+        )
     notes: tuple[str, ...] = ()
     if strange and stated:
-        notes = (f"rotors {', '.join(stated)} of the file: left out; [[rotors]] states all of the vehicle's",)
+        notes = (
+            (
+                f"rotors {', '.join(stated)} of the file: left out; [[rotors]] states"
+                " all of the vehicle's"
+            ),
+        )
     whole = {} if strange else stated
     origins = whole or {
-        name: StatedRotor(name=name, link=each.get("link", "base")) for name, each in tables.own.items()
+        name: StatedRotor(name=name, link=each.get("link", "base"))
+        for name, each in tables.own.items()
     }
     values = {
-        name: _merge(tables.usual, {**_spin(bodies, origin), **origin.values}, tables.own.get(name, {}))
+        name: _merge(
+            tables.usual,
+            {**_spin(bodies, origin), **origin.values},
+            tables.own.get(name, {}),
+        )
         for name, origin in origins.items()
     }
     for name, origin in whole.items():
         _require_numbers(origin, values[name])
     notes += tuple(_told(whole, lambda name: _default_words(whole[name])))
-    notes += tuple(_told(origins, lambda name: _other_thrust(origins[name], values[name])))
+    notes += tuple(
+        _told(origins, lambda name: _other_thrust(origins[name], values[name]))
+    )
     still = _without_spin(bodies, (*stated.values(), *origins.values()))
     of_arm = {each.joint or _joint_of(bodies, each.link) for each in origins.values()}
     for joint in (each.joint for each in bodies.links if each.joint.name in of_arm):
         if any(map(math.isfinite, joint.ends)):
-            notes += (f"joint {joint.name}: held although it has limits, for it moves the link of a rotor",)
+            notes += (
+                (
+                    f"joint {joint.name}: held although it has limits, for it moves the"
+                    " link of a rotor"
+                ),
+            )
     gaps = list(_gaps(still, origins if tables.whole else whole, values))
     if gaps and (tables.own or tables.usual):
         raise VehicleError(gaps[0])
     for name, fields in tables.tables.items() if not whole else ():
-        for needed in ("direction", *(() if "link" in tables.own[name] else ("position",))):
+        for needed in (
+            "direction",
+            *(() if "link" in tables.own[name] else ("position",)),
+        ):
             fields.take(needed)
         for needed in NEEDED_OF_TILTS if "tilt" in values[name] else ():
             if needed not in values[name]["tilt"]:
                 fields.inner("tilt").take(needed)
-    rotors = () if gaps else tuple(_rotor(still, origins[name], values[name]) for name in origins)
-    sources = dict.fromkeys((f"rotors.{word}", text) for each in whole.values() for word, text in each.where.items())
+    rotors = (
+        ()
+        if gaps
+        else tuple(_rotor(still, origins[name], values[name]) for name in origins)
+    )
+    sources = dict.fromkeys(
+        (f"rotors.{word}", text)
+        for each in whole.values()
+        for word, text in each.where.items()
+    )
     for lag in LAGS if rotors else ():
         if not any(lag in each for each in values.values()):
             sources[f"rotors.{lag}", "assumed: the file states none"] = None
@@ -166,43 +219,69 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
 
 
 def without_rotors(bodies: RigidBodies) -> RigidBodies:
-    """Bodies of an arm whose file states rotors, without these: their joints are held, with a note."""
+    """Bodies of an arm whose file states rotors, without these: their joints are held,
+    with a note.
+    """
     if not bodies.rotors:
         return bodies
-    note = f"rotors {', '.join(each.name for each in bodies.rotors)}: left out; those of the airframe fly"
-    return replace(_without_spin(bodies, bodies.rotors), rotors=(), notes=(*bodies.notes, note))
+    note = (
+        f"rotors {', '.join(each.name for each in bodies.rotors)}: left out; those of"
+        " the airframe fly"
+    )
+    return replace(
+        _without_spin(bodies, bodies.rotors), rotors=(), notes=(*bodies.notes, note)
+    )
 
 
 def _without_spin(bodies: RigidBodies, rotors: Iterable[StatedRotor]) -> RigidBodies:
     """Bodies in which the joints that spin or tilt rotors are held."""
     rotors = tuple(rotors)
-    spinning = {each.joint or _joint_of(bodies, each.link) for each in rotors} | {each.tilt_joint for each in rotors}
+    spinning = {each.joint or _joint_of(bodies, each.link) for each in rotors} | {
+        each.tilt_joint for each in rotors
+    }
     return hold_joints(bodies, dict.fromkeys(sorted(spinning - {""}), 0.0))
 
 
 def _merge(usual: Values, stated: Values, own: Values) -> dict[str, Any]:
-    """Values of a rotor: usual ones, those of another file, the rotor's own; these complete the tilt of the file."""
+    """Values of a rotor: usual ones, those of another file, the rotor's own; these
+    complete the tilt of the file.
+    """
     merged = {**usual, **stated, **own}
     if "tilt" in stated:
-        merged["tilt"] = {**usual.get("tilt", {}), **stated["tilt"], **own.get("tilt", {})}
+        merged["tilt"] = {
+            **usual.get("tilt", {}),
+            **stated["tilt"],
+            **own.get("tilt", {}),
+        }
     return merged
 
 
 def _joint_of(bodies: RigidBodies, link: str) -> str:
-    """Joint that moves a link of the bodies; "" for the base, a frame and an unknown name."""
+    """Joint that moves a link of the bodies; "" for the base, a frame and an unknown
+    name.
+    """
     return next((each.joint.name for each in bodies.links if each.name == link), "")
 
 
 def _at_mass(bodies: RigidBodies, rotor: StatedRotor) -> StatedRotor:
-    """Rotor whose place is the centre of mass of its moving link, where its simulator pushes there."""
+    """Rotor whose place is the centre of mass of its moving link, where its simulator
+    pushes there.
+    """
     seat = place_in(bodies, rotor.link, f"rotors[{rotor.name}].link")
     if not rotor.at_mass or seat.link == BASE:
         return rotor
-    return replace(rotor, position=seat.rotation.apply_T(bodies.links[seat.link].body.com - seat.position))
+    return replace(
+        rotor,
+        position=seat.rotation.apply_T(
+            bodies.links[seat.link].body.com - seat.position
+        ),
+    )
 
 
 def _spin(bodies: RigidBodies, rotor: StatedRotor) -> Values:
-    """Inertia of what turns about a rotor's axis, kg m^2, from the link that its joint spins."""
+    """Inertia of what turns about a rotor's axis, kg m^2, from the link that its joint
+    spins.
+    """
     for link in bodies.links:
         if rotor.joint and link.joint.name == rotor.joint:
             axis = link.joint.axis
@@ -212,7 +291,9 @@ def _spin(bodies: RigidBodies, rotor: StatedRotor) -> Values:
 
 
 def _require_numbers(rotor: StatedRotor, values: Values) -> None:
-    """Raise an error for a number of a file that no rotor can have, also where it lacks others."""
+    """Raise an error for a number of a file that no rotor can have, also where it lacks
+    others.
+    """
     for name, source in rotor.where.items():
         stated = Fields({name: values.get(name)}, f"rotors[{rotor.name}]")
         with errors_as(VehicleError, f"{source}: "):
@@ -220,35 +301,61 @@ def _require_numbers(rotor: StatedRotor, values: Values) -> None:
             stated.number(MAX_THRUST, 1.0, low=0.0, strict=True)
 
 
-def _gaps(bodies: RigidBodies, rotors: Mapping[str, StatedRotor], values: Mapping[str, Values]) -> list[str]:
-    """Lines on what the rotors of a file lack: the rotors, the missing fields and where to state them."""
+def _gaps(
+    bodies: RigidBodies, rotors: Mapping[str, StatedRotor], values: Mapping[str, Values]
+) -> list[str]:
+    """Lines on what the rotors of a file lack: the rotors, the missing fields and where
+    to state them.
+    """
     missing: dict[str, list[str]] = {}
     riding: list[str] = []
     joints: list[str] = []
     for name, rotor in rotors.items():
-        seat = place_in(bodies, values[name].get("link", rotor.link), f"rotors[{name}].link")
+        seat = place_in(
+            bodies, values[name].get("link", rotor.link), f"rotors[{name}].link"
+        )
         if moving := _joints_below(bodies, seat.link):
             riding.append(name)
             joints += moving
         elif lacks := ", ".join(gaps_of(rotor, values[name])):
-            cure = "state them in [rotor_defaults], or in [[rotors]] with the rotor's name"
+            cure = (
+                "state them in [rotor_defaults], or in [[rotors]] with the rotor's name"
+            )
             missing.setdefault(f"the file states no {lacks}; {cure}", []).append(name)
     lines = [f"rotors {', '.join(names)}: {words}" for words, names in missing.items()]
-    return [*lines, f"rotors {', '.join(riding)}: {_rides_on(joints)}"] if joints else lines
+    return (
+        [*lines, f"rotors {', '.join(riding)}: {_rides_on(joints)}"]
+        if joints
+        else lines
+    )
 
 
 def joints_below_rotors(bodies: RigidBodies) -> list[str]:
-    """Names of the joints that move the rotors of a file, without those that spin or tilt them."""
+    """Names of the joints that move the rotors of a file, without those that spin or
+    tilt them.
+    """
     still = _without_spin(bodies, bodies.rotors)
-    seats = [place_in(still, each.link, f"rotors[{each.name}].link") for each in bodies.rotors]
-    return list(dict.fromkeys(joint for seat in seats for joint in _joints_below(still, seat.link)))
+    seats = [
+        place_in(still, each.link, f"rotors[{each.name}].link")
+        for each in bodies.rotors
+    ]
+    return list(
+        dict.fromkeys(
+            joint for seat in seats for joint in _joints_below(still, seat.link)
+        )
+    )
 
 
 def _joints_below(bodies: RigidBodies, link: int) -> list[str]:
-    """Names of the joints that move a link, the base's first; none if it is the base."""
+    """Names of the joints that move a link, the base's first; none if it is the
+    base.
+    """
     if link == BASE:
         return []
-    return [*_joints_below(bodies, bodies.links[link].parent), bodies.links[link].joint.name]
+    return [
+        *_joints_below(bodies, bodies.links[link].parent),
+        bodies.links[link].joint.name,
+    ]
 
 
 def _told(rotors: Iterable[str], words_of: Callable[[str], str]) -> Iterator[str]:
@@ -256,27 +363,42 @@ def _told(rotors: Iterable[str], words_of: Callable[[str], str]) -> Iterator[str
     told: dict[str, list[str]] = {}
     for name in rotors:
         told.setdefault(words_of(name), []).append(name)
-    return (f"rotors {', '.join(names)}: {words}" for words, names in told.items() if words)
+    return (
+        f"rotors {', '.join(names)}: {words}" for words, names in told.items() if words
+    )
 
 
 def _default_words(rotor: StatedRotor) -> str:
     """Words on what the file of a rotor leaves to its simulator."""
     words = ", ".join(rotor.assumed)
-    return f"the file states no {words}: the default of its plugin flies" if words else ""
+    return (
+        f"the file states no {words}: the default of its plugin flies" if words else ""
+    )
 
 
 def _other_thrust(rotor: StatedRotor, values: Values) -> str:
-    """Words on a largest thrust of the file that its user's coefficient and speed contradict; refused of the user's."""
+    """Words on a largest thrust of the file that its user's coefficient and speed
+    contradict; refused of the user's.
+    """
     try:
-        given, follows = values[MAX_THRUST], values["thrust_coefficient"] * values["max_speed"] ** 2
+        given, follows = (
+            values[MAX_THRUST],
+            values["thrust_coefficient"] * values["max_speed"] ** 2,
+        )
     except KeyError:
         return ""
     if math.isclose(given, follows, rel_tol=ROUNDED):
         return ""
     if given != rotor.values.get(MAX_THRUST):
-        words = f"must be left out beside thrust_coefficient and max_speed, which give {follows:.3g} N"
+        words = (
+            "must be left out beside thrust_coefficient and max_speed, which give"
+            f" {follows:.3g} N"
+        )
         refuse(f"rotors[{rotor.name}].{MAX_THRUST}", given, words)
-    return f"{given:g} N at most in the file: thrust_coefficient and max_speed give {follows:.3g} N, which fly"
+    return (
+        f"{given:g} N at most in the file: thrust_coefficient and max_speed give"
+        f" {follows:.3g} N, which fly"
+    )
 
 
 def _rides_on(joints: Sequence[str]) -> str:
@@ -285,12 +407,20 @@ def _rides_on(joints: Sequence[str]) -> str:
     hold = f'[[joints]] name = "{first}", hold = 0.0 (rad or m, yours to choose'
     if not others:
         return f"ride on a link that joint {first} moves; hold it: {hold})"
-    moving, up = ", ".join((first, *others)), "such that all thrusts together point up, which 0 everywhere need not do"
-    return f"ride on links that joints {moving} move; hold each at an angle for flight: {hold}, {up})"
+    moving, up = (
+        ", ".join((first, *others)),
+        "such that all thrusts together point up, which 0 everywhere need not do",
+    )
+    return (
+        f"ride on links that joints {moving} move; hold each at an angle for flight:"
+        f" {hold}, {up})"
+    )
 
 
 def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
-    """Rotor in base axes from its place on a link and its values; fields that none states get their defaults."""
+    """Rotor in base axes from its place on a link and its values; fields that none
+    states get their defaults.
+    """
     where, name = f"rotors[{origin.name}]", origin.name
     values = whole_values(values)
     link = values.pop("link", None)
@@ -301,23 +431,38 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
         refuse(
             f"{where}.link",
             seat.name,
-            f"must be fixed to the base; joint {bodies.links[seat.link].joint.name} moves it",
+            f"must be fixed to the base; joint {bodies.links[seat.link].joint.name}"
+            " moves it",
         )
-    place, hub = (of_base, values.pop("position")) if "position" in values else (seat, origin.position)
+    place, hub = (
+        (of_base, values.pop("position"))
+        if "position" in values
+        else (seat, origin.position)
+    )
     position = description.vector(place.position + place.rotation.apply(hub))
-    place, axis = (of_base, values.pop("axis")) if "axis" in values else (seat, origin.axis)
+    place, axis = (
+        (of_base, values.pop("axis")) if "axis" in values else (seat, origin.axis)
+    )
     thrust_axis = description.unit_axis(f"{where}.axis", place.rotation.apply(axis))
     table: ThrustTable | None = values.get("table")
     if table is not None:
         for needed in COEFFICIENTS if table.torque else COEFFICIENTS[:1]:
             if needed in values:
-                refuse(f"{where}.{needed}", values[needed], "must be left out: it follows from thrust_table")
+                refuse(
+                    f"{where}.{needed}",
+                    values[needed],
+                    "must be left out: it follows from thrust_table",
+                )
             values[needed] = getattr(table, needed)
         values.setdefault("max_speed", table.speed[-1])
     for needed in COEFFICIENTS:
         if needed not in values:
-            raise VehicleError(f"{where}.{needed}: is missing: must stand here or in rotor_defaults")
+            raise VehicleError(
+                f"{where}.{needed}: is missing: must stand here or in rotor_defaults"
+            )
     if "tilt" in values:
-        turning = values["tilt"].get("axis") or arm_direction(f"{where}.tilt", position, thrust_axis)
+        turning = values["tilt"].get("axis") or arm_direction(
+            f"{where}.tilt", position, thrust_axis
+        )
         values["tilt"] = Tilt(**values["tilt"] | {"axis": turning})
     return Rotor(name=name, position=position, axis=thrust_axis, **values)

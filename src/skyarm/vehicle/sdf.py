@@ -1,9 +1,12 @@
-"""SDF files 1.4 to 1.12: read a vehicle's bodies, joints and rotors as an equal URDF robot.
+"""SDF files 1.4 to 1.12: read a vehicle's bodies, joints and rotors as an equal URDF
+robot.
 
-Included and nested models become one tree, whose names carry those of the models around them (``arm::hand``). The
-link that no joint moves is the base. Links keep the axes of their file; a joint that stands elsewhere than its link
-moves a link ``LINK.JOINT``, which carries that one as a frame.
-Source: SDFormat specification 1.12 (sdformat.org/spec), with "Specifying pose" and "Model composition" there.
+Included and nested models become one tree, whose names carry those of the models around
+them (``arm::hand``). The link that no joint moves is the base. Links keep the axes of
+their file; a joint that stands elsewhere than its link moves a link ``LINK.JOINT``,
+which carries that one as a frame.
+Source: SDFormat specification 1.12 (sdformat.org/spec), with "Specifying pose" and
+"Model composition" there.
 """
 
 from __future__ import annotations
@@ -25,15 +28,27 @@ from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.rotor_sources.own_files import OWN
 from skyarm.vehicle.urdf import UNLIMITED, read_robot
 from skyarm.vehicle.vehicle_records import Frame
-from skyarm.vehicle.xml_elements import finite, numbers_of, read_xml, require_root, text_of
+from skyarm.vehicle.xml_elements import (
+    finite,
+    numbers_of,
+    read_xml,
+    require_root,
+    text_of,
+)
 
 VERSIONS = tuple(f"1.{minor}" for minor in range(4, 13))
 
-FOLDERS = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH", "SDF_PATH")
+FOLDERS = (
+    "GZ_SIM_RESOURCE_PATH",
+    "IGN_GAZEBO_RESOURCE_PATH",
+    "GAZEBO_MODEL_PATH",
+    "SDF_PATH",
+)
 """Environment variables with folders of models, as Gazebo reads them."""
 
 DEEPEST = 100
-"""Largest number of models in one vehicle, and of frames between a frame and the vehicle's."""
+"""Largest number of models in one vehicle, and of frames between a frame and the
+vehicle's."""
 
 TRUE = ("1", "true", "True", "TRUE")
 
@@ -48,7 +63,8 @@ ORIGIN = at_origin()
 
 @positional
 class _Scope:
-    """Model in which names are read: its file, the file's version, the prefix of its names, and its own frame.
+    """Model in which names are read: its file, the file's version, the prefix of its
+    names, and its own frame.
 
     ``note`` takes a line on what is forgiven in its XML.
     """
@@ -60,7 +76,9 @@ class _Scope:
     frame: str = ROOT
 
     def whole(self, name: str) -> str:
-        """Whole name, in the vehicle, of an element that has a given name in this model."""
+        """Whole name, in the vehicle, of an element that has a given name in this
+        model.
+        """
         return self.frame if name in ("", ROOT) else self.prefix + name
 
 
@@ -84,10 +102,14 @@ def read_sdf(path: PathLike, mimic: str = "lock", base: str = "") -> RigidBodies
 
 
 def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
-    """Model of a file that is the vehicle: the only one that is not static, or the named one."""
+    """Model of a file that is the vehicle: the only one that is not static, or the
+    named one.
+    """
     sdf, scope = _document(path, notes.add)
     missing = ""
-    models = [(each, scope) for each in (*sdf.findall("model"), *sdf.findall("world/model"))]
+    models = [
+        (each, scope) for each in (*sdf.findall("model"), *sdf.findall("world/model"))
+    ]
     for include in sdf.findall("world/include"):
         try:
             models.append(_read_include(include, scope))
@@ -95,7 +117,11 @@ def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
             missing = f"; {error}"
             notes.add(f"not read: {error}")
     moving = [pair for pair in models if text_of(pair[0], "static") not in TRUE]
-    chosen = [pair for pair in models if pair[0].get("name") == base] if base else moving or models
+    chosen = (
+        [pair for pair in models if pair[0].get("name") == base]
+        if base
+        else moving or models
+    )
     names = [each.get("name") for each, _ in chosen or models]
     if base and not chosen:
         refuse("base", base, f"must be one of {', '.join(map(str, names))}{missing}")
@@ -103,9 +129,20 @@ def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
     if len(chosen) != 1 or (missing and not base and not moving):
         cure = 'a TOML file with sdf = "FILE" and base = "NAME" names it'
         refuse("models", names, f"must be one, the vehicle; {cure}{missing}")
-    start, around = _inner(chosen[0][0], "pose").get("relative_to", ""), [each for each, _ in models]
-    if start.partition("::")[0] not in ("", "world", *(each.get("name") for each in around + sdf.findall("world/*"))):
-        refuse(f"model[{names[0]}].pose.relative_to", start, "must be left out, or be a name of the world")
+    start, around = (
+        _inner(chosen[0][0], "pose").get("relative_to", ""),
+        [each for each, _ in models],
+    )
+    if start.partition("::")[0] not in (
+        "",
+        "world",
+        *(each.get("name") for each in around + sdf.findall("world/*")),
+    ):
+        refuse(
+            f"model[{names[0]}].pose.relative_to",
+            start,
+            "must be left out, or be a name of the world",
+        )
     return chosen[0]
 
 
@@ -115,12 +152,18 @@ def _document(path: Path, note: Callable[[str], None]) -> tuple[ET.Element, _Sco
     require_root(sdf, "sdf")
     version = sdf.get("version", "(missing)")
     if version not in VERSIONS:
-        refuse("root element", f"{sdf.tag} version {version}", "must be <sdf> of version 1.4 to 1.12")
+        refuse(
+            "root element",
+            f"{sdf.tag} version {version}",
+            "must be <sdf> of version 1.4 to 1.12",
+        )
     return sdf, _Scope(path, VERSIONS.index(version) + 4, note)
 
 
 def _read_include(include: ET.Element, scope: _Scope) -> tuple[ET.Element, _Scope]:
-    """Model that an <include> names, with the name, pose and plugins that it gives the model."""
+    """Model that an <include> names, with the name, pose and plugins that it gives the
+    model.
+    """
     uri = text_of(include, "uri")
     for params in include.findall("experimental:params"):
         scope.note(f"<{params.tag}> of the include of {uri}: not read")
@@ -139,25 +182,34 @@ def _read_include(include: ET.Element, scope: _Scope) -> tuple[ET.Element, _Scop
 
 
 def _file_of(uri: str, file: Path) -> Path:
-    """SDF file that a URI names, ``model://NAME`` or a path: beside the file, beside its folder, or where Gazebo looks.
+    """SDF file that a URI names, ``model://NAME`` or a path: beside the file, beside
+    its folder, or where Gazebo looks.
 
     No model is fetched from the network.
     """
     name, here = uri.rpartition("://")[2], file.resolve().parent
-    given = [each for key in FOLDERS for each in os.environ.get(key, "").split(os.pathsep)]
+    given = [
+        each for key in FOLDERS for each in os.environ.get(key, "").split(os.pathsep)
+    ]
     for folder in (here.parent, here, *map(Path, filter(None, given))):
         place = folder / name
         for each in (place, place / "model.sdf", place / f"{place.name}.sdf"):
             if name and ".." not in place.parts and each.is_file():
                 return each
-    refuse("include.uri", uri, f"must be model://NAME, of a folder in {here.parent} or {FOLDERS[0]}, with NAME.sdf")
+    refuse(
+        "include.uri",
+        uri,
+        f"must be model://NAME, of a folder in {here.parent} or {FOLDERS[0]}, with"
+        " NAME.sdf",
+    )
 
 
 class _Tree:
     """Links, joints and frames of a vehicle under construction, by whole names.
 
     Attributes:
-        frames: frame -> the frame that its pose starts at, the pose, and the frame of a model that is put there.
+        frames: frame -> the frame that its pose starts at, the pose, and the frame of a
+            model that is put there.
         carriers: frame, joint or model -> the frame or link that it is fixed to.
     """
 
@@ -171,15 +223,24 @@ class _Tree:
         self.plugins: list[ET.Element] = []
 
     def add(self, model: ET.Element, scope: _Scope) -> None:
-        """Add the links, joints, frames and plugins of an SDF model and of the models nested in it."""
+        """Add the links, joints, frames and plugins of an SDF model and of the models
+        nested in it.
+        """
         self.models += 1
         if self.models > DEEPEST:
-            refuse("models", self.models, f"must be at most {DEEPEST} in one vehicle; does a file include itself?")
+            refuse(
+                "models",
+                self.models,
+                f"must be at most {DEEPEST} in one vehicle; does a file include"
+                " itself?",
+            )
         own = [scope.whole(each.get("name", "")) for each in model.findall("link")]
         before = len(self.links)
         for element in model:
             if element.tag in ("plugin", OWN):
-                for named in (each for word in OF_PLUGINS for each in element.iter(word)):
+                for named in (
+                    each for word in OF_PLUGINS for each in element.iter(word)
+                ):
                     if text := text_of(named):
                         named.text = scope.whole(text)
                 self.plugins.append(element)
@@ -192,13 +253,19 @@ class _Tree:
         first = [*own, *[*self.links][before:], "?"][0]
         self.carriers[scope.frame] = scope.whole(canonical) if canonical else first
 
-    def _add_placed(self, element: ET.Element, scope: _Scope, merge: bool = False) -> None:
+    def _add_placed(
+        self, element: ET.Element, scope: _Scope, merge: bool = False
+    ) -> None:
         """Add a link, frame, joint or model; each is a frame."""
         kind, name = element.tag, scope.whole(element.get("name", ""))
         key = f"{kind} {name}" if merge or kind == "joint" else name
         if key in self.frames or not element.get("name"):
             refuse(f"{kind}.name", name, "must be there, and once in its model")
-        base = scope.whole(text_of(element, "child", "?") if kind == "joint" else element.get("attached_to", ""))
+        base = scope.whole(
+            text_of(element, "child", "?")
+            if kind == "joint"
+            else element.get("attached_to", "")
+        )
         inner = replace(scope, prefix=scope.prefix if merge else f"{name}::", frame=key)
         pose, placement = _inner(element, "pose"), element.get("placement_frame")
         start = pose.get("relative_to") or pose.get("frame")
@@ -214,7 +281,9 @@ class _Tree:
         elif kind == "link":
             self.links[name] = element
             if text_of(element, "gravity", "1") not in TRUE:
-                self.notes.add("without gravity in the file; here it weighs", name, "link")
+                self.notes.add(
+                    "without gravity in the file; here it weighs", name, "link"
+                )
         else:
             self.carriers[key] = base
             if kind == "frame":
@@ -223,15 +292,25 @@ class _Tree:
                 self.joints[name] = element, scope
 
     def _at(self, name: str, top: str = ROOT, depth: int = 0) -> Frame:
-        """Pose of a frame in another one on the way of its pose, as a rule the vehicle's."""
+        """Pose of a frame in another one on the way of its pose, as a rule the
+        vehicle's.
+        """
         if name == top:
             return ORIGIN
         key = name if name in self.frames else f"joint {name}"
         if key not in self.frames or depth > DEEPEST:
-            refuse("relative_to", name, "must be a link, frame, joint or model whose pose does not lead back")
+            refuse(
+                "relative_to",
+                name,
+                "must be a link, frame, joint or model whose pose does not lead back",
+            )
         base, pose, placement = self.frames[key]
         at = posed_in(self._at(base, top, depth + 1), pose.rotation, pose.position)
-        return posed_in(at, *_within(self._at(placement, key, depth + 1), ORIGIN)) if placement else at
+        return (
+            posed_in(at, *_within(self._at(placement, key, depth + 1), ORIGIN))
+            if placement
+            else at
+        )
 
     def pose_of(self, link: str) -> tuple[Mat3, Vec3]:
         """Rotation and position (m) of a link in the vehicle's model."""
@@ -244,7 +323,9 @@ class _Tree:
         for _ in range(DEEPEST):
             if carrier in self.links:
                 return carrier
-            carrier = self.carriers.get(carrier) or self.carriers.get(f"joint {carrier}", "?")
+            carrier = self.carriers.get(carrier) or self.carriers.get(
+                f"joint {carrier}", "?"
+            )
         refuse(field, name, f"must be a link, as {', '.join([*self.links][:4])}")
 
     def robot(self, name: str) -> ET.Element:
@@ -255,14 +336,25 @@ class _Tree:
         for joint, (element, scope) in self.joints.items():
             above, below = (text_of(element, end, "?") for end in ("parent", "child"))
             if above == "world":
-                self.notes.add("holds the vehicle to the world; not read: the base floats", joint)
+                self.notes.add(
+                    "holds the vehicle to the world; not read: the base floats", joint
+                )
                 continue
-            above, below = (self._link_of(scope.whole(end), f"joint[{joint}]") for end in (above, below))
+            above, below = (
+                self._link_of(scope.whole(end), f"joint[{joint}]")
+                for end in (above, below)
+            )
             self._join(robot, joint, above, below)
         for frame in self.named:
             link = self._link_of(frame, f"frame[{frame}].attached_to")
             ET.SubElement(robot, "link", name=frame)
-            _connect(robot, f"{frame} frame", "fixed", (link, frame), (self._at(link), self._at(frame)))
+            _connect(
+                robot,
+                f"{frame} frame",
+                "fixed",
+                (link, frame),
+                (self._at(link), self._at(frame)),
+            )
         for each in self.frames:  # also the root's, which moves nothing
             with errors_as(VehicleError, f"pose of {each}: "):
                 self._at(each)
@@ -270,7 +362,9 @@ class _Tree:
         return robot
 
     def _join(self, robot: ET.Element, name: str, above: str, below: str) -> None:
-        """Add a joint to a URDF robot, and a link of its own where it stands elsewhere than the link of the file."""
+        """Add a joint to a URDF robot, and a link of its own where it stands elsewhere
+        than the link of the file.
+        """
         joint, scope = self.joints[name]
         kind, field = joint.get("type", ""), f"joint[{name}]"
         parent, link = self._at(above), self._at(below)
@@ -290,22 +384,38 @@ class _Tree:
         for word, text in _texts(axis, "limit").items():
             value = finite(text, f"{field}.limit.{word}", infinite=True)
             if word in limit or value >= 0.0:
-                limit[word] = text if abs(value) < UNLIMITED else repr(math.copysign(math.inf, value))
+                limit[word] = (
+                    text
+                    if abs(value) < UNLIMITED
+                    else repr(math.copysign(math.inf, value))
+                )
         if kind == "revolute" and (limit["lower"], limit["upper"]) == ("-inf", "inf"):
             urdf.set("type", "continuous")
         ET.SubElement(urdf, "limit", limit)
         rubbing = _texts(axis, "dynamics")
-        if finite(spring := rubbing.get("spring_stiffness", "0"), f"{field}.spring_stiffness"):
-            refuse(f"{field}.spring_stiffness", spring, "must be 0; springs are not supported")
+        if finite(
+            spring := rubbing.get("spring_stiffness", "0"), f"{field}.spring_stiffness"
+        ):
+            refuse(
+                f"{field}.spring_stiffness",
+                spring,
+                "must be 0; springs are not supported",
+            )
         ET.SubElement(urdf, "dynamics", rubbing)
         for mimic in axis.iterfind("mimic"):
             words = {"multiplier": "1", "offset": "0", "reference": "0"}
             numbers = {
-                word: finite(text_of(mimic, word, usual), f"{field}.mimic.{word}") for word, usual in words.items()
+                word: finite(text_of(mimic, word, usual), f"{field}.mimic.{word}")
+                for word, usual in words.items()
             }
             numbers["offset"] -= numbers["multiplier"] * numbers.pop("reference")
             leader = scope.whole(mimic.get("joint", ""))
-            ET.SubElement(urdf, "mimic", {word: repr(each) for word, each in numbers.items()}, joint=leader)
+            ET.SubElement(
+                urdf,
+                "mimic",
+                {word: repr(each) for word, each in numbers.items()},
+                joint=leader,
+            )
 
     def _axes_of(self, axis: ET.Element, name: str, scope: _Scope) -> str:
         """Frame in whose axes a joint's axis is stated."""
@@ -313,7 +423,9 @@ class _Tree:
             return scope.whole(stated)
         in_model = scope.version < 5 or text_of(axis, "use_parent_model_frame") in TRUE
         if in_model and scope.version >= 7:
-            self.notes.add("use_parent_model_frame is no word of SDF 1.7 and later; not read", name)
+            self.notes.add(
+                "use_parent_model_frame is no word of SDF 1.7 and later; not read", name
+            )
         return scope.frame if in_model and scope.version < 7 else f"joint {name}"
 
 
@@ -324,11 +436,17 @@ def _inner(element: ET.Element, path: str) -> ET.Element:
 
 def _texts(element: ET.Element, path: str) -> dict[str, str]:
     """Texts of the elements in the one at a path, by tag; empty ones are left out."""
-    return {each.tag: each.text.strip() for each in element.iterfind(f"{path}/*") if each.text}
+    return {
+        each.tag: each.text.strip()
+        for each in element.iterfind(f"{path}/*")
+        if each.text
+    }
 
 
 def _pose(pose: ET.Element, field: str) -> Frame:
-    """Position (m) and rotation of an SDF <pose>, by roll, pitch, yaw (rad or degrees) or a quaternion."""
+    """Position (m) and rotation of an SDF <pose>, by roll, pitch, yaw (rad or degrees)
+    or a quaternion.
+    """
     text, four = text_of(pose), pose.get("rotation_format") == "quat_xyzw"
     if not text:
         return ORIGIN
@@ -336,14 +454,18 @@ def _pose(pose: ET.Element, field: str) -> Frame:
     if four:
         R = description.rotation_quaternion(field, [turn[3], *turn[:3]])
     else:
-        R = description.rotation_rpy(list(map(math.radians, turn)) if pose.get("degrees") in TRUE else turn)
+        R = description.rotation_rpy(
+            list(map(math.radians, turn)) if pose.get("degrees") in TRUE else turn
+        )
     return replace(ORIGIN, position=description.vector((x, y, z)), rotation=R)
 
 
 def _within(outer: Frame, inner: Frame) -> tuple[Mat3, Vec3]:
     """Pose of a frame in another one, both in the axes of a third."""
     R = outer.rotation
-    return description.rotation(R.T @ inner.rotation), R.apply_T(inner.position - outer.position)
+    return description.rotation(R.T @ inner.rotation), R.apply_T(
+        inner.position - outer.position
+    )
 
 
 def _digits(values: Iterable[Any]) -> str:
@@ -356,7 +478,13 @@ def _set_origin(urdf: ET.Element, R: Mat3, p: Vec3) -> None:
     ET.SubElement(urdf, "origin", xyz=_digits(p), quat_xyzw=_digits((*xyz, w)))
 
 
-def _connect(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], poses: tuple[Frame, Frame]) -> ET.Element:
+def _connect(
+    robot: ET.Element,
+    name: str,
+    kind: str,
+    ends: tuple[str, str],
+    poses: tuple[Frame, Frame],
+) -> ET.Element:
     """Add a joint between two links of a URDF robot, at given poses of these."""
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
     for tag, link in zip(("parent", "child"), ends, strict=True):
@@ -366,17 +494,32 @@ def _connect(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], pos
 
 
 def _add_inertial(urdf: ET.Element, link: ET.Element, notes: Notes) -> None:
-    """Give a URDF link the mass of a link of SDF; what the file does not state has the values that SDF defines."""
+    """Give a URDF link the mass of a link of SDF; what the file does not state has the
+    values that SDF defines.
+    """
     name, stated = urdf.get("name", ""), _inner(link, "inertial")
     if stated.get("auto") in TRUE:
-        refuse(f"link[{name}].inertial.auto", "true", "must be false, beside <mass>, <inertia>; no shape is weighed")
+        refuse(
+            f"link[{name}].inertial.auto",
+            "true",
+            "must be false, beside <mass>, <inertia>; no shape is weighed",
+        )
     for added in stated.findall("fluid_added_mass"):
         notes.add(f"<{added.tag}>: not read", name, "link")
     given = {"mass": text_of(stated, "mass"), **_texts(stated, "inertia")}
-    if missing := [word for word in ("mass", "ixx", "iyy", "izz") if not given.get(word)]:
-        notes.add(f"without {', '.join(missing)}: 1 kg and 1 kg m^2, as SDF defines", name, "link")
+    if missing := [
+        word for word in ("mass", "ixx", "iyy", "izz") if not given.get(word)
+    ]:
+        notes.add(
+            f"without {', '.join(missing)}: 1 kg and 1 kg m^2, as SDF defines",
+            name,
+            "link",
+        )
         given |= dict.fromkeys(missing, "1")
-    inertial, at = ET.SubElement(urdf, "inertial"), _pose(_inner(stated, "pose"), f"link[{name}].inertial.pose")
+    inertial, at = (
+        ET.SubElement(urdf, "inertial"),
+        _pose(_inner(stated, "pose"), f"link[{name}].inertial.pose"),
+    )
     _set_origin(inertial, at.rotation, at.position)
     ET.SubElement(inertial, "mass", value=given["mass"])
     ET.SubElement(inertial, "inertia", {"ixy": "0", "ixz": "0", "iyz": "0", **given})

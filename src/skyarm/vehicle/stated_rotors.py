@@ -1,7 +1,9 @@
-"""Rotors as files of other programs state them: place, axis, sense and numbers, each with where it stood.
+"""Rotors as files of other programs state them: place, axis, sense and numbers, each
+with where it stood.
 
-A *rotor source* is a registered function (kind ``rotor_source``) that finds rotors in a file. What the file does not
-hold is a gap, which the user's ``[[rotors]]`` or ``[rotor_defaults]`` fill; no default takes its place in silence.
+A *rotor source* is a registered function (kind ``rotor_source``) that finds rotors in a
+file. What the file does not hold is a gap, which the user's ``[[rotors]]`` or
+``[rotor_defaults]`` fill; no default takes its place in silence.
 """
 
 from __future__ import annotations
@@ -22,12 +24,14 @@ from skyarm.vehicle.check import refuse
 UP = Vec3(0, 0, 1)
 
 MAX_THRUST = "max_thrust"
-"""Largest thrust (N): with one of the thrust coefficient and the largest speed it gives the other one."""
+"""Largest thrust (N): with one of the thrust coefficient and the largest speed it gives
+the other one."""
 
 LAGS = ("time_constant_up", "time_constant_down")
 
 NEEDED = ("direction", "thrust_coefficient", "moment_coefficient", "max_speed", *LAGS)
-"""Fields of a rotor without which a file's rotor is not whole, in the order of messages."""
+"""Fields of a rotor without which a file's rotor is not whole, in the order of
+messages."""
 
 
 NEEDED_OF_TILTS = ("lower", "upper", "time_constant")
@@ -42,15 +46,22 @@ class StatedRotor:
         name: name of the rotor.
         link: link or frame of the file in whose axes the place is; "base" for the base.
         position, axis: hub (m) and direction of positive thrust in these axes.
-        values: fields of :class:`skyarm.vehicle.Rotor` and ``max_thrust``, SI units -> number.
-        where: field -> where the number stood in the file, in words that fit every rotor of it.
-        joint, tilt_joint: joint that spins it, and one that tilts it, which are no joints of an arm; "" if the file has
-            none.
-        slower: ratio of its speed to that of the joint, as its simulator has it: the link's inertia counts by it.
-        assumed: words that the file leaves out and its simulator has a default of, which flies, with a note.
-        absent: field -> why this form of file does not state it. It is a gap, also if a rotor could do without.
-        at_mass: true of a rotor that pushes at its link's centre of mass in place of ``position``.
-        elements: elements of an XML file that it was read from, which no note calls unread.
+        values: fields of :class:`skyarm.vehicle.Rotor` and ``max_thrust``, SI units ->
+            number.
+        where: field -> where the number stood in the file, in words that fit every
+            rotor of it.
+        joint, tilt_joint: joint that spins it, and one that tilts it, which are no
+            joints of an arm; "" if the file has none.
+        slower: ratio of its speed to that of the joint, as its simulator has it: the
+            link's inertia counts by it.
+        assumed: words that the file leaves out and its simulator has a default of,
+            which flies, with a note.
+        absent: field -> why this form of file does not state it. It is a gap, also if a
+            rotor could do without.
+        at_mass: true of a rotor that pushes at its link's centre of mass in place of
+            ``position``.
+        elements: elements of an XML file that it was read from, which no note calls
+            unread.
     """
 
     name: str
@@ -74,10 +85,10 @@ class RotorFile:
 
     Attributes:
         path: path of the file.
-        content: what its reader made of it: the root element of an XML file, a vehicle in MuJoCo's
-            model, or None for other files.
-        settings: ``[rotor_file]``, for numbers beside the file such as ``arm_length`` (m); one that no source takes
-            is refused.
+        content: what its reader made of it: the root element of an XML file, a vehicle
+            in MuJoCo's model, or None for other files.
+        settings: ``[rotor_file]``, for numbers beside the file such as ``arm_length``
+            (m); one that no source takes is refused.
     """
 
     path: Path
@@ -87,10 +98,14 @@ class RotorFile:
     @property
     def xml(self) -> ET.Element:
         """Root element of an XML file; an empty one of others."""
-        return self.content if isinstance(self.content, ET.Element) else ET.Element("none")
+        return (
+            self.content if isinstance(self.content, ET.Element) else ET.Element("none")
+        )
 
     def endless(self) -> Iterator[tuple[ET.Element, str]]:
-        """Joints of an XML file that turn without end, with the links that they move."""
+        """Joints of an XML file that turn without end, with the links that they
+        move.
+        """
         for joint in self.xml.findall("joint[@type='continuous']"):
             for end in joint.findall("child"):
                 yield joint, end.get("link", "")
@@ -100,7 +115,8 @@ def rotors_in(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors that the first registered source finds in a file; () if none finds any.
 
     Raises:
-        VehicleError: one line with element, value and what is allowed, or two rotors of one name or joint.
+        VehicleError: one line with element, value and what is allowed, or two rotors of
+            one name or joint.
     """
     for row in registrations("rotor_source").values():
         if found := tuple(row.load()(file)):
@@ -117,7 +133,9 @@ def _require_once(word: str, names: list[str]) -> None:
 
 
 def whole_values(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of a rotor with what follows from the largest thrust: max_thrust = thrust_coefficient max_speed^2."""
+    """Values of a rotor with what follows from the largest thrust: max_thrust =
+    thrust_coefficient max_speed^2.
+    """
     known = dict(values)
     thrust = known.pop(MAX_THRUST, None)
     if thrust is None:
@@ -134,12 +152,21 @@ def gaps_of(rotor: StatedRotor, values: Mapping[str, Any]) -> Iterator[str]:
     """Names of the fields that a file's rotor and its user leave open."""
     known = whole_values(values)
     if "table" in values:
-        known = {**known, "thrust_coefficient": 0, "moment_coefficient": 0, "max_speed": 0}
-    missing = [name for name in dict.fromkeys((*NEEDED, *rotor.absent)) if name not in known]
+        known = {
+            **known,
+            "thrust_coefficient": 0,
+            "moment_coefficient": 0,
+            "max_speed": 0,
+        }
+    missing = [
+        name for name in dict.fromkeys((*NEEDED, *rotor.absent)) if name not in known
+    ]
     if MAX_THRUST in values and "max_speed" in missing:
         missing.remove("thrust_coefficient")  # one of the two gives the other
     if "tilt" in values:
-        missing += [f"tilt.{name}" for name in NEEDED_OF_TILTS if name not in values["tilt"]]
+        missing += [
+            f"tilt.{name}" for name in NEEDED_OF_TILTS if name not in values["tilt"]
+        ]
     for name in missing:
         words = rotor.absent.get(name, "")
         yield f"{name} ({words})" if words else name

@@ -1,8 +1,9 @@
 """Stiffness and damping of joint end stops for vehicle files that do not state them.
 
-A real joint meets metal or rubber at its limits. How hard these are is rarely known. The default gives way little to
-the joint's own drive, and asks for no shorter steps of integration at an ordinary control period of 5 ms, unless a
-strong drive on a light link would then press deep into its stop.
+A real joint meets metal or rubber at its limits. How hard these are is rarely known.
+The default gives way little to the joint's own drive, and asks for no shorter steps of
+integration at an ordinary control period of 5 ms, unless a strong drive on a light link
+would then press deep into its stop.
 """
 
 from __future__ import annotations
@@ -20,10 +21,12 @@ from skyarm.vehicle.mobility import joint_mobility, of_mirrored
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SOFTEST, USUAL, STIFFEST = 100.0, 200.0, 1500.0
-"""Natural frequencies (rad/s) of a joint against its stop: least, usual, largest; RK4 takes steps of 5 ms up to 440."""
+"""Natural frequencies (rad/s) of a joint against its stop: least, usual, largest; RK4
+takes steps of 5 ms up to 440."""
 
 DEPTH = {"revolute": 0.02, "prismatic": 0.002}
-"""Penetration (rad or m) of a stop by the drive's largest effort, where ``USUAL`` allows it."""
+"""Penetration (rad or m) of a stop by the drive's largest effort, where ``USUAL``
+allows it."""
 
 DEEPEST = 5.0
 """Largest penetration in multiples of ``DEPTH``, where ``STIFFEST`` allows it."""
@@ -35,31 +38,42 @@ DAMPING_RATIO = 0.5
 def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
     """Vehicle with end stops at all limited joints.
 
-    The stiffness of a joint's stop holds its drive's effort at ``DEPTH``, but moves the joint at ``SOFTEST`` to
-    ``USUAL``; if the effort would then press deeper than ``DEEPEST``, it holds it there, at up to ``STIFFEST``. A
-    damping that the joint states stays.
+    The stiffness of a joint's stop holds its drive's effort at ``DEPTH``, but moves the
+    joint at ``SOFTEST`` to ``USUAL``; if the effort would then press deeper than
+    ``DEEPEST``, it holds it there, at up to ``STIFFEST``. A damping that the joint
+    states stays.
 
     Args:
         vehicle: vehicle of concrete numbers.
         own: names of joints that state the stiffness of their stops, and be it none.
     """
     lacking = [
-        any(map(math.isfinite, joint.ends)) and joint.name not in own and not joint.has_stops
+        any(map(math.isfinite, joint.ends))
+        and joint.name not in own
+        and not joint.has_stops
         for joint in vehicle.joints
     ]
     if not any(lacking):
         return vehicle
     mobilities = joint_mobility(vehicle)
-    ease = of_mirrored(np.einsum("sii->si", mobilities).max(axis=0), mobilities).tolist()
+    ease = of_mirrored(
+        np.einsum("sii->si", mobilities).max(axis=0), mobilities
+    ).tolist()
     links = tuple(
-        replace(k, joint=_with_stops(k.joint, e)) if lacks and math.isfinite(e) and e > 0.0 else k
+        (
+            replace(k, joint=_with_stops(k.joint, e))
+            if lacks and math.isfinite(e) and e > 0.0
+            else k
+        )
         for k, e, lacks in zip(vehicle.links, ease, lacking, strict=True)
     )
     return replace(vehicle, links=links)
 
 
 def _stiffness(joint: Joint, ease: float) -> float:
-    """Stop stiffness, N m/rad or N/m, from a joint's effort limit and its mobility, 1/(kg m^2) or 1/kg."""
+    """Stop stiffness, N m/rad or N/m, from a joint's effort limit and its mobility,
+    1/(kg m^2) or 1/kg.
+    """
     if not math.isfinite(joint.effort_limit):
         return USUAL**2 / ease
     shallow = float(joint.effort_limit) / DEPTH[joint.kind]
@@ -78,17 +92,21 @@ def _with_stops(joint: Joint, ease: float) -> Joint:
 
 
 MOST = 3000.0
-"""Largest decay rate (1/s) of friction at the six evaluated configurations; elsewhere it may be three times as fast,
-and plants refuse 1e4."""
+"""Largest decay rate (1/s) of friction at the six evaluated configurations; elsewhere
+it may be three times as fast, and plants refuse 1e4."""
 
 WANTED = 2500.0
 """Decay rate (1/s) to which faster friction is reduced."""
 
 SOFTER = 1.5
-"""Factor by which the speed that smooths Coulomb friction grows from one trial to the next."""
+"""Factor by which the speed that smooths Coulomb friction grows from one trial to the
+next."""
 
 
-NOTE = "dry friction too stiff to integrate, bent by a larger coulomb_rate; state the armature of its drive"
+NOTE = (
+    "dry friction too stiff to integrate, bent by a larger coulomb_rate; state the"
+    " armature of its drive"
+)
 
 
 def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
@@ -104,19 +122,25 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
     viscous = _fastest([float(link.joint.damping) for link in links], mobilities)[0]
     if _fastest(_slopes(links), mobilities)[0] <= MOST:
         return vehicle
-    # what viscous damping does alone is the file's own number: if that is too stiff, both plants say so
+    # what viscous damping does alone is the file's own number: if that is too stiff,
+    # both plants say so
     limit = max(WANTED, 1.1 * viscous)
     while True:
         rate, shares = _fastest(_slopes(links), mobilities)
         dry = [
             _dry(link.joint) * share if link.joint.name in names else 0.0
-            for link, share in zip(links, of_mirrored(shares, mobilities).tolist(), strict=True)
+            for link, share in zip(
+                links, of_mirrored(shares, mobilities).tolist(), strict=True
+            )
         ]
         if rate <= limit or max(dry) == 0.0:
             break
         for i, own in enumerate(dry):
             if own == max(dry):  # mirrored joints together
-                softer = replace(links[i].joint, coulomb_rate=SOFTER * float(links[i].joint.coulomb_rate))
+                softer = replace(
+                    links[i].joint,
+                    coulomb_rate=SOFTER * float(links[i].joint.coulomb_rate),
+                )
                 links[i] = replace(links[i], joint=softer)
     notes = Notes()
     for old, new in zip(vehicle.links, links, strict=True):
@@ -126,7 +150,9 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
 
 
 def _dry(joint: Joint) -> float:
-    """Slope of the smoothed dry friction of a joint at zero rate, N m s/rad or N s/m."""
+    """Slope of the smoothed dry friction of a joint at zero rate, N m s/rad or N
+    s/m.
+    """
     return float(joint.coulomb) / float(joint.coulomb_rate)
 
 
@@ -135,7 +161,9 @@ def _slopes(links: Sequence[Link]) -> list[float]:
 
 
 def _fastest(slopes: Sequence[float], mobilities: Array) -> tuple[float, Array]:
-    """Fastest decay rate (1/s) that friction causes at rest, and how much each joint's friction contributes."""
+    """Fastest decay rate (1/s) that friction causes at rest, and how much each joint's
+    friction contributes.
+    """
     root = np.sqrt(slopes)
     with np.errstate(all="ignore"):  # absurd numbers overflow; plants refuse them
         product = root[:, None] * mobilities * root
@@ -143,4 +171,6 @@ def _fastest(slopes: Sequence[float], mobilities: Array) -> tuple[float, Array]:
         return 0.0, np.zeros(len(slopes))
     rates, modes = np.linalg.eigh(product)
     worst = int(np.argmax(rates[:, -1]))
-    return float(rates[worst, -1]), modes[worst, :, -1] ** 2 / np.maximum(slopes, 1e-300)
+    return float(rates[worst, -1]), modes[worst, :, -1] ** 2 / np.maximum(
+        slopes, 1e-300
+    )

@@ -1,8 +1,10 @@
 """URDF files: read a vehicle's rigid bodies and joints.
 
-The root link is the base. Fixed joints disappear: their child's mass joins the parent and its frame stays as a named
-frame. So do joints whose two limits are one number, by which simulators hang up sensors: they are fixed there; and
-joints that follow others, unless these are to be coupled. What is left out or taken in another way is in the notes.
+The root link is the base. Fixed joints disappear: their child's mass joins the parent
+and its frame stays as a named frame. So do joints whose two limits are one number, by
+which simulators hang up sensors: they are fixed there; and joints that follow others,
+unless these are to be coupled. What is left out or taken in another way is in the
+notes.
 Source: URDF specification (ROS wiki, urdf/XML).
 """
 
@@ -40,7 +42,15 @@ from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.vehicle_records import Look, Vehicle
 from skyarm.vehicle.vehicle_tables import vehicle_from
 from skyarm.vehicle.xacro_files import expand_xacro
-from skyarm.vehicle.xml_elements import child, number, numbers, numbers_of, parse_xml, require_root, required_numbers
+from skyarm.vehicle.xml_elements import (
+    child,
+    number,
+    numbers,
+    numbers_of,
+    parse_xml,
+    require_root,
+    required_numbers,
+)
 
 READ = ("link", "joint", "material", "plugin", OWN)
 """Elements of a robot that are read, or concern only its appearance."""
@@ -51,7 +61,9 @@ UNLIMITED = 1e16
 
 @positional
 class _File:
-    """Parsed URDF file: links and joints by name, parent joint of each link, and mimic joints."""
+    """Parsed URDF file: links and joints by name, parent joint of each link, and mimic
+    joints.
+    """
 
     links: Mapping[str, ET.Element]
     joints: Mapping[str, ET.Element]
@@ -59,8 +71,11 @@ class _File:
     mimics: Mapping[str, Mimic]
 
 
-def read_urdf(path: PathLike, mimic: str = "lock", xacro: Mapping[str, str] = MappingProxyType({})) -> RigidBodies:
-    """Read rigid bodies, joints and frames of a URDF file, or of a xacro file that describes one.
+def read_urdf(
+    path: PathLike, mimic: str = "lock", xacro: Mapping[str, str] = MappingProxyType({})
+) -> RigidBodies:
+    """Read rigid bodies, joints and frames of a URDF file, or of a xacro file that
+    describes one.
 
     Args:
         path: path of the file.
@@ -71,13 +86,25 @@ def read_urdf(path: PathLike, mimic: str = "lock", xacro: Mapping[str, str] = Ma
         VehicleError: without the file's name, which the caller adds.
     """
     file, notes = Path(path), Notes()
-    robot = parse_xml(expand_xacro(file, xacro) if file.suffix == ".xacro" else file.read_bytes(), notes.add)
+    robot = parse_xml(
+        expand_xacro(file, xacro) if file.suffix == ".xacro" else file.read_bytes(),
+        notes.add,
+    )
     require_root(robot, "robot")
     for element in robot:
         if "loop" in str(element.tag):
-            refuse(f"<{element.tag}>", element.get("name", ""), "closed chains are not supported")
+            refuse(
+                f"<{element.tag}>",
+                element.get("name", ""),
+                "closed chains are not supported",
+            )
         if "xacro" in str(element.tag):
-            refuse("element", element.tag, f"must be plain URDF; expand xacro first: name it {file.stem}.urdf.xacro")
+            refuse(
+                "element",
+                element.tag,
+                "must be plain URDF; expand xacro first: name it"
+                f" {file.stem}.urdf.xacro",
+            )
     return read_robot(robot, mimic, notes, file)
 
 
@@ -94,26 +121,43 @@ def read_robot(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> Rigid
     read = {id(element) for rotor in rotors for element in rotor.elements}
     for plugin in robot.iter("plugin"):
         if id(plugin) not in read:
-            notes.add("not read", plugin.get("name") or plugin.get("filename") or "", "plugin")
-    unread = [each.tag for each in robot if each.tag not in READ and read.isdisjoint(map(id, each.iter()))]
+            notes.add(
+                "not read", plugin.get("name") or plugin.get("filename") or "", "plugin"
+            )
+    unread = [
+        each.tag
+        for each in robot
+        if each.tag not in READ and read.isdisjoint(map(id, each.iter()))
+    ]
     for tag, count in Counter(unread).items():
         notes.add(f"<{tag}> ({count}): not read")
-    return replace(_bodies(robot, mimic, notes, path, {each.link for each in rotors}), rotors=rotors)
+    return replace(
+        _bodies(robot, mimic, notes, path, {each.link for each in rotors}),
+        rotors=rotors,
+    )
 
 
 def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
-    """Vehicle from a URDF file, with the rotors that it states; a frame named 'tip' becomes the end effector."""
+    """Vehicle from a URDF file, with the rotors that it states; a frame named 'tip'
+    becomes the end effector.
+    """
     document = {"schema": 1, "name": bodies.name, "urdf": bodies.name}
     if any(frame.name == "tip" for frame in bodies.frames):
         document["end_effector"] = "tip"
     return vehicle_from(document, lambda *_: bodies)
 
 
-def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path, spun: Container[str]) -> RigidBodies:
-    """Bodies of a robot; nothing is noted on the joints of the links ``spun``, which are rotors."""
+def _bodies(
+    robot: ET.Element, mimic: str, notes: Notes, path: Path, spun: Container[str]
+) -> RigidBodies:
+    """Bodies of a robot; nothing is noted on the joints of the links ``spun``, which
+    are rotors.
+    """
     file = _read_elements(robot)
     roots = [name for name in file.links if name not in file.above]
-    parents = {name: _end(joint, "parent", file.links) for name, joint in file.above.items()}
+    parents = {
+        name: _end(joint, "parent", file.links) for name, joint in file.above.items()
+    }
     if len(roots) > 1:
         refuse("links without a parent", roots, "must be exactly one, the base")
     root = "".join(roots)
@@ -123,11 +167,15 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path, spun: Conta
     seats = {root: at_origin()}
     for name in order:
         joint = file.above[name]
-        at = posed_in(seats[parents[name]], *origin_of(joint, f"joint[{joint.get('name')}]"), name)
+        at = posed_in(
+            seats[parents[name]], *origin_of(joint, f"joint[{joint.get('name')}]"), name
+        )
         value = _constant_value(joint, file, mimic, notes)
         if value is None:
             heard = Notes() if name in spun else notes
-            seats[name] = tree.add_link(name, at.link, read_joint(joint, at.rotation, at.position, heard))
+            seats[name] = tree.add_link(
+                name, at.link, read_joint(joint, at.rotation, at.position, heard)
+            )
         else:
             kind = kind_of_joint(joint)
             pose = held_pose(kind, ZERO3 if kind == "fixed" else axis_of(joint), value)
@@ -135,30 +183,55 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path, spun: Conta
             tree.frames.append(seats[name])
     for name, seat in seats.items():
         for body in _inertial(file.links[name]):
-            tree.add_body(seat.link, body.transform(seat.rotation, seat.position) if seat.name else body)
-        tree.looks += [moved_into(seat, look) for look in looks_of(file.links[name], path, notes)]
+            tree.add_body(
+                seat.link,
+                body.transform(seat.rotation, seat.position) if seat.name else body,
+            )
+        tree.looks += [
+            moved_into(seat, look) for look in looks_of(file.links[name], path, notes)
+        ]
     made = tree.bodies(robot.get("name") or "urdf", root, mimic == "couple")
-    return replace(made, speeds={name: _speed(joint) for name, joint in file.joints.items()})
+    return replace(
+        made, speeds={name: _speed(joint) for name, joint in file.joints.items()}
+    )
 
 
-def _without_freedom(links: list[str], parents: Mapping[str, str], file: _File, notes: Notes) -> tuple[str, list[str]]:
-    """Root and the links after it, without the massless ones by whose joints a file lets its base fly.
+def _without_freedom(
+    links: list[str], parents: Mapping[str, str], file: _File, notes: Notes
+) -> tuple[str, list[str]]:
+    """Root and the links after it, without the massless ones by whose joints a file
+    lets its base fly.
 
-    These are a chain to the first body that holds a floating joint, or two slides or more; others are those of an arm.
+    These are a chain to the first body that holds a floating joint, or two slides or
+    more; others are those of an arm.
     """
-    first = next((i for i, name in enumerate(links) if any(body.mass for body in _inertial(file.links[name]))), 0)
+    first = next(
+        (
+            i
+            for i, name in enumerate(links)
+            if any(body.mass for body in _inertial(file.links[name]))
+        ),
+        0,
+    )
     chain = [file.above[name] for name in links[1 : first + 1]]
     kinds = [joint.get("type") for joint in chain]
     alone = {parents[name] for name in links[first + 1 :]}.isdisjoint(links[:first])
     if not alone or ("floating" not in kinds and kinds.count("prismatic") < 2):
         return links[0], links[1:]
     for joint in chain:
-        notes.add("freedom of the base, which it has here anyway; left out", joint.get("name", ""))
+        notes.add(
+            "freedom of the base, which it has here anyway; left out",
+            joint.get("name", ""),
+        )
     return links[first], links[first + 1 :]
 
 
-def _constant_value(joint: ET.Element, file: _File, mimic: str, notes: Notes) -> float | None:
-    """Constant value of a joint that cannot move, rad or m; None for a joint that can move."""
+def _constant_value(
+    joint: ET.Element, file: _File, mimic: str, notes: Notes
+) -> float | None:
+    """Constant value of a joint that cannot move, rad or m; None for a joint that can
+    move.
+    """
     name = joint.get("name", "")
     follows = file.mimics.get(name)
     if follows is None:
@@ -170,17 +243,26 @@ def _constant_value(joint: ET.Element, file: _File, mimic: str, notes: Notes) ->
     value, leader = resting(last, file.joints), last.joint
     if mimic == "couple":
         if leader not in file.joints:
-            refuse(f"joint[{name}].mimic.joint", leader, f"must be one of {', '.join(file.joints)}")
+            refuse(
+                f"joint[{name}].mimic.joint",
+                leader,
+                f"must be one of {', '.join(file.joints)}",
+            )
         if fixed_at(file.joints[leader]) is None:
             notes.add("follows another one, without a drive of its own", name)
             return None
-    notes.add(f"follows {follows.joint}: fixed at {value:g}; mimic = 'couple' lets it move", name)
+    notes.add(
+        f"follows {follows.joint}: fixed at {value:g}; mimic = 'couple' lets it move",
+        name,
+    )
     return value
 
 
 def _read_elements(robot: ET.Element) -> _File:
     links, joints = _by_name(robot, "link"), _by_name(robot, "joint")
-    if "world" not in links and any(joint.find("parent[@link='world']") is not None for joint in joints.values()):
+    if "world" not in links and any(
+        joint.find("parent[@link='world']") is not None for joint in joints.values()
+    ):
         # simulators define it
         links = {"world": ET.Element("link", name="world"), **links}
     return _File(links, joints, _joints_above(links, joints), read_mimics(joints))
@@ -200,14 +282,22 @@ def _by_name(robot: ET.Element, tag: str) -> dict[str, ET.Element]:
     return elements
 
 
-def _joints_above(links: dict[str, ET.Element], joints: dict[str, ET.Element]) -> dict[str, ET.Element]:
-    """Parent joint of each link, in the order of the file; unsupported joints raise an error."""
+def _joints_above(
+    links: dict[str, ET.Element], joints: dict[str, ET.Element]
+) -> dict[str, ET.Element]:
+    """Parent joint of each link, in the order of the file; unsupported joints raise an
+    error.
+    """
     above: dict[str, ET.Element] = {}
     for name, joint in joints.items():
         below = _end(joint, "child", links)
         if below in above:
             other = above[below].get("name")
-            refuse(f"joint[{name}].child", below, f"closed chains are not supported (joint '{other}' moves it already)")
+            refuse(
+                f"joint[{name}].child",
+                below,
+                f"closed chains are not supported (joint '{other}' moves it already)",
+            )
         above[below] = joint
     return above
 
@@ -216,12 +306,18 @@ def _end(joint: ET.Element, tag: str, links: Mapping[str, ET.Element]) -> str:
     element = child(joint, tag, f"joint[{joint.get('name')}]")
     name = element.get("link", "") if element is not None else ""
     if name not in links:
-        refuse(f"joint[{joint.get('name')}].{tag}", name, f"must be one of {', '.join(links)}")
+        refuse(
+            f"joint[{joint.get('name')}].{tag}",
+            name,
+            f"must be one of {', '.join(links)}",
+        )
     return name
 
 
 def _inertial(link: ET.Element) -> list[Body]:
-    """Mass distribution of one link in its axes; an empty list if the file states no <inertial>."""
+    """Mass distribution of one link in its axes; an empty list if the file states no
+    <inertial>.
+    """
     inertial = child(link, "inertial", f"link[{link.get('name')}]")
     if inertial is None:
         return []
@@ -229,27 +325,39 @@ def _inertial(link: ET.Element) -> list[Body]:
     mass = required_numbers(inertial, "mass", ("value",), field)[0]
     if mass < 0.0:
         refuse(f"{field}.mass", mass, "must be at least 0")
-    entries = required_numbers(inertial, "inertia", ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), field)
+    entries = required_numbers(
+        inertial, "inertia", ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), field
+    )
     R, p = origin_of(inertial, field)
     return [Body(mass=mass, com=p, inertia=description.inertia(entries).rotate(R))]
 
 
-KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
+KINDS = {
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+    "fixed": "fixed",
+}
 
 
 def kind_of_joint(joint: ET.Element) -> str:
     """Kind of a URDF joint: revolute, prismatic or fixed."""
     kind = joint.get("type", "")
     if kind not in KINDS:
-        refuse(f"joint[{joint.get('name')}].type", kind, f"must be one of {', '.join(KINDS)}")
+        refuse(
+            f"joint[{joint.get('name')}].type",
+            kind,
+            f"must be one of {', '.join(KINDS)}",
+        )
     return KINDS[kind]
 
 
 def limits(joint: ET.Element) -> tuple[float, float]:
-    """Lower and upper limit of a joint, rad or m; infinite where the file states none, or Gazebo's number for none.
+    """Lower and upper limit of a joint, rad or m; infinite where the file states none,
+    or Gazebo's number for none.
 
-    By the specification a limit that is not stated is 0. That is taken where the other one leaves the joint room to
-    move; elsewhere it has been forgotten.
+    By the specification a limit that is not stated is 0. That is taken where the other
+    one leaves the joint room to move; elsewhere it has been forgotten.
     """
     field = f"joint[{joint.get('name')}]"
     limit = child(joint, "limit", field)
@@ -261,7 +369,11 @@ def limits(joint: ET.Element) -> tuple[float, float]:
     upper = math.inf if upper >= UNLIMITED else upper
     for word, value in (("lower", lower), ("upper", -upper)):
         if value == math.inf:
-            refuse(f"{field}.limit.{word}", limit.get(word), "must be on the other side of 0, or finite")
+            refuse(
+                f"{field}.limit.{word}",
+                limit.get(word),
+                "must be on the other side of 0, or finite",
+            )
     if math.isnan(lower):
         lower = 0.0 if upper > 0.0 else -math.inf
     if math.isnan(upper):
@@ -270,7 +382,9 @@ def limits(joint: ET.Element) -> tuple[float, float]:
 
 
 def fixed_at(joint: ET.Element) -> float | None:
-    """Constant value of a fixed joint or one with equal limits, rad or m; None if it can move."""
+    """Constant value of a fixed joint or one with equal limits, rad or m; None if it
+    can move.
+    """
     if kind_of_joint(joint) == "fixed":
         return 0.0
     limit = child(joint, "limit", f"joint[{joint.get('name')}]")
@@ -280,12 +394,16 @@ def fixed_at(joint: ET.Element) -> float | None:
 
 
 def axis_of(joint: ET.Element) -> Vec3:
-    """Unit vector along a joint's axis; x if there is no <axis>, as the specification defines."""
+    """Unit vector along a joint's axis; x if there is no <axis>, as the specification
+    defines.
+    """
     field = f"joint[{joint.get('name')}]"
     axis = child(joint, "axis", field)
     if axis is not None and axis.get("xyz") is None:
         refuse(f"{field}.axis.xyz", "(missing)", "must be three numbers")
-    return description.unit_axis(f"{field}.axis", numbers(axis, "xyz", f"{field}.axis", (1.0, 0.0, 0.0)))
+    return description.unit_axis(
+        f"{field}.axis", numbers(axis, "xyz", f"{field}.axis", (1.0, 0.0, 0.0))
+    )
 
 
 def read_joint(joint: ET.Element, R: Mat3, p: Vec3, notes: Notes) -> Joint:
@@ -296,11 +414,16 @@ def read_joint(joint: ET.Element, R: Mat3, p: Vec3, notes: Notes) -> Joint:
     lower, upper = limits(joint)
     if joint.get("type") != "continuous" and math.isinf(lower) and math.isinf(upper):
         notes.add("without limits, so it turns or slides without end", name)
-    elif joint.get("type") != "continuous" and (limit is None or None in (limit.get("lower"), limit.get("upper"))):
+    elif joint.get("type") != "continuous" and (
+        limit is None or None in (limit.get("lower"), limit.get("upper"))
+    ):
         notes.add("with one limit stated only; the other is 0 or none", name)
     effort = number(limit, "effort", f"{field}.limit", math.nan, infinite=True)
     if math.isnan(effort):
-        notes.add("without an effort, so passive; [[joints]] effort_limit gives it a drive", name)
+        notes.add(
+            "without an effort, so passive; [[joints]] effort_limit gives it a drive",
+            name,
+        )
     elif effort == 0.0:
         notes.add("of effort 0, so passive", name)
     elif math.isinf(effort):
@@ -308,20 +431,45 @@ def read_joint(joint: ET.Element, R: Mat3, p: Vec3, notes: Notes) -> Joint:
     if joint.find("safety_controller") is not None:
         notes.add("soft limits of its safety_controller: not read", name)
     if 0.0 < (speed := _speed(joint)) < math.inf:
-        notes.add(f"velocity limit {speed:g}: the speed_limit of a servo in [drives]; nothing else keeps it", name)
-    values: dict[str, Any] = {"lower": lower, "upper": upper, "effort_limit": 0.0 if math.isnan(effort) else effort}
+        notes.add(
+            f"velocity limit {speed:g}: the speed_limit of a servo in [drives]; nothing"
+            " else keeps it",
+            name,
+        )
+    values: dict[str, Any] = {
+        "lower": lower,
+        "upper": upper,
+        "effort_limit": 0.0 if math.isnan(effort) else effort,
+    }
     for ours, theirs in (("damping", "damping"), ("coulomb", "friction")):
-        values[ours] = description.zero_is_structure(number(dynamics, theirs, f"{field}.dynamics", 0.0))
-    return Joint(name=name, kind=kind_of_joint(joint), axis=axis_of(joint), position=p, rotation=R, **values)
+        values[ours] = description.zero_is_structure(
+            number(dynamics, theirs, f"{field}.dynamics", 0.0)
+        )
+    return Joint(
+        name=name,
+        kind=kind_of_joint(joint),
+        axis=axis_of(joint),
+        position=p,
+        rotation=R,
+        **values,
+    )
 
 
 def _speed(joint: ET.Element) -> float:
     """Largest rate of a joint, rad/s or m/s; 0 if the file states none."""
-    return number(joint.find("limit"), "velocity", f"joint[{joint.get('name')}].limit", 0.0, infinite=True)
+    return number(
+        joint.find("limit"),
+        "velocity",
+        f"joint[{joint.get('name')}].limit",
+        0.0,
+        infinite=True,
+    )
 
 
 def read_mimics(joints: Mapping[str, ET.Element]) -> dict[str, Mimic]:
-    """Mimic relation (leader, ratio, offset) of each movable joint that follows another one."""
+    """Mimic relation (leader, ratio, offset) of each movable joint that follows another
+    one.
+    """
     mimics: dict[str, Mimic] = {}
     for name, joint in joints.items():
         field = f"joint[{name}]"
@@ -329,12 +477,18 @@ def read_mimics(joints: Mapping[str, ET.Element]) -> dict[str, Mimic]:
         if mimic is None or fixed_at(joint) is not None:
             continue
         ratio = number(mimic, "multiplier", f"{field}.mimic", 1.0)
-        mimics[name] = Mimic(mimic.get("joint", ""), ratio, number(mimic, "offset", f"{field}.mimic", 0.0))
+        mimics[name] = Mimic(
+            mimic.get("joint", ""),
+            ratio,
+            number(mimic, "offset", f"{field}.mimic", 0.0),
+        )
     return mimics
 
 
 def resting(follows: Mimic, joints: Mapping[str, ET.Element]) -> float:
-    """Value of a mimic joint while the last leader in its chain of mimic joints is at rest."""
+    """Value of a mimic joint while the last leader in its chain of mimic joints is at
+    rest.
+    """
     if follows.joint not in joints:
         return follows.at_rest()
     leader = joints[follows.joint]
@@ -349,12 +503,15 @@ def mesh_file(address: str, urdf: Path) -> Path | None:
     """Path of the file that a mesh address denotes; None if there is no such file.
 
     Args:
-        address: ``package://PACKAGE/PATH``, ``file://PATH`` or a path beside the URDF file.
-        urdf: the file that states it. A package is the folder of that name above it or beside one above it, or the
-            folder above it that holds a ``package.xml``.
+        address: ``package://PACKAGE/PATH``, ``file://PATH`` or a path beside the URDF
+            file.
+        urdf: the file that states it. A package is the folder of that name above it or
+            beside one above it, or the folder above it that holds a ``package.xml``.
     """
     try:
-        return next((each for each in _candidates(address, urdf) if each.is_file()), None)
+        return next(
+            (each for each in _candidates(address, urdf) if each.is_file()), None
+        )
     except (OSError, ValueError):  # a name that no file can have
         return None
 
@@ -374,7 +531,8 @@ def _candidates(address: str, urdf: Path) -> list[Path]:
 
 
 def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
-    """Visual meshes of a URDF link; meshes that cannot be drawn are left out, with a note.
+    """Visual meshes of a URDF link; meshes that cannot be drawn are left out, with a
+    note.
 
     Args:
         link: link of the file.
@@ -384,32 +542,61 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
     name, looks = link.get("name", ""), []
     for visual in link.findall("visual"):
         for mesh in visual.findall("geometry/mesh"):
-            file, field = mesh_file(mesh.get("filename", ""), urdf), f"link[{name}].visual"
+            file, field = (
+                mesh_file(mesh.get("filename", ""), urdf),
+                f"link[{name}].visual",
+            )
             if file is None or file.suffix.lower() != ".stl":
                 why = "is not there" if file is None else "is no .stl"
-                notes.add(f"a mesh file {why}; it is drawn from its joints", name, "link")
+                notes.add(
+                    f"a mesh file {why}; it is drawn from its joints", name, "link"
+                )
                 continue
             try:
-                # a picture that cannot be drawn changes nothing of how the vehicle flies
+                # a picture that cannot be drawn changes nothing of how the vehicle
+                # flies
                 rotation, position = origin_of(visual, field)
                 if max(map(abs, position)) > FARTHEST:
-                    refuse(f"{field}.origin.xyz", list(position), f"must be within {FARTHEST:g} m")
+                    refuse(
+                        f"{field}.origin.xyz",
+                        list(position),
+                        f"must be within {FARTHEST:g} m",
+                    )
                 x, y, z = numbers(mesh, "scale", f"{field}.mesh", METRES)
                 read_corners(file, (x, y, z))
             except ValueError as error:
-                notes.add(f"a mesh cannot be drawn ({error}); it is drawn from its joints", name, "link")
+                notes.add(
+                    f"a mesh cannot be drawn ({error}); it is drawn from its joints",
+                    name,
+                    "link",
+                )
                 continue
             scale = Vec3(x, y, z)
-            looks.append(Look(name=name, link=BASE, position=position, rotation=rotation, file=str(file), scale=scale))
+            looks.append(
+                Look(
+                    name=name,
+                    link=BASE,
+                    position=position,
+                    rotation=rotation,
+                    file=str(file),
+                    scale=scale,
+                )
+            )
     return looks
 
 
 def origin_of(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:
-    """Rotation and position (m) of the <origin> of an XML element; identity and zero without one."""
+    """Rotation and position (m) of the <origin> of an XML element; identity and zero
+    without one.
+    """
     origin = child(element, "origin", field)
     xyz = numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
     if origin is not None and origin.get("quat_xyzw"):
-        x, y, z, w = numbers_of(origin.get("quat_xyzw", ""), f"{field}.origin.quat_xyzw", 4)
-        return description.rotation_quaternion(f"{field}.origin.quat_xyzw", [w, x, y, z]), description.vector(xyz)
+        x, y, z, w = numbers_of(
+            origin.get("quat_xyzw", ""), f"{field}.origin.quat_xyzw", 4
+        )
+        return description.rotation_quaternion(
+            f"{field}.origin.quat_xyzw", [w, x, y, z]
+        ), description.vector(xyz)
     rpy = numbers(origin, "rpy", f"{field}.origin", (0.0, 0.0, 0.0))
     return description.rotation_rpy(rpy), description.vector(xyz)

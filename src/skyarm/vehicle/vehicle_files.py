@@ -1,4 +1,6 @@
-"""Read vehicles from TOML (see :mod:`skyarm.vehicle.vehicle_tables`), URDF, SDF and MJCF files and from the library."""
+"""Read vehicles from TOML (see :mod:`skyarm.vehicle.vehicle_tables`), URDF, SDF and
+MJCF files and from the library.
+"""
 
 from __future__ import annotations
 
@@ -38,11 +40,13 @@ def list_vehicles() -> tuple[str, ...]:
 
 
 def load_vehicle(name_or_path: PathLike) -> Vehicle:
-    """Load a vehicle from the library by name, or from a .toml, .urdf, .xacro, .sdf or .xml (MJCF) file.
+    """Load a vehicle from the library by name, or from a .toml, .urdf, .xacro, .sdf or
+    .xml (MJCF) file.
 
     Args:
-        name_or_path: a name of :func:`list_vehicles`, a path with one of these suffixes, or ``robot:NAME`` for a robot
-            of a package that is installed (:mod:`skyarm.vehicle.vehicle_files`).
+        name_or_path: a name of :func:`list_vehicles`, a path with one of these
+            suffixes, or ``robot:NAME`` for a robot of a package that is installed
+            (:mod:`skyarm.vehicle.vehicle_files`).
 
     Raises:
         VehicleError: one line, ``file: field = value: what is allowed``.
@@ -51,7 +55,9 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
 
 
 def load_with_bodies(name_or_path: PathLike) -> tuple[Vehicle, RigidBodies | None]:
-    """Vehicle as of :func:`load_vehicle`, and the bodies of its file if that is one of another program."""
+    """Vehicle as of :func:`load_vehicle`, and the bodies of its file if that is one of
+    another program.
+    """
     with errors_as(VehicleError):
         text = file_name(name_or_path, "vehicle")
     path, shipped, alone = Path(text), ", ".join(list_vehicles()), False
@@ -64,42 +70,66 @@ def load_with_bodies(name_or_path: PathLike) -> tuple[Vehicle, RigidBodies | Non
         with naming_file(text):
             alone = bool(rotors_in(RotorFile(path)))
     if alone:
-        beside = f'its rotors stand beside bodies in a vehicle file: urdf = "BODIES.urdf", [rotor_file] file = "{text}"'
+        beside = (
+            'its rotors stand beside bodies in a vehicle file: urdf = "BODIES.urdf",'
+            f' [rotor_file] file = "{text}"'
+        )
         raise VehicleError(f"vehicle = {shown(text)}: has no bodies; {beside}")
     if path.suffix in FOREIGN:
-        made = FOREIGN[path.suffix].format(shlex.quote(text), shlex.quote(text.removesuffix(path.suffix)))
+        made = FOREIGN[path.suffix].format(
+            shlex.quote(text), shlex.quote(text.removesuffix(path.suffix))
+        )
         raise VehicleError(f"vehicle = {shown(text)}: {made}")
     if path.suffix not in (".toml", *RIGID):
-        allowed = f"{must_be_one_of(list_vehicles(), text)}, or the path of a .toml, .urdf, .sdf or .xml (MJCF) file"
+        allowed = (
+            f"{must_be_one_of(list_vehicles(), text)}, or the path of a .toml, .urdf,"
+            " .sdf or .xml (MJCF) file"
+        )
         missing = "there is no such file; " if path.suffix and not path.exists() else ""
         raise VehicleError(f"vehicle = {shown(text)}: {missing}{allowed}")
     reason = unreadable(path)
     if reason:
-        raise VehicleError(f"vehicle = {shown(text)}: {reason}; shipped vehicles are {shipped}")
+        raise VehicleError(
+            f"vehicle = {shown(text)}: {reason}; shipped vehicles are {shipped}"
+        )
     with naming_file(text):
-        return _plain_vehicle(path) if path.suffix in RIGID else (_from_toml(path.read_bytes(), path), None)
+        return (
+            _plain_vehicle(path)
+            if path.suffix in RIGID
+            else (_from_toml(path.read_bytes(), path), None)
+        )
 
 
 @cache
 def _library_vehicle(name: str) -> Vehicle:
-    """Vehicle of the library by name, read once per process and shared by plant, model and all scenarios."""
+    """Vehicle of the library by name, read once per process and shared by plant, model
+    and all scenarios.
+    """
     with naming_file(name):
         return _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None)
 
 
 @contextmanager
 def naming_file(file: str) -> Iterator[None]:
-    """Context manager that turns an error into one line that begins with the file's name."""
+    """Context manager that turns an error into one line that begins with the file's
+    name.
+    """
     try:
         yield
     except VehicleError as error:
         raise VehicleError(f"{file}: {one_line(str(error))}") from None
     except OSError as error:
-        raise VehicleError(f"{file}: file = {error.strerror!r}: must be readable") from None
+        raise VehicleError(
+            f"{file}: file = {error.strerror!r}: must be readable"
+        ) from None
 
 
-def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) -> Vehicle:
-    """Read a vehicle from the bytes of a TOML file; ``above`` are files that refer to it, to detect cycles."""
+def _from_toml(
+    content: bytes, file: Path | None, above: tuple[Path, ...] = ()
+) -> Vehicle:
+    """Read a vehicle from the bytes of a TOML file; ``above`` are files that refer to
+    it, to detect cycles.
+    """
     chain = above if file is None else (*above, file.resolve())
     refer = partial(_read, folder=Path() if file is None else file.parent, chain=chain)
     with errors_as(VehicleError):
@@ -124,7 +154,10 @@ def vehicle_of_text(text: str, file: Path) -> Vehicle:
 ROTORS_ALONE = (".yaml", ".yml", ".params")
 """Suffixes of files that may state rotors without bodies."""
 
-USD = "has no rotors' numbers; make a URDF file of it (pip install nvidia-srl-usd-to-urdf), and state [[rotors]]"
+USD = (
+    "has no rotors' numbers; make a URDF file of it (pip install"
+    " nvidia-srl-usd-to-urdf), and state [[rotors]]"
+)
 
 FOREIGN = {
     ".jinja": "must be made a file first: pip install jinja2-cli; jinja2 {0} -o {1}",
@@ -133,7 +166,9 @@ FOREIGN = {
 """Suffix of a file that is not read -> what makes one that is; file names in braces."""
 
 
-def read_rigid(path: Path, mimic: str, base: str = "", xacro: Mapping[str, str] | None = None) -> RigidBodies:
+def read_rigid(
+    path: Path, mimic: str, base: str = "", xacro: Mapping[str, str] | None = None
+) -> RigidBodies:
     """Read the bodies of a URDF, xacro, SDF or MJCF file.
 
     Args:
@@ -162,7 +197,9 @@ def read_rigid(path: Path, mimic: str, base: str = "", xacro: Mapping[str, str] 
 
 
 def _plain_vehicle(path: Path) -> tuple[Vehicle, RigidBodies]:
-    """Vehicle of a URDF, SDF or MJCF file alone, with the rotors that it states whole, and the file's bodies."""
+    """Vehicle of a URDF, SDF or MJCF file alone, with the rotors that it states whole,
+    and the file's bodies.
+    """
     from skyarm.vehicle.urdf import urdf_vehicle
 
     bodies = read_rigid(path, "lock")
@@ -179,7 +216,9 @@ def _read(
     folder: Path,
     chain: tuple[Path, ...],
 ) -> RigidBodies | Vehicle:
-    """Read the file that a vehicle file refers to: a vehicle from TOML or the library, or bodies from another file."""
+    """Read the file that a vehicle file refers to: a vehicle from TOML or the library,
+    or bodies from another file.
+    """
     named = "a name of the library, or " if ".toml" in suffixes else ""
     allowed = f"must be {named}the path of a file that ends in {' or '.join(suffixes)}"
     try:
@@ -187,7 +226,11 @@ def _read(
             return read_rigid(robot_file(name), mimic, base)
         path = folder / name
         if base and path.suffix not in RIGID:
-            refuse(field.replace("arm", "base"), base, f"must be left out: the file that {name} names says it")
+            refuse(
+                field.replace("arm", "base"),
+                base,
+                f"must be left out: the file that {name} names says it",
+            )
         if named and name in list_vehicles():
             return _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None)
         if path.suffix not in suffixes:
@@ -208,11 +251,14 @@ def _read(
 PREFIX = "robot:"
 
 CARRIED = Path("share") / "example-robot-data" / "robots"
-"""Folder of example-robot-data below the prefix where its package installs its files."""
+"""Folder of example-robot-data below the prefix where its package installs its
+files."""
 
 
 def is_robot(name: str) -> bool:
-    """True if a vehicle name begins with the prefix of robots of the package example-robot-data."""
+    """True if a vehicle name begins with the prefix of robots of the package
+    example-robot-data.
+    """
     return name.startswith(PREFIX)
 
 
@@ -230,14 +276,23 @@ def robot_file(name: str) -> Path:
         refuse("robot", name, needs_extra("robots"))
     if stem not in robots:
         near = did_you_mean(stem, robots)
-        refuse("robot", name, f"{near}must be one of the {len(robots)} robots of example-robot-data")
+        refuse(
+            "robot",
+            name,
+            f"{near}must be one of the {len(robots)} robots of example-robot-data",
+        )
     return robots[stem]
 
 
 def carried_robots() -> dict[str, Path]:
-    """URDF files of the package example-robot-data by robot name; empty if the package is not installed."""
+    """URDF files of the package example-robot-data by robot name; empty if the package
+    is not installed.
+    """
     for folder in dict.fromkeys((*sys.path, sys.prefix)):
         for prefix in (Path(folder) / "cmeel.prefix", Path(folder)):
             if (prefix / CARRIED).is_dir():
-                return {each.stem: each for each in sorted((prefix / CARRIED).rglob("*.urdf"))}
+                return {
+                    each.stem: each
+                    for each in sorted((prefix / CARRIED).rglob("*.urdf"))
+                }
     return {}

@@ -1,8 +1,10 @@
 """Vehicle dataclasses: a rigid base with rotors and a tree of links.
 
-Plain frozen records of scalars: a mass may be a float, a lane of a batch, a traced node or a JAX array. Integers are
-structure (see :mod:`skyarm.algebra.scalars`). Where a record holds a vector, matrix or tuple it also takes plain
-sequences and arrays (:mod:`skyarm.records.coerce`). Concrete numbers are checked when a :class:`Vehicle` is made.
+Plain frozen records of scalars: a mass may be a float, a lane of a batch, a traced node
+or a JAX array. Integers are structure (see :mod:`skyarm.algebra.scalars`). Where a
+record holds a vector, matrix or tuple it also takes plain sequences and arrays
+(:mod:`skyarm.records.coerce`). Concrete numbers are checked when a :class:`Vehicle` is
+made.
 """
 
 from __future__ import annotations
@@ -14,7 +16,15 @@ from typing import Annotated, Any, Literal
 
 from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
 from skyarm.algebra.scalars import add, mul, neg
-from skyarm.records.coerce import concrete, number, pairs, plain_number, proper_rotation, unit_vector, vector
+from skyarm.records.coerce import (
+    concrete,
+    number,
+    pairs,
+    plain_number,
+    proper_rotation,
+    unit_vector,
+    vector,
+)
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import UNWRITTEN, field_if_any, immutable
@@ -23,14 +33,24 @@ from skyarm.records.notebook import notebook_html
 from skyarm.records.path_names import Names, NumberView
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle.battery import Battery
-from skyarm.vehicle.check import FARTHEST, NOISE, SHARE, VehicleError, accept_named, inertia, refuse, unique
+from skyarm.vehicle.check import (
+    FARTHEST,
+    NOISE,
+    SHARE,
+    VehicleError,
+    accept_named,
+    inertia,
+    refuse,
+    unique,
+)
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
 from skyarm.vehicle.mobility import what_does_not_move
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt
 
 LOAD = nonnegative("kg", "mass of the payload, in addition to the vehicle's", high=1e4)
-"""Declaration of a carried mass; a larger one would leave nothing of the vehicle in the sum of both."""
+"""Declaration of a carried mass; a larger one would leave nothing of the vehicle in the
+sum of both."""
 
 Rolling = Literal["rotors_sim", "signed"]
 """Forms of the rolling moment: that of RotorS, and by the direction of rotation."""
@@ -40,7 +60,9 @@ def rotation_sense(field: str, value: object) -> int:
     """Convert a rotor's sense of rotation; anything but 1 and -1 raises an error."""
     sign = plain_number(value)
     if isinstance(sign, bool) or not isinstance(sign, (int, float)) or abs(sign) != 1:
-        refuse(field, value, "must be 1 (ccw, seen from the tip of its axis) or -1 (cw)")
+        refuse(
+            field, value, "must be 1 (ccw, seen from the tip of its axis) or -1 (cw)"
+        )
     return int(sign)
 
 
@@ -50,42 +72,66 @@ class Rotor:
 
     Attributes:
         position: hub in the base frame, m.
-        axis: unit vector of positive thrust, base frame; of a rotor that tilts, at angle 0.
+        axis: unit vector of positive thrust, base frame; of a rotor that tilts, at
+            angle 0.
         direction: +1 turns counter-clockwise seen against the axis (ccw), -1 clockwise.
         thrust_coefficient: k_f, N s^2/rad^2: thrust = k_f W^2.
-        moment_coefficient: k_m, m: drag torque = k_m thrust, against the direction of rotation.
+        moment_coefficient: k_m, m: drag torque = k_m thrust, against the direction of
+            rotation.
         drag_coefficient: hub drag, N s^2/(rad m): force = -coefficient |W| v_perp.
         rolling_moment_coefficient: N s^2/rad: torque = -coefficient |W| v_perp.
-        rolling: "signed": that torque times the direction, so that rotors which turn against each other cancel, as the
-            moment of the advancing blade does (Leishman 2006, section 4.1); "rotors_sim": as RotorS, the same for both.
+        rolling: "signed": that torque times the direction, so that rotors which turn
+            against each other cancel, as the moment of the advancing blade does
+            (Leishman 2006, section 4.1); "rotors_sim": as RotorS, the same for both.
         time_constant_up, time_constant_down: first-order lag of the speed, s.
-        max_speed: largest speed, rad/s. reversible: it also turns backwards, at -max_speed or more, where its thrust
-            and drag torque change their sign; else its speed is never negative.
-        inertia: inertia of what turns, about the axis, kg m^2: its change of speed and the turning of its spin push the
-            base. It is part of the base's inertia too. An int of 0 is structure: no such effect.
-        table: thrust and drag torque by speed in place of k_f W^2 and k_m thrust; k_f and k_m scale them and are what
-            laws know.
+        max_speed: largest speed, rad/s. reversible: it also turns backwards, at
+            -max_speed or more, where its thrust and drag torque change their sign; else
+            its speed is never negative.
+        inertia: inertia of what turns, about the axis, kg m^2: its change of speed and
+            the turning of its spin push the base. It is part of the base's inertia too.
+            An int of 0 is structure: no such effect.
+        table: thrust and drag torque by speed in place of k_f W^2 and k_m thrust; k_f
+            and k_m scale them and are what laws know.
         tilt: servo that turns the axis; None for a rotor whose axis is fixed.
     """
 
     name: str
-    position: Annotated[Vec3, Unit("m", "position of the hub, base axes", rule=vector, usual=FARTHEST)]
-    axis: Annotated[Vec3, Unit("", "unit vector of positive thrust, base axes", rule=unit_vector)] = Vec3(0, 0, 1)
+    position: Annotated[
+        Vec3, Unit("m", "position of the hub, base axes", rule=vector, usual=FARTHEST)
+    ]
+    axis: Annotated[
+        Vec3, Unit("", "unit vector of positive thrust, base axes", rule=unit_vector)
+    ] = Vec3(0, 0, 1)
     direction: Annotated[
         int,
         Unit(
             "",
-            "direction of rotation seen against the axis: +1 (ccw) counter-clockwise, -1 (cw) clockwise",
+            "direction of rotation seen against the axis: +1 (ccw) counter-clockwise,"
+            " -1 (cw) clockwise",
             rule=rotation_sense,
         ),
     ]
-    thrust_coefficient: Annotated[Scalar, positive("N s^2/rad^2", "k_f: thrust per squared speed", rule=number)]
-    moment_coefficient: Annotated[Scalar, Unit("m", "k_m: drag torque per thrust", usual=0.5, **SHARE)]
+    thrust_coefficient: Annotated[
+        Scalar, positive("N s^2/rad^2", "k_f: thrust per squared speed", rule=number)
+    ]
+    moment_coefficient: Annotated[
+        Scalar, Unit("m", "k_m: drag torque per thrust", usual=0.5, **SHARE)
+    ]
     drag_coefficient: Annotated[
-        Scalar, Unit("N s^2/(rad m)", "hub drag per speed of the rotor and air velocity across the axis", **SHARE)
+        Scalar,
+        Unit(
+            "N s^2/(rad m)",
+            "hub drag per speed of the rotor and air velocity across the axis",
+            **SHARE,
+        ),
     ] = 0
     rolling_moment_coefficient: Annotated[
-        Scalar, Unit("N s^2/rad", "rolling moment per speed of the rotor and air velocity across the axis", **SHARE)
+        Scalar,
+        Unit(
+            "N s^2/rad",
+            "rolling moment per speed of the rotor and air velocity across the axis",
+            **SHARE,
+        ),
     ] = 0
     time_constant_up: Annotated[
         Scalar,
@@ -107,19 +153,27 @@ class Rotor:
             effect="longer lags take phase margin from the attitude loop",
         ),
     ] = 0.025
-    max_speed: Annotated[Scalar, positive("rad/s", "largest speed of the rotor", infinite=True, rule=number)] = math.inf
+    max_speed: Annotated[
+        Scalar,
+        positive("rad/s", "largest speed of the rotor", infinite=True, rule=number),
+    ] = math.inf
     rolling: Annotated[
         Rolling,
-        Unit("", "sign of the rolling moment: of every rotor against the velocity, or by its direction of rotation"),
+        Unit(
+            "",
+            "sign of the rolling moment: of every rotor against the velocity, or by its"
+            " direction of rotation",
+        ),
     ] = field(default="rotors_sim", metadata={UNWRITTEN: "rotors_sim"})
-    reversible: Annotated[bool, Unit("", "true: the rotor also turns backwards, up to `max_speed`")] = field(
-        default=False, metadata={UNWRITTEN: False}
-    )
+    reversible: Annotated[
+        bool, Unit("", "true: the rotor also turns backwards, up to `max_speed`")
+    ] = field(default=False, metadata={UNWRITTEN: False})
     inertia: Annotated[
         Scalar,
         Unit(
             "kg m^2",
-            "inertia of the rotating parts about the axis; an int 0: no reaction on the base",
+            "inertia of the rotating parts about the axis; an int 0: no reaction on the"
+            " base",
             usual=1.0,
             **SHARE,
         ),
@@ -132,29 +186,49 @@ class Rotor:
 
     @property
     def min_speed(self) -> Scalar:
-        """Least speed, rad/s: 0, or that of a reversible rotor which turns backwards."""
+        """Least speed, rad/s: 0, or that of a reversible rotor which turns
+        backwards.
+        """
         return neg(self.max_speed) if self.reversible else 0
 
     @property
     def rolling_moment(self) -> Scalar:
-        """Rolling moment against the velocity in the rotor's plane, per speed of both, N s^2/rad."""
+        """Rolling moment against the velocity in the rotor's plane, per speed of both,
+        N s^2/rad.
+        """
         of_sense = self.direction if self.rolling == "signed" else 1
         return mul(of_sense, self.rolling_moment_coefficient)
 
 
 TIPS = ("tool0", "ee_link", "gripper_link", "tcp", "flange")
-"""Ends of the names that files of robots give to the end effector's link, the likeliest first."""
+"""Ends of the names that files of robots give to the end effector's link, the likeliest
+first."""
 
 
 @immutable
 class Frame:
-    """Named pose fixed to a link, such as tip or sensor (position in m and R_LF in the link's frame)."""
+    """Named pose fixed to a link, such as tip or sensor (position in m and R_LF in the
+    link's frame).
+    """
 
     name: str
     link: int
-    position: Annotated[Vec3, Unit("m", "origin of a named frame, axes of its link", rule=vector, usual=FARTHEST)]
+    position: Annotated[
+        Vec3,
+        Unit(
+            "m",
+            "origin of a named frame, axes of its link",
+            rule=vector,
+            usual=FARTHEST,
+        ),
+    ]
     rotation: Annotated[
-        Mat3, Unit("", "rotation from the axes of a named frame to those of its link", rule=proper_rotation)
+        Mat3,
+        Unit(
+            "",
+            "rotation from the axes of a named frame to those of its link",
+            rule=proper_rotation,
+        ),
     ] = Mat3.identity()
 
     def __post_init__(self) -> None:
@@ -171,25 +245,32 @@ class Look(Frame):
     """
 
     file: str
-    scale: Annotated[Vec3, Unit("m", "length of one unit of the mesh file, along each axis", rule=vector)] = Vec3(
-        1.0, 1.0, 1.0
-    )
+    scale: Annotated[
+        Vec3,
+        Unit("m", "length of one unit of the mesh file, along each axis", rule=vector),
+    ] = Vec3(1.0, 1.0, 1.0)
 
 
 @immutable
 @checked("drag", VehicleError)
 class BodyDrag:
-    """Quadratic drag of the airframe in base axes: force_i = -1/2 rho area_i |v| v_i at the base origin.
+    """Quadratic drag of the airframe in base axes: force_i = -1/2 rho area_i |v| v_i at
+    the base origin.
 
     Attributes:
         area: drag coefficient times reference area per axis, m^2.
         air_density: kg/m^3 (ISA sea level 1.225).
     """
 
-    area: Annotated[Vec3, nonnegative("m^2", "drag coefficient times reference area along x, y, z", rule=vector)] = (
-        ZERO3
+    area: Annotated[
+        Vec3,
+        nonnegative(
+            "m^2", "drag coefficient times reference area along x, y, z", rule=vector
+        ),
+    ] = ZERO3
+    air_density: Annotated[Scalar, Unit("kg/m^3", "density of the air", **SHARE)] = (
+        1.225
     )
-    air_density: Annotated[Scalar, Unit("kg/m^3", "density of the air", **SHARE)] = 1.225
 
 
 @immutable
@@ -219,14 +300,17 @@ class Vehicle:
         base: the airframe's body, base frame.
         links: tree in an order in which every parent precedes its children.
         rotors: any number, any pose.
-        followers: links that move with others; a frame, a wrench or a shape means the k-th by the index ``n`` + k.
-        frames: named frames; ``end_effector`` names the one that metrics and tasks mean.
+        followers: links that move with others; a frame, a wrench or a shape means the
+            k-th by the index ``n`` + k.
+        frames: named frames; ``end_effector`` names the one that metrics and tasks
+            mean.
         drag: drag of the airframe in moving air.
         drives: drives of the joints whose setpoint is not the torque.
         battery: battery of the rotors; None for a supply that never sags.
         looks: meshes for pictures, of links whose file names some.
         sources: (field, source) pairs: where each number comes from.
-        notes: elements that the reader of its file left out or read in another way, a line each.
+        notes: elements that the reader of its file left out or read in another way, a
+            line each.
         gaps: what the rotors of its file lack to fly, a line each group of rotors.
     """
 
@@ -243,7 +327,8 @@ class Vehicle:
     looks: tuple[Look, ...] = field_if_any(default=(), repr=False)
     title: str = field(default="", repr=False)
     sources: Annotated[
-        tuple[tuple[str, str], ...], Unit("", "source of each number, as pairs of field and source", rule=pairs)
+        tuple[tuple[str, str], ...],
+        Unit("", "source of each number, as pairs of field and source", rule=pairs),
     ] = field(default=(), repr=False)
     notes: tuple[str, ...] = field_if_any(default=(), repr=False)
     gaps: tuple[str, ...] = field_if_any(default=(), repr=False)
@@ -293,7 +378,11 @@ class Vehicle:
     @property
     def moving(self) -> tuple[Link, ...]:
         """All links that joints move: the independent links, then the followers."""
-        return (*self.links, *(each.link for each in self.followers)) if self.followers else self.links
+        return (
+            (*self.links, *(each.link for each in self.followers))
+            if self.followers
+            else self.links
+        )
 
     @property
     def with_free_followers(self) -> Vehicle:
@@ -301,7 +390,9 @@ class Vehicle:
         return self.with_checked(links=self.moving, followers=())
 
     def with_checked(self, **parts: Any) -> Vehicle:
-        """Vehicle with some fields replaced by values that are already checked; skips the checks for speed."""
+        """Vehicle with some fields replaced by values that are already checked; skips
+        the checks for speed.
+        """
         made = object.__new__(Vehicle)
         for name in field_names(Vehicle) or ():
             object.__setattr__(made, name, parts.get(name, getattr(self, name)))
@@ -317,45 +408,83 @@ class Vehicle:
 
     @property
     def planar(self) -> bool:
-        """True if a body has planar mass properties only: allowed in a controller's model, not in a plant."""
+        """True if a body has planar mass properties only: allowed in a controller's
+        model, not in a plant.
+        """
         return any(body.planar for body in self.bodies)
 
     def frame(self, name: str | None = None) -> Frame:
-        """Frame by name, by default the end effector; raises VehicleError with the list of frames."""
+        """Frame by name, by default the end effector; raises VehicleError with the list
+        of frames.
+        """
         chosen = name or self.end_effector
         for candidate in self.frames:
             if candidate.name == chosen:
                 return candidate
         problem = f"no frame '{chosen}'" if chosen else "no end_effector; name a frame"
-        raise VehicleError(f"vehicle '{self.name}': {problem}; there are {[f.name for f in self.frames] or 'none'}")
+        raise VehicleError(
+            f"vehicle '{self.name}': {problem}; there are"
+            f" {[f.name for f in self.frames] or 'none'}"
+        )
 
     @property
     def tip_cure(self) -> str:
-        """Words that propose an end effector: what files call it, else the only link at an end; "" without either."""
-        frames, links = [each.name for each in self.frames], [each.name for each in self.links]
-        is_chain = [each.parent for each in self.links] == list(range(-1, len(links) - 1))
-        called = [name for word in TIPS for name in (*frames, *links) if name.endswith(word)]
+        """Words that propose an end effector: what files call it, else the only link at
+        an end; "" without either.
+        """
+        frames, links = (
+            [each.name for each in self.frames],
+            [each.name for each in self.links],
+        )
+        is_chain = [each.parent for each in self.links] == list(
+            range(-1, len(links) - 1)
+        )
+        called = [
+            name for word in TIPS for name in (*frames, *links) if name.endswith(word)
+        ]
         for name in called or links[-1:] * is_chain:
-            frame = "" if name in frames else f'[[frames]] name = "tip", link = "{name}" and '
-            return f'; {frame}end_effector = "{"tip" if frame else name}" in its vehicle file would be one'
+            frame = (
+                ""
+                if name in frames
+                else f'[[frames]] name = "tip", link = "{name}" and '
+            )
+            return (
+                f'; {frame}end_effector = "{"tip" if frame else name}" in its vehicle'
+                " file would be one"
+            )
         return ""
 
     def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:
-        """Vehicle with a point mass (kg) attached at a frame (by default the end effector)."""
+        """Vehicle with a point mass (kg) attached at a frame (by default the end
+        effector).
+        """
         return self.with_body(*self.point_mass(mass, frame))
 
     def point_mass(self, mass: Scalar, frame: str | None = None) -> tuple[int, Body]:
-        """Link and body, in that link's axes, of a point mass (kg) at a frame (by default the end effector)."""
+        """Link and body, in that link's axes, of a point mass (kg) at a frame (by
+        default the end effector).
+        """
         at = self.frame(frame)
         return at.link, Body(mass=mass, com=at.position)
 
     def load_names(self, inside: Place = ("vehicle",)) -> Names:
-        """Parameter paths of point masses added to the vehicle: at the end effector, and at each named frame."""
-        masses = {frame.name: {"mass": NumberView(frame.name, LOAD, inside, adds=True)} for frame in self.frames}
-        return {**masses[self.end_effector], **masses} if self.end_effector else dict(masses)
+        """Parameter paths of point masses added to the vehicle: at the end effector,
+        and at each named frame.
+        """
+        masses = {
+            frame.name: {"mass": NumberView(frame.name, LOAD, inside, adds=True)}
+            for frame in self.frames
+        }
+        return (
+            {**masses[self.end_effector], **masses}
+            if self.end_effector
+            else dict(masses)
+        )
 
     def number_of_view(self, name: str) -> float:
-        """Current value (kg) of the point mass that a parameter path adds at a frame: always zero."""
+        """Current value (kg) of the point mass that a parameter path adds at a frame:
+        always zero.
+        """
         return 0.0
 
     def with_views(self, values: Mapping[str, Scalar]) -> Vehicle:
@@ -366,7 +495,9 @@ class Vehicle:
         return loaded
 
     def with_body(self, link: int, load: Body) -> Vehicle:
-        """Vehicle with a load merged into the body of a link, follower or ``BASE``, in that body's axes."""
+        """Vehicle with a load merged into the body of a link, follower or ``BASE``, in
+        that body's axes.
+        """
         if link == BASE:
             return replace(self, base=self.base.merge(load))
         if link >= self.n:
@@ -379,23 +510,36 @@ class Vehicle:
         return replace(self, links=tuple(links))
 
     def with_joints(self, **values: Any) -> Vehicle:
-        """Vehicle with fields of every joint replaced, for example ``with_joints(damping=0.005)``."""
+        """Vehicle with fields of every joint replaced, for example
+        ``with_joints(damping=0.005)``.
+        """
         links = tuple(replace(k, joint=replace(k.joint, **values)) for k in self.links)
         return replace(self, links=links)
 
 
 def undriven_joints(vehicle: Vehicle, driven: Collection[str] = ()) -> tuple[str, ...]:
-    """Names of passive joints: ``effort_limit = 0``, and no drive of the vehicle or in ``driven`` moves them."""
+    """Names of passive joints: ``effort_limit = 0``, and no drive of the vehicle or in
+    ``driven`` moves them.
+    """
     driven = {*driven, *(each.name for each in vehicle.drives)}
     return tuple(
-        joint.name for joint in vehicle.joints if joint.name not in driven and float(joint.effort_limit) == 0.0
+        joint.name
+        for joint in vehicle.joints
+        if joint.name not in driven and float(joint.effort_limit) == 0.0
     )
 
 
 def _require_whole(value: Vehicle) -> None:
-    """Check a vehicle as a whole: unique names, order of links, existing references, physical consistency."""
+    """Check a vehicle as a whole: unique names, order of links, existing references,
+    physical consistency.
+    """
     solid = concrete(value.base.mass) and not value.base.planar
-    inertia("base.inertia", value.base.inertia, planar=value.base.planar, least=NOISE if solid else 0.0)
+    inertia(
+        "base.inertia",
+        value.base.inertia,
+        planar=value.base.planar,
+        least=NOISE if solid else 0.0,
+    )
     if concrete(value.base.mass) and not value.base.mass > 0.0:
         refuse("base.mass", value.base.mass, "must be greater than 0")
     unique("links.name", [link.name for link in value.moving])
@@ -404,8 +548,14 @@ def _require_whole(value: Vehicle) -> None:
     unique("frames.name", [each.name for each in value.frames])
     for index, link in enumerate(value.links):
         if not -1 <= link.parent < index:
-            refuse(f"links[{link.name}].parent", link.parent, "must be the base (-1) or a link that stands before it")
-        inertia(f"links[{link.name}].inertia", link.body.inertia, planar=link.body.planar)
+            refuse(
+                f"links[{link.name}].parent",
+                link.parent,
+                "must be the base (-1) or a link that stands before it",
+            )
+        inertia(
+            f"links[{link.name}].inertia", link.body.inertia, planar=link.body.planar
+        )
         _require_joint(f"joints[{link.joint.name}]", link.joint)
     for index, follower in enumerate(value.followers):
         _require_follower(value, follower, index)
@@ -414,10 +564,22 @@ def _require_whole(value: Vehicle) -> None:
             each.tilt.require(f"rotors[{each.name}].tilt", each.axis)
     for frame in value.frames:
         if not -1 <= frame.link < len(value.moving):
-            refuse(f"frames[{frame.name}].link", frame.link, f"must be -1 (base) ... {len(value.moving) - 1}")
-    if value.end_effector and value.end_effector not in [each.name for each in value.frames]:
-        allowed = must_be_one_of([each.name for each in value.frames], value.end_effector)
-        refuse("end_effector", value.end_effector, f"{allowed}{'' if value.frames else '; [[frames]] makes one'}")
+            refuse(
+                f"frames[{frame.name}].link",
+                frame.link,
+                f"must be -1 (base) ... {len(value.moving) - 1}",
+            )
+    if value.end_effector and value.end_effector not in [
+        each.name for each in value.frames
+    ]:
+        allowed = must_be_one_of(
+            [each.name for each in value.frames], value.end_effector
+        )
+        refuse(
+            "end_effector",
+            value.end_effector,
+            f"{allowed}{'' if value.frames else '; [[frames]] makes one'}",
+        )
     _require_drives(value)
     if found := what_does_not_move(value):
         refuse(*found)
@@ -429,17 +591,29 @@ def _require_joint(field: str, value: Joint) -> None:
         refuse(f"{field}.kind", value.kind, "must be 'revolute' or 'prismatic'")
     if concrete(value.lower, value.upper) and not value.lower < value.upper:
         held = (
-            f"; [[joints]] hold = {value.upper!r} fixes a joint of another file" if value.lower == value.upper else ""
+            f"; [[joints]] hold = {value.upper!r} fixes a joint of another file"
+            if value.lower == value.upper
+            else ""
         )
-        refuse(f"{field}.lower", value.lower, f"must be below upper = {value.upper!r}{held}")
+        refuse(
+            f"{field}.lower",
+            value.lower,
+            f"must be below upper = {value.upper!r}{held}",
+        )
 
 
 def _require_drives(value: Vehicle) -> None:
-    """Check that each drive acts on an existing joint with an effort limit above zero, at most one drive per joint."""
+    """Check that each drive acts on an existing joint with an effort limit above zero,
+    at most one drive per joint.
+    """
     joints = value.joint_names
     for name in (each.name for each in value.drives):
         if name not in joints or [each.name for each in value.drives].count(name) > 1:
-            refuse("drives", name, f"{must_be_one_of(joints, name)}{', once' * bool(joints)}")
+            refuse(
+                "drives",
+                name,
+                f"{must_be_one_of(joints, name)}{', once' * bool(joints)}",
+            )
         limit = value.links[joints.index(name)].joint.effort_limit
         if concrete(limit) and limit == 0:
             allowed = f"must be above 0: it leaves drives.{name} no torque"
@@ -447,23 +621,42 @@ def _require_drives(value: Vehicle) -> None:
 
 
 def _require_follower(value: Vehicle, each: Follower, index: int) -> None:
-    """Check a follower: existing leader, earlier parent, and a joint without friction, armature or stops."""
+    """Check a follower: existing leader, earlier parent, and a joint without friction,
+    armature or stops.
+    """
     field, link = f"followers[{each.name}]", each.link
     inertia(f"{field}.link.inertia", link.body.inertia, planar=link.body.planar)
     _require_joint(f"{field}.link.joint", link.joint)
     if not 0 <= each.leader < value.n:
-        refuse(f"{field}.leader", each.leader, f"must be the index of a link, 0 ... {value.n - 1}")
+        refuse(
+            f"{field}.leader",
+            each.leader,
+            f"must be the index of a link, 0 ... {value.n - 1}",
+        )
     if not -1 <= link.parent < value.n + index:
-        refuse(f"{field}.link.parent", link.parent, "must be the base (-1), a link or an earlier follower")
+        refuse(
+            f"{field}.link.parent",
+            link.parent,
+            "must be the base (-1), a link or an earlier follower",
+        )
     if concrete(each.ratio) and each.ratio == 0:
-        refuse(f"{field}.ratio", each.ratio, "must not be 0; a joint that never moves is fixed")
+        refuse(
+            f"{field}.ratio",
+            each.ratio,
+            "must not be 0; a joint that never moves is fixed",
+        )
     for name in ("damping", "coulomb", "armature", "stop_stiffness"):
         if concrete(getattr(link.joint, name)) and getattr(link.joint, name) != 0:
-            refuse(f"{field}.link.joint.{name}", getattr(link.joint, name), "must be 0: its leader has it")
+            refuse(
+                f"{field}.link.joint.{name}",
+                getattr(link.joint, name),
+                "must be 0: its leader has it",
+            )
 
 
 def require_plant(value: Vehicle) -> None:
-    """Raise an error if a vehicle has planar bodies, which are allowed in a controller's model only.
+    """Raise an error if a vehicle has planar bodies, which are allowed in a
+    controller's model only.
 
     Raises:
         VehicleError: with the first planar body.
@@ -472,6 +665,7 @@ def require_plant(value: Vehicle) -> None:
     for name, each in zip(names, value.bodies, strict=True):
         if each.planar:
             raise VehicleError(
-                f"vehicle '{value.name}': {name}.planar = True: must be false in a plant (a planar inertia is "
-                "impossible for a real body; such a vehicle is a controller's model only)"
+                f"vehicle '{value.name}': {name}.planar = True: must be false in a"
+                " plant (a planar inertia is impossible for a real body; such a"
+                " vehicle is a controller's model only)"
             )

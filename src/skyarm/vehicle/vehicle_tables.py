@@ -1,4 +1,6 @@
-"""Read vehicles from the tables of a TOML file (``schema = 1``); docs/vehicle_files.md has the grammar."""
+"""Read vehicles from the tables of a TOML file (``schema = 1``); docs/vehicle_files.md
+has the grammar.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +14,25 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.records.coerce import concrete
 from skyarm.records.files import Fields, errors_as, must_be_one_of
 from skyarm.records.files.names import unreadable
-from skyarm.records.read_table import make_at, numbers_from, record_from, registered_from
+from skyarm.records.read_table import (
+    make_at,
+    numbers_from,
+    record_from,
+    registered_from,
+)
 from skyarm.vehicle import check, description
-from skyarm.vehicle.attach import MIMIC, Mimic, Mount, Notes, RigidBodies, attach, bodies_of, couple, place_in, posed_in
+from skyarm.vehicle.attach import (
+    MIMIC,
+    Mimic,
+    Mount,
+    Notes,
+    RigidBodies,
+    attach,
+    bodies_of,
+    couple,
+    place_in,
+    posed_in,
+)
 from skyarm.vehicle.attach import limits_that_contradict as contradicting_limits
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import TURN, VehicleError, refuse
@@ -26,28 +44,39 @@ from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Vehicle
 
-OTHERS = {"urdf": (".urdf", ".xacro"), "mjcf": (".xml", ".mjcf"), "sdf": (".sdf", ".world")}
+OTHERS = {
+    "urdf": (".urdf", ".xacro"),
+    "mjcf": (".xml", ".mjcf"),
+    "sdf": (".sdf", ".world"),
+}
 """Formats of other programs -> suffixes of their files."""
 
 RIGID = tuple(suffix for suffixes in OTHERS.values() for suffix in suffixes)
 """Suffixes of files with rigid bodies and joints of other programs."""
 
 SOURCES: Mapping[str, tuple[str, ...]] = {**OTHERS, "airframe": (".toml", *RIGID)}
-"""Keys that replace ``base`` and ``links``, one of them per file -> suffixes of the files that they name."""
+"""Keys that replace ``base`` and ``links``, one of them per file -> suffixes of the
+files that they name."""
 
 MOST_JOINTS = 250
-"""Largest number of joints of a vehicle; the time of its checks grows with the cube: 3000 would take hours."""
+"""Largest number of joints of a vehicle; the time of its checks grows with the cube:
+3000 would take hours."""
 
 Record = TypeVar("Record")
 
 Default = TypeVar("Default")
 
-Refer = Callable[[str, str, Collection[str], str, str, Mapping[str, str]], RigidBodies | Vehicle]
-"""Function that reads a named file: (field, name, allowed suffixes, treatment of mimics, name of the body that is the
-base or "", arguments of xacro) -> bodies or vehicle."""
+Refer = Callable[
+    [str, str, Collection[str], str, str, Mapping[str, str]], RigidBodies | Vehicle
+]
+"""Function that reads a named file: (field, name, allowed suffixes, treatment of
+mimics, name of the body that is the base or "", arguments of xacro) -> bodies or
+vehicle."""
 
 
-def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path()) -> Vehicle:
+def vehicle_from(
+    document: Mapping[str, Any], refer: Refer, folder: Path = Path()
+) -> Vehicle:
     """Read a vehicle from the tables of a vehicle file.
 
     Args:
@@ -86,15 +115,22 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path(
     bodies = hold_joints(_override_joints(changes, held, bodies, own), held)
     bodies.require_no_faults()
     if len(bodies.links) > MOST_JOINTS:
-        allowed = f"must be at most {MOST_JOINTS}, for its mass matrix takes minutes; [[joints]] hold fixes some"
+        allowed = (
+            f"must be at most {MOST_JOINTS}, for its mass matrix takes minutes;"
+            " [[joints]] hold fixes some"
+        )
         refuse("number of joints", len(bodies.links), allowed)
-    flying = mount_rotors(bodies, read_rotor_tables(top, any(each.tilt_joint for each in bodies.rotors)))
+    flying = mount_rotors(
+        bodies, read_rotor_tables(top, any(each.tilt_joint for each in bodies.rotors))
+    )
     every = top.choice("inertia_repair", ("small", "nearest"), "small") == "nearest"
     bodies, rotors = with_real_inertias(flying.bodies, every=every), flying.rotors
     if _source(top):
         bodies.require_airframe()
     frames = tuple(_frame(fields, bodies) for fields in top.tables("frames"))
-    links, followers, fixed = couple(bodies.links, (*bodies.frames, *frames, *bodies.looks), bodies.mimics)
+    links, followers, fixed = couple(
+        bodies.links, (*bodies.frames, *frames, *bodies.looks), bodies.mimics
+    )
     stated = mounted_drives(top.inner("drives").table, "drives", bodies.speeds)
     open_to = {link.joint.name for link in links} - {each.name for each in stated}
     own_drives, unmounted = drives_of_file(
@@ -105,7 +141,9 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path(
 
     def stating(field: str) -> set[str]:
         described = {table.get("name") for table in tables if field in table}
-        return described | {joint for joint, values in changes.items() if field in values}
+        return described | {
+            joint for joint, values in changes.items() if field in values
+        }
 
     made = Vehicle(
         name=top.text("name"),
@@ -116,23 +154,45 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path(
         rotors=(*airframe.rotors, *rotors) if airframe else rotors,
         frames=tuple(each for each in fixed if not isinstance(each, Look)),
         looks=tuple(each for each in fixed if isinstance(each, Look)),
-        end_effector=top.text("end_effector", "") or (airframe.end_effector if airframe else ""),
-        drag=_optional(BodyDrag, top, "drag", airframe.drag if airframe else BodyDrag(), "area"),
+        end_effector=top.text("end_effector", "")
+        or (airframe.end_effector if airframe else ""),
+        drag=_optional(
+            BodyDrag, top, "drag", airframe.drag if airframe else BodyDrag(), "area"
+        ),
         drives=tuple(drives),
-        battery=_optional(Battery, top, "battery", airframe.battery if airframe else None),
-        sources=(*(airframe.sources if airframe else ()), *flying.sources, *_sources(top).items()),
+        battery=_optional(
+            Battery, top, "battery", airframe.battery if airframe else None
+        ),
+        sources=(
+            *(airframe.sources if airframe else ()),
+            *flying.sources,
+            *_sources(top).items(),
+        ),
         gaps=flying.gaps,
-        notes=(*bodies.notes, *flying.notes, *unmounted, *contradicting_limits(links, followers)),
+        notes=(
+            *bodies.notes,
+            *flying.notes,
+            *unmounted,
+            *contradicting_limits(links, followers),
+        ),
     )
     limits = top.choice("joint_limits", ("stop", "end"), "stop")
     top.done()
     rate_stated = {*own, *settled, *stating("coulomb_rate")}
     made = with_smooth_friction(made, set(made.joint_names) - rate_stated)
-    return made if limits == "end" else with_stops(made, {*settled, *stating("stop_stiffness")})
+    return (
+        made
+        if limits == "end"
+        else with_stops(made, {*settled, *stating("stop_stiffness")})
+    )
 
 
-def _optional(kind: type[Record], top: Fields, name: str, default: Default, *required: str) -> Record | Default:
-    """Read a dataclass from an optional TOML table, which must state the required fields if it is present."""
+def _optional(
+    kind: type[Record], top: Fields, name: str, default: Default, *required: str
+) -> Record | Default:
+    """Read a dataclass from an optional TOML table, which must state the required
+    fields if it is present.
+    """
     if not top.states(name):
         return default
     fields = top.inner(name)
@@ -149,27 +209,50 @@ def _named_tables(fields: Fields, name: str) -> list[Fields]:
 
 
 def _source(top: Fields) -> str:
-    """Name of the vehicle-file field, such as ``urdf``, that refers to another file of bodies; empty if absent."""
+    """Name of the vehicle-file field, such as ``urdf``, that refers to another file of
+    bodies; empty if absent.
+    """
     given = [name for name in SOURCES if top.states(name)]
     if len(given) > 1:
-        refuse(given[1], top.table[given[1]], f"must not be given together with '{given[0]}'")
+        refuse(
+            given[1],
+            top.table[given[1]],
+            f"must not be given together with '{given[0]}'",
+        )
     return given[0] if given else ""
 
 
-def _bodies(top: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
-    """Read the rigid bodies of a vehicle file or of the file it refers to, and the vehicle in that file, if any."""
+def _bodies(
+    top: Fields, refer: Refer, mimic: str
+) -> tuple[RigidBodies, Vehicle | None]:
+    """Read the rigid bodies of a vehicle file or of the file it refers to, and the
+    vehicle in that file, if any.
+    """
     source = _source(top)
     base, links = top.take("base", None), top.take("links", [])
     if not source:
         if base is None:
-            raise VehicleError("base: is missing: must be a table, or 'urdf' the path of a URDF file")
+            raise VehicleError(
+                "base: is missing: must be a table, or 'urdf' the path of a URDF file"
+            )
         return _own_bodies(top), None
     named = base if isinstance(base, str) else ""
-    referred = refer(source, top.text(source), SOURCES[source], mimic, named, _arguments(top, top.text(source)))
+    referred = refer(
+        source,
+        top.text(source),
+        SOURCES[source],
+        mimic,
+        named,
+        _arguments(top, top.text(source)),
+    )
     for field, given in (("base", "" if named else base), ("links", links)):
         if given:
             refuse(field, "a table", f"must not be given together with '{source}'")
-    return (referred, None) if isinstance(referred, RigidBodies) else (bodies_of(referred), referred)
+    return (
+        (referred, None)
+        if isinstance(referred, RigidBodies)
+        else (bodies_of(referred), referred)
+    )
 
 
 def _with_rotor_file(bodies: RigidBodies, fields: Fields, folder: Path) -> RigidBodies:
@@ -178,13 +261,21 @@ def _with_rotor_file(bodies: RigidBodies, fields: Fields, folder: Path) -> Rigid
         return bodies
     name = fields.text("file")
     if bodies.rotors:
-        refuse(fields.at("file"), name, "must be left out: the file of the bodies states rotors")
+        refuse(
+            fields.at("file"),
+            name,
+            "must be left out: the file of the bodies states rotors",
+        )
     if reason := unreadable(folder / name):
         refuse(fields.at("file"), name, reason)
     with errors_as(VehicleError, f"{fields.at('file')} = {name!r}: ", VehicleError):
         rotors = rotors_in(RotorFile(folder / name, None, fields))
     if not rotors:
-        refuse(fields.at("file"), name, "must state rotors: a platform of eagle-mpc (.yaml), or CA_ROTOR* of PX4")
+        refuse(
+            fields.at("file"),
+            name,
+            "must state rotors: a platform of eagle-mpc (.yaml), or CA_ROTOR* of PX4",
+        )
     fields.done()
     return replace(bodies, rotors=rotors)
 
@@ -193,8 +284,13 @@ def _arguments(fields: Fields, file: str) -> dict[str, str]:
     """Read the arguments that a table states for the xacro file which it names."""
     table = fields.inner("xacro").table
     if table and not file.endswith(".xacro"):
-        refuse(fields.at("xacro"), "a table", f"must be left out: {file} is no .xacro file")
-    return {name: str(value).lower() if value in (True, False) else str(value) for name, value in table.items()}
+        refuse(
+            fields.at("xacro"), "a table", f"must be left out: {file} is no .xacro file"
+        )
+    return {
+        name: str(value).lower() if value in (True, False) else str(value)
+        for name, value in table.items()
+    }
 
 
 def _own_bodies(top: Fields) -> RigidBodies:
@@ -206,7 +302,10 @@ def _own_bodies(top: Fields) -> RigidBodies:
         fields.expect(("parts",))
         parents[link] = parent = fields.take("parent")
         if not isinstance(parent, str) or not parent:
-            allowed = "must be the name of one parent, 'base' or a link (closed chains are not supported)"
+            allowed = (
+                "must be the name of one parent, 'base' or a link (closed chains are"
+                " not supported)"
+            )
             refuse(fields.at("parent"), parent, allowed)
     order = description.tree_order(parents, "base", "links[{}].parent")
     base = _body(top.inner("base"), ())
@@ -219,18 +318,29 @@ def _own_bodies(top: Fields) -> RigidBodies:
             mimics[joint.name] = record_from(Mimic, Fields(table, inner.at("mimic")))
         inner.done()
         parent = BASE if parents[link] == "base" else order.index(parents[link])
-        links.append(Link(name=link, parent=parent, joint=joint, body=_body(fields, ("name", "parent", "joint"))))
+        links.append(
+            Link(
+                name=link,
+                parent=parent,
+                joint=joint,
+                body=_body(fields, ("name", "parent", "joint")),
+            )
+        )
     check.unique("joints.name", [link.joint.name for link in links])
     return RigidBodies("", "base", base, tuple(links), (), mimics)
 
 
 def _body(fields: Fields, read_elsewhere: Sequence[str]) -> Body:
-    """Read the mass distribution of a link, merged from its own numbers and its [[parts]]."""
+    """Read the mass distribution of a link, merged from its own numbers and its
+    [[parts]].
+    """
     for word in read_elsewhere:
         fields.take(word, None)
     parts = _named_tables(fields, "parts")
     stated = [word for word in ("mass", "com", "inertia") if fields.states(word)]
-    pieces = [_piece(each) for each in ([fields, *parts] if stated or not parts else parts)]
+    pieces = [
+        _piece(each) for each in ([fields, *parts] if stated or not parts else parts)
+    ]
     planar = fields.flag("planar", False)
     for each in (*parts, fields):
         each.done()
@@ -241,12 +351,17 @@ def _body(fields: Fields, read_elsewhere: Sequence[str]) -> Body:
 def _piece(fields: Fields) -> Body:
     mass = numbers_from(Body, fields)
     planar = fields.flag("planar", False)
-    com, entries = fields.vector("com", (0.0, 0.0, 0.0)), fields.numbers("inertia", (0.0, 0.0, 0.0))
+    com, entries = (
+        fields.vector("com", (0.0, 0.0, 0.0)),
+        fields.numbers("inertia", (0.0, 0.0, 0.0)),
+    )
     if len(entries) not in (3, 6):
         allowed = "must be three (xx yy zz) or six (xx yy zz xy xz yz) numbers, kg m^2"
         refuse(fields.at("inertia"), list(entries), allowed)
     placed, turning = description.vector(com), description.inertia(entries)
-    piece = make_at(fields.where, Body, **mass, com=placed, inertia=turning, planar=planar)
+    piece = make_at(
+        fields.where, Body, **mass, com=placed, inertia=turning, planar=planar
+    )
     check.inertia(fields.at("inertia"), piece.inertia, planar=planar)
     return piece
 
@@ -254,19 +369,37 @@ def _piece(fields: Fields) -> Body:
 def _joint(fields: Fields) -> Joint:
     axis = description.unit_axis(fields.at("axis"), fields.vector("axis"))
     R, p = _pose(fields)
-    kind, name = fields.choice("kind", ("revolute", "prismatic"), "revolute"), fields.text("name")
-    return Joint(name=name, kind=kind, axis=axis, position=p, rotation=R, **numbers_from(Joint, fields))
+    kind, name = (
+        fields.choice("kind", ("revolute", "prismatic"), "revolute"),
+        fields.text("name"),
+    )
+    return Joint(
+        name=name,
+        kind=kind,
+        axis=axis,
+        position=p,
+        rotation=R,
+        **numbers_from(Joint, fields),
+    )
 
 
 def _pose(fields: Fields) -> tuple[Mat3, Vec3]:
     """Read the pose of a frame relative to another frame: rotation and position (m)."""
-    R, rpy, wxyz = Mat3.identity(), fields.take("rpy", None), fields.take("quaternion_wxyz", None)
+    R, rpy, wxyz = (
+        Mat3.identity(),
+        fields.take("rpy", None),
+        fields.take("quaternion_wxyz", None),
+    )
     if rpy is not None and wxyz is not None:
         refuse(fields.at("rpy"), rpy, "must not be given together with quaternion_wxyz")
     if wxyz is not None:
         four = fields.numbers("quaternion_wxyz")
         if len(four) != 4:
-            refuse(fields.at("quaternion_wxyz"), wxyz, "must be four numbers of unit length")
+            refuse(
+                fields.at("quaternion_wxyz"),
+                wxyz,
+                "must be four numbers of unit length",
+            )
         R = description.rotation_quaternion(fields.at("quaternion_wxyz"), four)
     elif rpy is not None:
         angles = fields.vector("rpy")
@@ -284,62 +417,120 @@ def _frame(fields: Fields, bodies: RigidBodies) -> Frame:
     return posed_in(at, R, p, name)
 
 
-def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
-    """Attach the arm that a TOML table names to a vehicle's bodies; also return an arm from a vehicle file."""
+def _attach(
+    bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str
+) -> tuple[RigidBodies, Vehicle | None]:
+    """Attach the arm that a TOML table names to a vehicle's bodies; also return an arm
+    from a vehicle file.
+    """
     arm = fields.text("arm")
     treatment, base = fields.choice("mimic", MIMIC, mimic), fields.text("base", "")
-    referred = refer(fields.at("arm"), arm, SOURCES["airframe"], treatment, base, _arguments(fields, arm))
+    referred = refer(
+        fields.at("arm"),
+        arm,
+        SOURCES["airframe"],
+        treatment,
+        base,
+        _arguments(fields, arm),
+    )
     carried = referred if isinstance(referred, Vehicle) else None
     if carried is not None and carried.rotors:
-        words = f"must have no rotors ({carried.rotors[0].name}); those of the airframe fly"
+        words = (
+            f"must have no rotors ({carried.rotors[0].name}); those of the airframe fly"
+        )
         refuse(fields.at("arm"), arm, words)
     if carried is not None and carried.battery is not None:
-        refuse(fields.at("arm"), arm, "must have no battery; that of the airframe feeds the rotors")
-    (R, p), to, prefix = _pose(fields), fields.text("to", "base"), fields.text("prefix", "")
+        refuse(
+            fields.at("arm"),
+            arm,
+            "must have no battery; that of the airframe feeds the rotors",
+        )
+    (R, p), to, prefix = (
+        _pose(fields),
+        fields.text("to", "base"),
+        fields.text("prefix", ""),
+    )
     fields.done()
-    whole = without_rotors(referred) if isinstance(referred, RigidBodies) else bodies_of(referred)
+    whole = (
+        without_rotors(referred)
+        if isinstance(referred, RigidBodies)
+        else bodies_of(referred)
+    )
     return attach(bodies, whole, Mount(to, R, p, prefix, fields.where)), carried
 
 
 def _override_joints(
-    changes: Mapping[str, Mapping[str, Any]], held: Mapping[str, float], bodies: RigidBodies, own: Sequence[str]
+    changes: Mapping[str, Mapping[str, Any]],
+    held: Mapping[str, float],
+    bodies: RigidBodies,
+    own: Sequence[str],
 ) -> RigidBodies:
-    """Override joint limits and friction of bodies that come from another file; check which joints are held where."""
-    ends = {link.joint.name: link.joint.ends for link in bodies.links if link.joint.name not in own}
+    """Override joint limits and friction of bodies that come from another file; check
+    which joints are held where.
+    """
+    ends = {
+        link.joint.name: link.joint.ends
+        for link in bodies.links
+        if link.joint.name not in own
+    }
     # ball joints
-    only_held = {name: (0.0, 0.0) for joints in bodies.faults.values() for name in joints}
+    only_held = {
+        name: (0.0, 0.0) for joints in bodies.faults.values() for name in joints
+    }
     for name, value in held.items():
         low, high = (only_held | ends).get(name, (value, value))
         if not low <= value <= high:
             refuse(
-                f"joints[{name}].hold", value, f"must be within the joint's limits, {float(low)!r} to {float(high)!r}"
+                f"joints[{name}].hold",
+                value,
+                f"must be within the joint's limits, {float(low)!r} to {float(high)!r}",
             )
     changeable = [*ends, *(held.keys() & only_held)]
     for name in changes:
         if name in own:
-            refuse("joints.name", name, "must stand in its link; only another file's joints are changed here")
+            refuse(
+                "joints.name",
+                name,
+                "must stand in its link; only another file's joints are changed here",
+            )
         if name in bodies.mimics:
-            what = f"must be left out: it follows {bodies.mimics[name].joint!r} and has nothing of its own to state"
+            what = (
+                f"must be left out: it follows {bodies.mimics[name].joint!r} and has"
+                " nothing of its own to state"
+            )
             refuse("joints.name", name, what)
         if name not in changeable:
             refuse("joints.name", name, must_be_one_of(changeable, name))
     if not changes:
         return bodies
-    links = tuple(replace(k, joint=replace(k.joint, **changes.get(k.joint.name, {}))) for k in bodies.links)
-    more = {k.joint.name: float(links[i].joint.armature - k.joint.armature) for i, k in enumerate(bodies.links)}
-    drives = {name: {**each, "inertia": each["inertia"] + more[name]} for name, each in bodies.drives.items()}
+    links = tuple(
+        replace(k, joint=replace(k.joint, **changes.get(k.joint.name, {})))
+        for k in bodies.links
+    )
+    more = {
+        k.joint.name: float(links[i].joint.armature - k.joint.armature)
+        for i, k in enumerate(bodies.links)
+    }
+    drives = {
+        name: {**each, "inertia": each["inertia"] + more[name]}
+        for name, each in bodies.drives.items()
+    }
     return replace(bodies, links=links, drives=drives)
 
 
 def mounted_drives(
-    tables: Mapping[str, Any], where: str, speeds: Mapping[str, float] = MappingProxyType({})
+    tables: Mapping[str, Any],
+    where: str,
+    speeds: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[MountedDrive, ...]:
-    """Read a table of joint drives by joint name, each with a registered ``kind`` and its parameters.
+    """Read a table of joint drives by joint name, each with a registered ``kind`` and
+    its parameters.
 
     Args:
         tables: tables by joint name.
         where: field of the table, for messages.
-        speeds: largest rate of a joint by another file, rad/s or m/s: speed limit of a drive whose table states none.
+        speeds: largest rate of a joint by another file, rad/s or m/s: speed limit of a
+            drive whose table states none.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -347,25 +538,38 @@ def mounted_drives(
     mounted = []
     for joint, table in tables.items():
         drive: Any = registered_from("drive", object, table, f"{where}.{joint}")
-        if speeds.get(joint) and hasattr(drive, "speed_limit") and "speed_limit" not in table:
+        if (
+            speeds.get(joint)
+            and hasattr(drive, "speed_limit")
+            and "speed_limit" not in table
+        ):
             drive = replace(drive, speed_limit=speeds[joint])
         mounted.append(MountedDrive(name=joint, drive=drive))
     return tuple(mounted)
 
 
 FASTEST = 2e-5
-"""Least integration step (s) for which the servo of another file is mounted: stiff servos of light links without the
-inertia of their motors, which simulators of implicit steps take, move the link within microseconds."""
+"""Least integration step (s) for which the servo of another file is mounted: stiff
+servos of light links without the inertia of their motors, which simulators of implicit
+steps take, move the link within microseconds."""
 
 
-def drives_of_file(bodies: RigidBodies) -> tuple[tuple[MountedDrive, ...], tuple[str, ...]]:
-    """Drives of the servos that another file states, and notes on those that are too fast to be stepped."""
+def drives_of_file(
+    bodies: RigidBodies,
+) -> tuple[tuple[MountedDrive, ...], tuple[str, ...]]:
+    """Drives of the servos that another file states, and notes on those that are too
+    fast to be stepped.
+    """
     notes = Notes()
     drives = mounted_drives(bodies.drives, "drives")
-    fast = {each.name for each in drives if (each.drive.largest_step or FASTEST) < FASTEST}
+    fast = {
+        each.name for each in drives if (each.drive.largest_step or FASTEST) < FASTEST
+    }
     for name in sorted(fast):
         notes.add(
-            "with a servo too fast to be stepped, so it takes a torque; [[joints]] armature slows the servo", name
+            "with a servo too fast to be stepped, so it takes a torque; [[joints]]"
+            " armature slows the servo",
+            name,
         )
     return tuple(each for each in drives if each.name not in fast), notes.lines()
 
@@ -373,19 +577,25 @@ def drives_of_file(bodies: RigidBodies) -> tuple[tuple[MountedDrive, ...], tuple
 def _with_limits_of_drives(
     links: Sequence[Link], drives: Sequence[MountedDrive], stated: Collection[str]
 ) -> tuple[Link, ...]:
-    """Links with an effort limit of 0 replaced by their drive's limit (URDF files often state 0)."""
+    """Links with an effort limit of 0 replaced by their drive's limit (URDF files often
+    state 0).
+    """
     given = {each.name: each.drive for each in drives if each.name not in stated}
 
     def limit_effort(link: Link) -> Link:
         drive, limit = given.get(link.joint.name), link.joint.effort_limit
         if drive is None or not concrete(limit) or limit != 0:
             return link
-        return replace(link, joint=replace(link.joint, effort_limit=drive.largest_effort()))
+        return replace(
+            link, joint=replace(link.joint, effort_limit=drive.largest_effort())
+        )
 
     return tuple(map(limit_effort, links))
 
 
 def _sources(top: Fields) -> dict[str, str]:
-    """Read [sources]: for the dotted name of a field, a text on where its value comes from."""
+    """Read [sources]: for the dotted name of a field, a text on where its value comes
+    from.
+    """
     sources = top.inner("sources")
     return {key: sources.text(key) for key in sources.table}

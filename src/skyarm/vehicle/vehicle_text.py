@@ -1,4 +1,6 @@
-"""Text of a vehicle as a TOML file, which :func:`skyarm.load_vehicle` reads back (docs/vehicle_files.md)."""
+"""Text of a vehicle as a TOML file, which :func:`skyarm.load_vehicle` reads back
+(docs/vehicle_files.md).
+"""
 
 from __future__ import annotations
 
@@ -24,23 +26,29 @@ from skyarm.vehicle.vehicle_records import Frame, MountedDrive, Rotor, Vehicle
 Table = dict[str, Any]
 
 Notes = Mapping[str, str]
-"""Comments: dotted path of a field, with the names of links and without those of rotors -> comment behind it, or
-above it if it has several lines."""
+"""Comments: dotted path of a field, with the names of links and without those of
+rotors -> comment behind it, or above it if it has several lines."""
 
 
-def vehicle_text(vehicle: Vehicle, head: Sequence[str] = (), notes: Notes | None = None) -> str:
-    """TOML text of a vehicle file that holds the whole vehicle and refers to no other file.
+def vehicle_text(
+    vehicle: Vehicle, head: Sequence[str] = (), notes: Notes | None = None
+) -> str:
+    """TOML text of a vehicle file that holds the whole vehicle and refers to no other
+    file.
 
-    Numbers are written in full: the vehicle that is read back differs by the rounding of rotations and of scaled
-    thrust tables only. Meshes for pictures, which a vehicle file cannot name, are left out.
+    Numbers are written in full: the vehicle that is read back differs by the rounding
+    of rotations and of scaled thrust tables only. Meshes for pictures, which a vehicle
+    file cannot name, are left out.
 
     Args:
         vehicle: vehicle of concrete numbers.
         head: lines of a comment at the beginning.
-        notes: comments behind fields, such as ``base.inertia``, ``links.upper.mass``, ``rotors.time_constant_up``.
+        notes: comments behind fields, such as ``base.inertia``, ``links.upper.mass``,
+            ``rotors.time_constant_up``.
 
     Raises:
-        VehicleError: one line: a joint has a drive that is not registered, so that no file can name it.
+        VehicleError: one line: a joint has a drive that is not registered, so that no
+            file can name it.
     """
     notes = notes or {}
     top: Table = {"schema": 1, "name": vehicle.name}
@@ -56,21 +64,37 @@ def vehicle_text(vehicle: Vehicle, head: Sequence[str] = (), notes: Notes | None
     of_follower = {each.name: each for each in vehicle.followers}
     for link in vehicle.moving:
         at = f"links.{link.name}"
-        parent = {"name": link.name, "parent": "base" if link.parent == BASE else names[link.parent]}
+        parent = {
+            "name": link.name,
+            "parent": "base" if link.parent == BASE else names[link.parent],
+        }
         lines += _section("[[links]]", {**parent, **_body(link.body)}, at, notes)
         joint = _joint(link.joint)
         if link.name in of_follower:
             tie = of_follower[link.name]
             leader = vehicle.links[tie.leader].joint.name
-            joint["mimic"] = {"joint": leader, "ratio": float(tie.ratio), "offset": float(tie.offset)}
+            joint["mimic"] = {
+                "joint": leader,
+                "ratio": float(tie.ratio),
+                "offset": float(tie.offset),
+            }
         lines += _section("[links.joint]", joint, f"{at}.joint", notes)[1:]
     for frame in vehicle.frames:
-        lines += _section("[[frames]]", _frame(frame, names), f"frames.{frame.name}", notes)
+        lines += _section(
+            "[[frames]]", _frame(frame, names), f"frames.{frame.name}", notes
+        )
     lines += rotor_lines(vehicle.rotors, notes)
     if any(map(float, vehicle.drag.area)) or "drag.area" in notes:
-        lines += _section("[drag]", _record(vehicle.drag, ("area", "air_density")), "drag", notes)
+        lines += _section(
+            "[drag]", _record(vehicle.drag, ("area", "air_density")), "drag", notes
+        )
     for drive in vehicle.drives:
-        lines += _section(f"[drives.{toml_key(drive.name)}]", _drive(drive), f"drives.{drive.name}", notes)
+        lines += _section(
+            f"[drives.{toml_key(drive.name)}]",
+            _drive(drive),
+            f"drives.{drive.name}",
+            notes,
+        )
     if vehicle.battery is not None:
         lines += _section("[battery]", _record(vehicle.battery), "battery", notes)
     if vehicle.sources:
@@ -90,22 +114,43 @@ def _lines(table: Table, at: str, notes: Notes) -> list[str]:
         note = notes.get(f"{at}.{name}", "").split("\n")
         lines += [f"# {line}" for line in note if len(note) > 1]
         lines.append(
-            f"{toml_key(name)} = {toml_value(value)}" + (f"  # {note[0]}" if note[0] and len(note) == 1 else "")
+            f"{toml_key(name)} = {toml_value(value)}"
+            + (f"  # {note[0]}" if note[0] and len(note) == 1 else "")
         )
     return lines
 
 
 def toml_text(vehicle: Vehicle) -> str:
-    """Text of a vehicle as an exported TOML file; meshes, which no vehicle file names, are lost."""
+    """Text of a vehicle as an exported TOML file; meshes, which no vehicle file names,
+    are lost.
+    """
     lost = ", ".join(each.name for each in vehicle.looks)
-    return vehicle_text(vehicle, ["Written by skyarm export.", *([f"lost or changed: meshes: {lost}"] if lost else [])])
+    return vehicle_text(
+        vehicle,
+        [
+            "Written by skyarm export.",
+            *([f"lost or changed: meshes: {lost}"] if lost else []),
+        ],
+    )
 
 
-def rotor_lines(rotors: Sequence[Rotor], notes: Notes = MappingProxyType({})) -> list[str]:
-    """Lines of a vehicle file for the rotors, with the values that all rotors share in ``[rotor_defaults]``."""
+def rotor_lines(
+    rotors: Sequence[Rotor], notes: Notes = MappingProxyType({})
+) -> list[str]:
+    """Lines of a vehicle file for the rotors, with the values that all rotors share in
+    ``[rotor_defaults]``.
+    """
     tables = [_rotor(each) for each in rotors]
-    shared = {name: value for name, value in (tables[0] if tables else {}).items() if name not in PLACED}
-    shared = {name: value for name, value in shared.items() if all(each.get(name) == value for each in tables)}
+    shared = {
+        name: value
+        for name, value in (tables[0] if tables else {}).items()
+        if name not in PLACED
+    }
+    shared = {
+        name: value
+        for name, value in shared.items()
+        if all(each.get(name) == value for each in tables)
+    }
     lines = _section("[rotor_defaults]", shared, "rotors", notes) if shared else []
     for table in tables:
         own = {name: value for name, value in table.items() if name not in shared}
@@ -119,10 +164,20 @@ PLACED = ("name", "position", "direction")
 
 def _rotor(rotor: Rotor) -> Table:
     # without max_speed a thrust table's last speed would be it
-    entries = _record(rotor, [name for name in scalars(Rotor) if name != "max_speed" or rotor.table is not None])
+    entries = _record(
+        rotor,
+        [
+            name
+            for name in scalars(Rotor)
+            if name != "max_speed" or rotor.table is not None
+        ],
+    )
     entries["direction"] = "ccw" if rotor.direction > 0 else "cw"
     if rotor.table is not None:
-        for name in ("table", *(COEFFICIENTS if rotor.table.torque else COEFFICIENTS[:1])):
+        for name in (
+            "table",
+            *(COEFFICIENTS if rotor.table.torque else COEFFICIENTS[:1]),
+        ):
             del entries[name]
         entries["thrust_table"] = _thrust_table(rotor, rotor.table)
     if rotor.tilt is not None:
@@ -131,14 +186,20 @@ def _rotor(rotor: Rotor) -> Table:
 
 
 def _thrust_table(rotor: Rotor, table: ThrustTable) -> Table:
-    """Thrust table for a vehicle file, with thrust and torque scaled to the rotor's own coefficients."""
+    """Thrust table for a vehicle file, with thrust and torque scaled to the rotor's own
+    coefficients.
+    """
     thrust = float(rotor.thrust_coefficient) / float(table.thrust_coefficient)
     columns: Table = {"thrust": [float(each) * thrust for each in table.thrust]}
     if table.torque:
-        torque = thrust * float(rotor.moment_coefficient) / float(table.moment_coefficient)
+        torque = (
+            thrust * float(rotor.moment_coefficient) / float(table.moment_coefficient)
+        )
         columns |= {"torque": [float(each) * torque for each in table.torque]}
     named = COEFFICIENTS if table.torque else COEFFICIENTS[:1]
-    return _record(replace(table, **columns, **{name: getattr(rotor, name) for name in named}))
+    return _record(
+        replace(table, **columns, **{name: getattr(rotor, name) for name in named})
+    )
 
 
 def _body(body: Body) -> Table:
@@ -148,7 +209,8 @@ def _body(body: Body) -> Table:
 
 
 def _joint(joint: Joint) -> Table:
-    # stop_stiffness even where it is 0: a limited joint without would be given a stop by the reader
+    # stop_stiffness even where it is 0: a limited joint without would be given a stop
+    # by the reader
     stated = ("damping", "coulomb", "coulomb_rate", "armature", "stop_stiffness")
     return _with_orientation(_record(joint, ("kind", "axis", *stated)), joint.rotation)
 
@@ -159,7 +221,9 @@ def _frame(frame: Frame, names: Sequence[str]) -> Table:
 
 
 def _with_orientation(table: Table, rotation: Mat3) -> Table:
-    """Vehicle-file table in which a rotation matrix is replaced by a quaternion, or left out for aligned axes."""
+    """Vehicle-file table in which a rotation matrix is replaced by a quaternion, or
+    left out for aligned axes.
+    """
     oriented: Table = {}
     for name, each in table.items():
         if name != "rotation":
@@ -173,14 +237,25 @@ def _drive(drive: MountedDrive) -> Table:
     kind = name_of("drive", type(drive.drive))
     if kind is None:
         raise VehicleError(
-            f"drives.{drive.name} = {shown(type(drive.drive).__name__)}: must be registered to be written"
+            f"drives.{drive.name} = {shown(type(drive.drive).__name__)}: must be"
+            " registered to be written"
         )
     return {"kind": kind, **_record(drive.drive)}
 
 
 def _record(record: object, always: Collection[str] = ()) -> Table:
-    """Table of a dataclass's fields for a vehicle file, with constants of compiled code as ordinary numbers."""
+    """Table of a dataclass's fields for a vehicle file, with constants of compiled code
+    as ordinary numbers.
+    """
     entry: Table = record_entry(record, always)
-    numbers = {name: float(entry[name]) for name in scalars(type(record)) if name in entry}
-    vectors = ((name, each) for name, each in parts(record).items() if isinstance(each, Vec3))
-    return entry | numbers | {name: list(map(float, each)) for name, each in vectors if name in entry}
+    numbers = {
+        name: float(entry[name]) for name in scalars(type(record)) if name in entry
+    }
+    vectors = (
+        (name, each) for name, each in parts(record).items() if isinstance(each, Vec3)
+    )
+    return (
+        entry
+        | numbers
+        | {name: list(map(float, each)) for name, each in vectors if name in entry}
+    )

@@ -1,4 +1,6 @@
-"""Elements of XML files: read a file, and numbers from attributes, with errors that name the element."""
+"""Elements of XML files: read a file, and numbers from attributes, with errors that
+name the element.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ UNBOUND_PREFIX = expat.errors.codes[expat.errors.XML_ERROR_UNBOUND_PREFIX]
 MARKUP = re.compile(rb"<!--(.*?)-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>", re.DOTALL)
 """Comments, and what may hold the sign of a comment without being one."""
 
-ENCODING = re.compile(rb"<\?xml\b[^>]*?\bencoding\s*=\s*[\"'](?!utf-8[\"'])([\w.-]+)", re.IGNORECASE)
+ENCODING = re.compile(
+    rb"<\?xml\b[^>]*?\bencoding\s*=\s*[\"'](?!utf-8[\"'])([\w.-]+)", re.IGNORECASE
+)
 """Encoding that an XML text declares, unless it is UTF-8."""
 
 COUNTS = {3: "three", 4: "four", 6: "six", 7: "seven"}
@@ -35,10 +39,12 @@ def read_xml(path: PathLike, note: Callable[[str], None] = _refuse) -> ET.Elemen
 
 
 def parse_xml(text: bytes, note: Callable[[str], None] = _refuse) -> ET.Element:
-    """Root element of an XML text; names keep their prefixes, and blank lines before the declaration are skipped.
+    """Root element of an XML text; names keep their prefixes, and blank lines before
+    the declaration are skipped.
 
-    Two errors, which the parsers of MuJoCo and ROS let pass, are forgiven where ``note`` takes a line on each: prefixes
-    that no ``xmlns`` declares, and ``--`` in comments. Document types are refused, and with them entities.
+    Two errors, which the parsers of MuJoCo and ROS let pass, are forgiven where
+    ``note`` takes a line on each: prefixes that no ``xmlns`` declares, and ``--`` in
+    comments. Document types are refused, and with them entities.
 
     Raises:
         VehicleError: without the file's name, which the caller adds.
@@ -58,23 +64,35 @@ def parse_xml(text: bytes, note: Callable[[str], None] = _refuse) -> ET.Element:
         tree = ET.TreeBuilder()
         parser = expat.ParserCreate("utf-8" if declared else None, separator)
         parser.StartElementHandler, parser.EndElementHandler = tree.start, tree.end
-        parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = tree.data, _refuse_doctype
+        parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = (
+            tree.data,
+            _refuse_doctype,
+        )
         try:
             parser.Parse(plain, True)
         except expat.ExpatError as error:
             forgiven = getattr(error, "code", 0) == UNBOUND_PREFIX
-            (note if forgiven else _refuse)(f"{error}{', which no xmlns declares: forgiven' if forgiven else ''}")
+            (note if forgiven else _refuse)(
+                f"{error}{', which no xmlns declares: forgiven' if forgiven else ''}"
+            )
     return tree.close()
 
 
 SUFFIXES = {"robot": ".urdf", "sdf": ".sdf", "mujoco": ".xml"}
-"""Root element of a file with bodies -> suffix of its name, by which its reader is chosen."""
+"""Root element of a file with bodies -> suffix of its name, by which its reader is
+chosen."""
 
 
 def require_root(root: ET.Element, tag: str) -> None:
-    """Refuse an XML file of another root element; if it is one that is read, its suffix is named."""
+    """Refuse an XML file of another root element; if it is one that is read, its suffix
+    is named.
+    """
     if root.tag != tag:
-        cure = f"; the name of a file with <{root.tag}> ends in {SUFFIXES[root.tag]}" if root.tag in SUFFIXES else ""
+        cure = (
+            f"; the name of a file with <{root.tag}> ends in {SUFFIXES[root.tag]}"
+            if root.tag in SUFFIXES
+            else ""
+        )
         refuse("root element", root.tag, f"must be <{tag}>{cure}")
 
 
@@ -83,41 +101,77 @@ def _refuse_doctype(*_: object) -> None:
 
 
 def _plain_comment(match: re.Match[bytes]) -> bytes:
-    """Comment of equal length without two hyphens in a row; other markup as it stands."""
-    return match[0] if match[1] is None else b"<!--%b-->" % re.sub(rb"-(?=-|\Z)", b" ", match[1])
+    """Comment of equal length without two hyphens in a row; other markup as it
+    stands.
+    """
+    return (
+        match[0]
+        if match[1] is None
+        else b"<!--%b-->" % re.sub(rb"-(?=-|\Z)", b" ", match[1])
+    )
 
 
 def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
-    """Child of an XML element with a tag that may occur at most once; None if there is no such child."""
+    """Child of an XML element with a tag that may occur at most once; None if there is
+    no such child.
+    """
     children = element.findall(tag)
     if len(children) > 1:
-        refuse(f"{field}.{tag}", f"{len(children)} elements <{tag}>", "must be at most one")
+        refuse(
+            f"{field}.{tag}", f"{len(children)} elements <{tag}>", "must be at most one"
+        )
     return children[0] if children else None
 
 
 def text_of(element: ET.Element, path: str = ".", usual: str = "") -> str:
-    """Text of the first element at a path below another one, or of that one itself; the usual one if it is empty."""
+    """Text of the first element at a path below another one, or of that one itself; the
+    usual one if it is empty.
+    """
     return element.findtext(path, "").strip() or usual
 
 
-def required_numbers(element: ET.Element, tag: str, names: Sequence[str], field: str) -> list[float]:
-    """Numbers in the named attributes of a child element; an error if one of them is missing."""
+def required_numbers(
+    element: ET.Element, tag: str, names: Sequence[str], field: str
+) -> list[float]:
+    """Numbers in the named attributes of a child element; an error if one of them is
+    missing.
+    """
     entry = child(element, tag, field)
     if entry is None:
-        refuse(f"{field}.{tag}", "(missing)", f"must give {', '.join(names)}; a link without mass has no <inertial>")
+        refuse(
+            f"{field}.{tag}",
+            "(missing)",
+            f"must give {', '.join(names)}; a link without mass has no <inertial>",
+        )
     for name in names:
         if entry.get(name) is None:
             refuse(f"{field}.{tag}.{name}", "(missing)", "must be a number")
     return [finite(entry.get(name, ""), f"{field}.{tag}.{name}") for name in names]
 
 
-def number(element: ET.Element | None, name: str, field: str, default: float, *, infinite: bool = False) -> float:
-    """Read an optional number from an attribute of an XML element; infinity only if it is allowed."""
+def number(
+    element: ET.Element | None,
+    name: str,
+    field: str,
+    default: float,
+    *,
+    infinite: bool = False,
+) -> float:
+    """Read an optional number from an attribute of an XML element; infinity only if it
+    is allowed.
+    """
     text = None if element is None else element.get(name)
-    return default if text is None else finite(text, f"{field}.{name}", infinite=infinite)
+    return (
+        default if text is None else finite(text, f"{field}.{name}", infinite=infinite)
+    )
 
 
-def numbers(element: ET.Element | None, name: str, field: str, default: tuple[float, float, float]) -> Sequence[float]:
+def numbers(
+    element: ET.Element | None,
+    name: str,
+    field: str,
+    default: tuple[float, float, float],
+) -> Sequence[float]:
     """Read three optional numbers from an attribute of an XML element."""
     text = None if element is None else element.get(name)
     return default if text is None else numbers_of(text, f"{field}.{name}", 3)
@@ -126,11 +180,17 @@ def numbers(element: ET.Element | None, name: str, field: str, default: tuple[fl
 def centre_of_mass(link: ET.Element) -> Vec3:
     """Centre of mass of a URDF link in its axes, m; its origin if none is stated."""
     origin = link.find("inertial/origin")
-    return description.vector(numbers(origin, "xyz", f"link[{link.get('name')}].inertial.origin", (0.0, 0.0, 0.0)))
+    return description.vector(
+        numbers(
+            origin, "xyz", f"link[{link.get('name')}].inertial.origin", (0.0, 0.0, 0.0)
+        )
+    )
 
 
 def numbers_of(text: str, field: str, count: int) -> list[float]:
-    """Finite numbers that a text holds: three, six of a pose, four or seven with a quaternion."""
+    """Finite numbers that a text holds: three, six of a pose, four or seven with a
+    quaternion.
+    """
     words = text.split()
     if len(words) != count:
         refuse(field, text, f"must be {COUNTS.get(count, count)} numbers")
@@ -144,5 +204,7 @@ def finite(text: str, field: str, *, infinite: bool = False) -> float:
     except ValueError:
         value = math.nan
     if not (math.isfinite(value) or (infinite and math.isinf(value))):
-        refuse(field, text, "must be a number" if infinite else "must be a finite number")
+        refuse(
+            field, text, "must be a number" if infinite else "must be a finite number"
+        )
     return value

@@ -1,1 +1,3 @@
-"""Visualisation of flights: figures, films, recordings and the live page, from one common scene."""
+"""Visualisation of flights: figures, films, recordings and the live page, from one
+common scene.
+"""

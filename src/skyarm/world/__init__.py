@@ -1,4 +1,6 @@
-"""Surroundings of the vehicle: wind, gusts, turbulence, payloads, contact and faults."""
+"""Surroundings of the vehicle: wind, gusts, turbulence, payloads, contact and
+faults.
+"""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

@@ -1,16 +1,19 @@
-"""Interface of environment components (winds, forces, contacts): frozen dataclasses with pure functions.
+"""Interface of environment components (winds, forces, contacts): frozen dataclasses
+with pure functions.
 
-A component is written once, in traceable functions: the same lines fly as Python floats, in machine code, in a batch
-whose lanes have other numbers, and on MuJoCo's plant. Its clock:
+A component is written once, in traceable functions: the same lines fly as Python
+floats, in machine code, in a batch whose lanes have other numbers, and on MuJoCo's
+plant. Its clock:
 
-* ``advance`` steps its memory once per control period, with the state at the period's beginning;
-* ``velocity`` and ``wrenches`` are evaluated at every stage of the integrator, with that memory and the period's time
-  held. They must not keep anything;
-* of a *coupled* component the memory is a part of the plant's state: ``slope`` says how it changes, and every plant
-  integrates it together with the vehicle.
+* ``advance`` steps its memory once per control period, with the state at the period's
+  beginning;
+* ``velocity`` and ``wrenches`` are evaluated at every stage of the integrator, with
+  that memory and the period's time held. They must not keep anything;
+* of a *coupled* component the memory is a part of the plant's state: ``slope`` says how
+  it changes, and every plant integrates it together with the vehicle.
 
-Random numbers are uniform in (0, 1) and keyed by seed, episode, component and period: adding a component changes no
-other's draws.
+Random numbers are uniform in (0, 1) and keyed by seed, episode, component and period:
+adding a component changes no other's draws.
 """
 
 from __future__ import annotations
@@ -36,10 +39,12 @@ Value = TypeVar("Value")
 """Type of the values of log columns: numbers, or what describes a column."""
 
 MOST_STEPS = 1000
-"""Largest number of integration steps per control period; a model that needs more is probably in other units."""
+"""Largest number of integration steps per control period; a model that needs more is
+probably in other units."""
 
 MOST_UNIFORMS = 10_000
-"""Largest number of random numbers of one component per period; a program with more takes minutes to compile."""
+"""Largest number of random numbers of one component per period; a program with more
+takes minutes to compile."""
 
 
 @immutable
@@ -53,12 +58,15 @@ class Wrench:
 
     force_W: Annotated[Vec3, Unit("N", "force, world axes")] = ZERO3
     torque_W: Annotated[Vec3, Unit("N m", "torque, world axes")] = ZERO3
-    point: Annotated[Vec3, Unit("m", "point at which the force acts, axes of its body")] = ZERO3
+    point: Annotated[
+        Vec3, Unit("m", "point at which the force acts, axes of its body")
+    ] = ZERO3
     body: int = BASE
     agent: str = ""
 
     def __post_init__(self) -> None:
-        # made at every stage of the integrator: what holds vectors already is not looked at
+        # made at every stage of the integrator: what holds vectors already is not
+        # looked at
         if not (
             type(self.force_W) is type(self.torque_W) is type(self.point) is Vec3
             and type(self.body) is int
@@ -68,11 +76,14 @@ class Wrench:
 
 
 Memory = TypeVar("Memory", bound=Tree)
-"""Type of a component's internal state, ``tuple[()]`` if it has none; its time derivative has the same type."""
+"""Type of a component's internal state, ``tuple[()]`` if it has none; its time
+derivative has the same type."""
 
 
 def moved_by(memory: Memory, slope: Memory, dt: Scalar) -> Memory:
-    """Internal state after an explicit Euler step: each number plus ``dt`` times its time derivative."""
+    """Internal state after an explicit Euler step: each number plus ``dt`` times its
+    time derivative.
+    """
     pairs = zip(leaves(memory), leaves(slope), strict=True)
     return rebuild(memory, iter([add(value, mul(rate, dt)) for value, rate in pairs]))
 
@@ -83,13 +94,16 @@ def select(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
 
 
 def shorten(vector: Vec3, most: Scalar) -> Vec3:
-    """Vector scaled down to a given length if it is longer; zero for a length of zero."""
+    """Vector scaled down to a given length if it is longer; zero for a length of
+    zero.
+    """
     # the square added: the slope of a root is infinite at zero
     return vector * divide(most, maximum(sqrt(vector.dot(vector) + 1e-24), most))
 
 
 def require_frame(vehicle: Vehicle, frame: str) -> None:
-    """Refuse the name of a frame that the vehicle lacks; an empty name refers to the vehicle's tip.
+    """Refuse the name of a frame that the vehicle lacks; an empty name refers to the
+    vehicle's tip.
 
     Raises:
         ValueError: one line.
@@ -112,53 +126,71 @@ Event = tuple[str, float, float]
 
 
 class StepLimits(Generic[Memory]):
-    """Base class of environment models: how long their integration steps may be, and when longer ones are stable.
+    """Base class of environment models: how long their integration steps may be, and
+    when longer ones are stable.
 
-    An interval is *far* from contact, *calm* while grasps alone act, *near* contact, or one in which something *hits*:
-    each has its steps, from the longest to the shortest.
+    An interval is *far* from contact, *calm* while grasps alone act, *near* contact, or
+    one in which something *hits*: each has its steps, from the longest to the shortest.
     """
 
     __slots__ = ()
 
     largest_step: Scalar | None = None
-    """Longest stable integration step (s) of the environment model; None for no limit. May be a field or a property."""
+    """Longest stable integration step (s) of the environment model; None for no limit.
+    May be a field or a property."""
 
     @property
     def largest_euler_step(self) -> Scalar | None:
-        """Longest stable integration step (s) of the model under semi-implicit Euler; None for no limit."""
+        """Longest stable integration step (s) of the model under semi-implicit Euler;
+        None for no limit.
+        """
         return self.largest_step
 
     @property
     def largest_verlet_step(self) -> Scalar | None:
-        """Longest stable integration step (s) of the model under Stoermer-Verlet; None excludes that method.
+        """Longest stable integration step (s) of the model under Stoermer-Verlet; None
+        excludes that method.
 
         None keeps the plant's own method.
         """
         return None
 
     def far(self, memory: Memory, motion: PointMotion, seconds: Scalar) -> Scalar:
-        """True if the model, such as a distant contact, certainly exerts no force for the next ``seconds``."""
+        """True if the model, such as a distant contact, certainly exerts no force for
+        the next ``seconds``.
+        """
         return False
 
     largest_calm_step: Scalar | None = None
-    """Longest stable integration step (s) while ``calm`` holds, if that is longer; None if not."""
+    """Longest stable integration step (s) while ``calm`` holds, if that is longer; None
+    if not."""
 
     largest_calm_verlet_step: Scalar | None = None
     """The same of the Stoermer-Verlet method."""
 
     def calm(self, memory: Memory, motion: PointMotion, seconds: Scalar) -> Scalar:
-        """True if nothing that needs short steps, such as a contact, acts for the next ``seconds``."""
+        """True if nothing that needs short steps, such as a contact, acts for the next
+        ``seconds``.
+        """
         return False
 
     most_hit_steps: int = 1
-    """Largest number of substeps per integration step that ``hurry`` may return; may be a property."""
+    """Largest number of substeps per integration step that ``hurry`` may return; may be
+    a property."""
 
-    def hurry(self, memory: Memory, motion: PointMotion, seconds: Scalar) -> tuple[Memory, Scalar]:
-        """Internal state of the model, and number of substeps for the next ``seconds``: more during an impact."""
+    def hurry(
+        self, memory: Memory, motion: PointMotion, seconds: Scalar
+    ) -> tuple[Memory, Scalar]:
+        """Internal state of the model, and number of substeps for the next ``seconds``:
+        more during an impact.
+        """
         return memory, 1.0
 
-    def alone(self, memory: Memory, seconds: Scalar, rounds: int, gravity: Scalar) -> Memory:
-        """Internal state of a model such as a contact after ``seconds`` in which it exerted no force.
+    def alone(
+        self, memory: Memory, seconds: Scalar, rounds: int, gravity: Scalar
+    ) -> Memory:
+        """Internal state of a model such as a contact after ``seconds`` in which it
+        exerted no force.
 
         Args:
             memory: internal state before.
@@ -170,30 +202,39 @@ class StepLimits(Generic[Memory]):
 
 
 class Component(StepLimits[Memory]):
-    """Base class of environment models (wind, force, contact), whose subclasses override the methods that they need.
+    """Base class of environment models (wind, force, contact), whose subclasses
+    override the methods that they need.
 
-    ``Component[M]`` has internal states of the type ``M``: a dataclass or tuple of scalars.
+    ``Component[M]`` has internal states of the type ``M``: a dataclass or tuple of
+    scalars.
     """
 
     __slots__ = ()
 
     rigid: bool = False
-    """True for a rigid load on a body of the vehicle, part of the plant's inertia; it then has ``body``."""
+    """True for a rigid load on a body of the vehicle, part of the plant's inertia; it
+    then has ``body``."""
 
     @property
     def uniforms(self) -> int:
-        """Number of uniform random numbers that the environment model draws per control period."""
+        """Number of uniform random numbers that the environment model draws per control
+        period.
+        """
         return 0
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
-        """Refuse a vehicle, control period (s) or gravity (m/s^2) that is incompatible with the environment model.
+        """Refuse a vehicle, control period (s) or gravity (m/s^2) that is incompatible
+        with the environment model.
 
         Raises:
             ValueError: one line that begins with a field of the component.
         """
 
-    def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
-        """Refuse vehicles, by name, that are incompatible with an environment model that all of them share.
+    def require_vehicles(
+        self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar
+    ) -> None:
+        """Refuse vehicles, by name, that are incompatible with an environment model
+        that all of them share.
 
         Raises:
             ValueError: one line that begins with a field of the component.
@@ -210,28 +251,43 @@ class Component(StepLimits[Memory]):
         return self.of_agent(agent).columns
 
     coupled: bool = False
-    """True if the internal state is integrated with the vehicle's within control periods; may be a property."""
+    """True if the internal state is integrated with the vehicle's within control
+    periods; may be a property."""
 
     shared: bool = False
-    """True of a model that all vehicles share: it has one internal state, finds each in ``motion.agents``, and its
-    wrenches say on which they act. Of another model each vehicle has its own, with its own noise."""
+    """True of a model that all vehicles share: it has one internal state, finds each in
+    ``motion.agents``, and its wrenches say on which they act. Of another model each
+    vehicle has its own, with its own noise."""
 
     def start(self, period: float, draws: Sequence[Scalar]) -> Memory:
-        """Initial internal state of the environment model, a dataclass or tuple of scalars; an empty tuple for none.
+        """Initial internal state of the environment model, a dataclass or tuple of
+        scalars; an empty tuple for none.
 
         Args:
             period: control period of ``advance``, s.
-            draws: uniform numbers, twice ``uniforms`` of them. :func:`skyarm.algebra.scalars.philox.normals` makes
-                normal ones of them.
+            draws: uniform numbers, twice ``uniforms`` of them.
+                :func:`skyarm.algebra.scalars.philox.normals` makes normal ones of them.
         """
         return cast("Memory", ())  # as it is of whoever does not define it
 
-    def advance(self, memory: Memory, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> Memory:
-        """Internal state of the environment model for the control period from ``t`` to ``t + dt`` (s)."""
+    def advance(
+        self,
+        memory: Memory,
+        t: Scalar,
+        dt: float,
+        state: State,
+        draws: Sequence[Scalar],
+    ) -> Memory:
+        """Internal state of the environment model for the control period from ``t`` to
+        ``t + dt`` (s).
+        """
         return memory
 
-    def supply(self, memory: Memory, dt: float, state: State, commands: Sequence[Scalar]) -> Memory:
-        """Internal state of a model that depends on the rotor speed commands in force (rad/s), such as a battery.
+    def supply(
+        self, memory: Memory, dt: float, state: State, commands: Sequence[Scalar]
+    ) -> Memory:
+        """Internal state of a model that depends on the rotor speed commands in force
+        (rad/s), such as a battery.
 
         Args:
             memory: internal state after ``advance``.
@@ -242,11 +298,14 @@ class Component(StepLimits[Memory]):
         return memory
 
     def settle(self, memory: Memory, motion: PointMotion, vehicle: bool) -> Memory:
-        """Internal state of the model with its objects, and optionally the vehicle, in static equilibrium."""
+        """Internal state of the model with its objects, and optionally the vehicle, in
+        static equilibrium.
+        """
         return memory
 
     def act(self, memory: Memory, t: Scalar, dt: float, motion: PointMotion) -> Memory:
-        """Internal state of the model after discrete events at the start of a control period, such as a grasp.
+        """Internal state of the model after discrete events at the start of a control
+        period, such as a grasp.
 
         Args:
             memory: internal state in the period.
@@ -257,7 +316,9 @@ class Component(StepLimits[Memory]):
         return memory
 
     def holds(self, memory: Memory, frame: str, agent: str = "") -> Scalars:
-        """Grasp signal of each gripper at a vehicle's frame: 1 while it holds a body, else 0; () without any."""
+        """Grasp signal of each gripper at a vehicle's frame: 1 while it holds a body,
+        else 0; () without any.
+        """
         return ()
 
     def velocity(self, memory: Memory, t: Scalar, position_W: Vec3) -> Vec3:
@@ -265,9 +326,14 @@ class Component(StepLimits[Memory]):
         return ZERO3
 
     def wrenches(
-        self, memory: Memory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+        self,
+        memory: Memory,
+        t: Scalar,
+        motion: PointMotion,
+        rotor_speeds: Sequence[Scalar],
     ) -> Sequence[Wrench]:
-        """Forces and torques of the environment model on the vehicle's bodies at an instant.
+        """Forces and torques of the environment model on the vehicle's bodies at an
+        instant.
 
         Args:
             memory: internal state in the period.
@@ -277,30 +343,50 @@ class Component(StepLimits[Memory]):
         """
         return ()
 
-    def rotor_commands(self, memory: Memory, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
-        """Rotor speed commands (rad/s) as limited or scaled by the environment model, such as a battery."""
+    def rotor_commands(
+        self, memory: Memory, rotors: Sequence[Rotor], commands: Sequence[Scalar]
+    ) -> Sequence[Scalar]:
+        """Rotor speed commands (rad/s) as limited or scaled by the environment model,
+        such as a battery.
+        """
         return commands
 
-    def slope(self, memory: Memory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Memory:
-        """Time derivative of the internal state of a model that is integrated with the plant, such as a contact."""
-        raise NotImplementedError(f"{type(self).__name__} is coupled and must define slope()")
+    def slope(
+        self,
+        memory: Memory,
+        t: Scalar,
+        motion: PointMotion,
+        rotor_speeds: Sequence[Scalar],
+    ) -> Memory:
+        """Time derivative of the internal state of a model that is integrated with the
+        plant, such as a contact.
+        """
+        raise NotImplementedError(
+            f"{type(self).__name__} is coupled and must define slope()"
+        )
 
     def before_euler_step(self, memory: Memory, slope: Memory, dt: Scalar) -> Memory:
-        """Internal state of the model from which a semi-implicit Euler step of ``dt`` (s) evaluates the forces.
+        """Internal state of the model from which a semi-implicit Euler step of ``dt``
+        (s) evaluates the forces.
 
-        What velocities bend and has no inertia goes on here, by the velocities that the last step left.
+        What velocities bend and has no inertia goes on here, by the velocities that the
+        last step left.
         """
         return memory
 
     def euler_step(self, memory: Memory, slope: Memory, dt: Scalar) -> Memory:
-        """Internal state of a model such as a contact after a semi-implicit Euler step of ``dt`` (s).
+        """Internal state of a model such as a contact after a semi-implicit Euler step
+        of ``dt`` (s).
 
-        Velocities go before what they move, or springs gain energy; a memory without velocities goes on straight.
+        Velocities go before what they move, or springs gain energy; a memory without
+        velocities goes on straight.
         """
         return moved_by(memory, slope, dt)
 
     def drift(self, memory: Memory, dt: Scalar) -> Memory:
-        """Internal state of a model such as a contact after ``dt`` (s) without forces: only positions change."""
+        """Internal state of a model such as a contact after ``dt`` (s) without forces:
+        only positions change.
+        """
         return memory
 
     def push(
@@ -312,9 +398,11 @@ class Component(StepLimits[Memory]):
         dt: Scalar,
         felt: Memory | None = None,
     ) -> Memory:
-        """Internal state of a model such as a contact after forces acted for ``dt`` (s): only velocities change.
+        """Internal state of a model such as a contact after forces acted for ``dt``
+        (s): only velocities change.
 
-        What goes on by its rate alone, and not in ``drift`` nor ``before_euler_step``, does so here.
+        What goes on by its rate alone, and not in ``drift`` nor ``before_euler_step``,
+        does so here.
 
         Args:
             memory: internal state before.
@@ -322,27 +410,38 @@ class Component(StepLimits[Memory]):
             motion: motion as in ``slope``.
             rotor_speeds: rad/s.
             dt: s.
-            felt: internal state with the velocities at which forces are taken; that before if left out.
+            felt: internal state with the velocities at which forces are taken; that
+                before if left out.
         """
-        return moved_by(memory, self.slope(memory if felt is None else felt, t, motion, rotor_speeds), dt)
+        return moved_by(
+            memory,
+            self.slope(memory if felt is None else felt, t, motion, rotor_speeds),
+            dt,
+        )
 
     events: tuple[Event, ...] = ()
     """Intervals that pictures of a flight mark; may be a property."""
 
     columns: tuple[Column, ...] = ()
-    """Columns of a log, one for each number of ``logged``, or tuples of their first fields; may be a property."""
+    """Columns of a log, one for each number of ``logged``, or tuples of their first
+    fields; may be a property."""
 
     @property
     def constants(self) -> Mapping[str, Scalars]:
-        """Constants of the environment model that flight metrics need in addition to the logged values, by name."""
+        """Constants of the environment model that flight metrics need in addition to
+        the logged values, by name.
+        """
         return {}
 
     def logged(self, memory: Memory, motion: PointMotion) -> Scalars:
-        """Values of the environment model that the flight log records in every control period."""
+        """Values of the environment model that the flight log records in every control
+        period.
+        """
         return ()
 
     def shapes(self, seen: Instants) -> Scene:
-        """Shapes, lines and arrows that draw the environment model in pictures and films of a flight.
+        """Shapes, lines and arrows that draw the environment model in pictures and
+        films of a flight.
 
         Args:
             seen: the instants, where the vehicle was, and the logged numbers.
@@ -352,7 +451,8 @@ class Component(StepLimits[Memory]):
         return Scene()
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
-        """Warnings about suspicious or computationally expensive parameters of the environment model.
+        """Warnings about suspicious or computationally expensive parameters of the
+        environment model.
 
         Args:
             vehicle: vehicle of the plant.
@@ -362,7 +462,9 @@ class Component(StepLimits[Memory]):
 
 
 class Air(Component[Memory]):
-    """Base class of wind models, which give the air velocity at a position; they exert no force themselves."""
+    """Base class of wind models, which give the air velocity at a position; they exert
+    no force themselves.
+    """
 
     __slots__ = ()
 
@@ -370,22 +472,37 @@ class Air(Component[Memory]):
 
 
 class Force(Component[Memory]):
-    """Base class of environment models that exert forces and torques on bodies of the vehicle."""
+    """Base class of environment models that exert forces and torques on bodies of the
+    vehicle.
+    """
 
     __slots__ = ()
 
     registered_as = "force"
 
 
-def by_array(components: Sequence[Component[Tree]], numbers: Sequence[Value]) -> dict[str, list[Value]]:
-    """Group the logged values of winds, forces and contacts by the name of the log array that each belongs to."""
+def by_array(
+    components: Sequence[Component[Tree]], numbers: Sequence[Value]
+) -> dict[str, list[Value]]:
+    """Group the logged values of winds, forces and contacts by the name of the log
+    array that each belongs to.
+    """
     groups: dict[str, list[Value]] = {}
-    for column, number in zip((column for each in components for column in each.columns), numbers, strict=True):
+    for column, number in zip(
+        (column for each in components for column in each.columns), numbers, strict=True
+    ):
         groups.setdefault(column[0], []).append(number)
     return groups
 
 
-def columns_of_agent(components: Sequence[Component[Tree]], agent: str) -> dict[str, list[bool]]:
-    """For each log array of winds, forces and contacts, False for the columns of another vehicle than ``agent``."""
+def columns_of_agent(
+    components: Sequence[Component[Tree]], agent: str
+) -> dict[str, list[bool]]:
+    """For each log array of winds, forces and contacts, False for the columns of
+    another vehicle than ``agent``.
+    """
     own = [(each, each.columns_of(agent)) for each in components]
-    return by_array(components, [column in theirs for each, theirs in own for column in each.columns])
+    return by_array(
+        components,
+        [column in theirs for each, theirs in own for column in each.columns],
+    )

@@ -6,19 +6,23 @@
     kind = "disturbance"
     frame = "tip"                          # default: the base
     axes = "world"                         # or "frame": along the frame's own axes
-    force = [0, 0, { kind = "sine", amplitude = 2.0, frequency_hz = 0.5 }]      # N, signals of time (default 0)
+    # N, signals of time (default 0)
+    force = [0, 0, { kind = "sine", amplitude = 2.0, frequency_hz = 0.5 }]
     torque = [0, 0.05, 0]                                                       # N m
-    noise = { force = [0.3, 0.3, 0.3], torque = [0, 0, 0], bandwidth_hz = 2.0 } # standard deviations (default none)
+    # standard deviations (default none)
+    noise = { force = [0.3, 0.3, 0.3], torque = [0, 0, 0], bandwidth_hz = 2.0 }
 
     [[environment.air]]
     kind = "air_signals"
-    velocity_W = [{ kind = "ramp", start = 5, duration = 2, height = 4 }, 0, 0]   # m/s, world axes
+    # m/s, world axes
+    velocity_W = [{ kind = "ramp", start = 5, duration = 2, height = 4 }, 0, 0]
     noise = { velocity = [0.5, 0.5, 0.2], bandwidth_hz = 0.5 }
 
-Signals are those of references (:mod:`skyarm.reference.reference_tables`). They are held for each control period.
-Noise is a first-order Gauss-Markov process of each component (Brown, Hwang 2012, section 3.9); it has the deviations
-of what its record has: force and torque, or velocity. A wrench moves base and joints by the principle of virtual work
-(Siciliano, Sciavicco, Villani, Oriolo 2009, Robotics, section 3.8).
+Signals are those of references (:mod:`skyarm.reference.reference_tables`). They are
+held for each control period. Noise is a first-order Gauss-Markov process of each
+component (Brown, Hwang 2012, section 3.9); it has the deviations of what its record
+has: force and torque, or velocity. A wrench moves base and joints by the principle of
+virtual work (Siciliano, Sciavicco, Villani, Oriolo 2009, Robotics, section 3.8).
 """
 
 from __future__ import annotations
@@ -34,7 +38,12 @@ from skyarm.records.immutable import immutable
 from skyarm.records.words import Word
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.component import Air, Component, Force, Wrench, require_frame
-from skyarm.world.signal_vector import NO_SIGNALS, ColouredNoise, SignalVector, scale_noise
+from skyarm.world.signal_vector import (
+    NO_SIGNALS,
+    ColouredNoise,
+    SignalVector,
+    scale_noise,
+)
 
 AXES = ("world", "frame")
 
@@ -43,7 +52,9 @@ Numbers = Scalars
 
 
 class NoisyComponent(Component[Numbers]):
-    """Base class of environment models with optional coloured noise of ``noise_count`` components."""
+    """Base class of environment models with optional coloured noise of ``noise_count``
+    components.
+    """
 
     __slots__ = ()
 
@@ -52,21 +63,31 @@ class NoisyComponent(Component[Numbers]):
 
     @property
     def uniforms(self) -> int:
-        """Number of uniform random numbers that the noise draws per control period, rounded up to an even number."""
+        """Number of uniform random numbers that the noise draws per control period,
+        rounded up to an even number.
+        """
         return 0 if self.noise is None else self.noise_count + self.noise_count % 2
 
     def start(self, period: float, draws: Sequence[Scalar]) -> Numbers:
         """Initial noise state, drawn from its stationary distribution."""
         return () if self.noise is None else self.noise.first(draws, self.noise_count)
 
-    def advance(self, memory: Numbers, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> Numbers:
+    def advance(
+        self,
+        memory: Numbers,
+        t: Scalar,
+        dt: float,
+        state: State,
+        draws: Sequence[Scalar],
+    ) -> Numbers:
         """Noise state in the next control period."""
         return memory if self.noise is None else self.noise.next(memory, dt, draws)
 
 
 @immutable
 class Disturbance(NoisyComponent, Force[Numbers]):
-    """Force and torque on one body of the vehicle as functions of time, with optional coloured noise.
+    """Force and torque on one body of the vehicle as functions of time, with optional
+    coloured noise.
 
     Attributes:
         frame: frame at whose origin the force acts; empty for the base's origin.
@@ -94,7 +115,11 @@ class Disturbance(NoisyComponent, Force[Numbers]):
             require_frame(vehicle, self.frame)
 
     def wrenches(
-        self, memory: Numbers, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+        self,
+        memory: Numbers,
+        t: Scalar,
+        motion: PointMotion,
+        rotor_speeds: Sequence[Scalar],
     ) -> Sequence[Wrench]:
         """Force and torque of the disturbance on the vehicle at time ``t`` (s)."""
         force, torque = self.force.at(t), self.torque.at(t)
@@ -107,7 +132,10 @@ class Disturbance(NoisyComponent, Force[Numbers]):
             point, body = motion.frame(self.frame)
         if self.axes == "frame":
             R = None if not self.frame else motion.vehicle.frame(self.frame).rotation
-            force, torque = (motion.to_world(v if R is None else R.apply(v), body) for v in (force, torque))
+            force, torque = (
+                motion.to_world(v if R is None else R.apply(v), body)
+                for v in (force, torque)
+            )
         return (Wrench(force_W=force, torque_W=torque, point=point, body=body),)
 
 
@@ -128,4 +156,8 @@ class AirSignals(NoisyComponent, Air[Numbers]):
     def velocity(self, memory: Numbers, t: Scalar, position_W: Vec3) -> Vec3:
         """Air velocity (m/s, world axes): time signals plus noise."""
         velocity = self.velocity_W.at(t)
-        return velocity if self.noise is None else velocity + scale_noise(self.noise.velocity, memory)
+        return (
+            velocity
+            if self.noise is None
+            else velocity + scale_noise(self.noise.velocity, memory)
+        )

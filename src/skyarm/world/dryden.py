@@ -1,18 +1,22 @@
 """Dryden turbulence below 1000 ft, sampled exactly at any step size.
 
-The filters are not discretised approximately: each component is the autoregressive sequence whose autocovariance at
-whole steps *is* the continuous one,
+The filters are not discretised approximately: each component is the autoregressive
+sequence whose autocovariance at whole steps *is* the continuous one,
 
-    u: sigma^2 exp(-d|k|)                     (first order, H_u = sigma sqrt(2 T/pi) / (1 + T s))
-    v, w: sigma^2 (1 - d|k|/2) exp(-d|k|)     (second order, H_v = sigma sqrt(T/pi) (1 + sqrt(3) T s) / (1 + T s)^2)
+    u: sigma^2 exp(-d|k|)                     (first order, H_u = sigma sqrt(2 T/pi) /
+                                              (1 + T s))
+    v, w: sigma^2 (1 - d|k|/2) exp(-d|k|)     (second order, H_v = sigma sqrt(T/pi) (1 +
+                                              sqrt(3) T s) / (1 + T s)^2)
 
-with T = L/V and d = dt/T, from one normal number per component and step. Variance and correlation are therefore the
-same whatever dt is; between steps the velocity is held. (Band-limited white noise through the held filters, the common
-way, has a variance that depends on dt.)
+with T = L/V and d = dt/T, from one normal number per component and step. Variance and
+correlation are therefore the same whatever dt is; between steps the velocity is held.
+(Band-limited white noise through the held filters, the common way, has a variance that
+depends on dt.)
 
-Airspeed: the model is a frozen field carried past the vehicle with the airspeed V. A hovering multirotor has almost no
-speed of its own, so V is the speed of the mean wind, at least ``minimum_airspeed`` (1 m/s, an assumption: without it a
-calm day would freeze one draw for the whole episode). V and the altitude are constant through an episode.
+Airspeed: the model is a frozen field carried past the vehicle with the airspeed V. A
+hovering multirotor has almost no speed of its own, so V is the speed of the mean wind,
+at least ``minimum_airspeed`` (1 m/s, an assumption: without it a calm day would freeze
+one draw for the whole episode). V and the altitude are constant through an episode.
 """
 
 from __future__ import annotations
@@ -35,29 +39,49 @@ LOWEST, HIGHEST = 10 * METRES_PER_FOOT, 1000 * METRES_PER_FOOT
 
 @immutable
 class Dryden:
-    """Parameters of Dryden turbulence: intensities, length scales, airspeed and direction.
+    """Parameters of Dryden turbulence: intensities, length scales, airspeed and
+    direction.
 
-    The components are u (along the mean wind), v (to its left) and w (up). Their scale lengths are those of
-    MIL-F-8785C (MIL-HDBK-1797 halves L_v and L_w and doubles them again in its spectra: the same turbulence).
+    The components are u (along the mean wind), v (to its left) and w (up). Their scale
+    lengths are those of MIL-F-8785C (MIL-HDBK-1797 halves L_v and L_w and doubles them
+    again in its spectra: the same turbulence).
     """
 
     intensity: Annotated[
         Vec3,
         nonnegative(
-            "m/s", "standard deviation of the air velocity u, v, w", effect="higher values make stronger turbulence"
+            "m/s",
+            "standard deviation of the air velocity u, v, w",
+            effect="higher values make stronger turbulence",
         ),
     ]
     scale_length: Annotated[
         Vec3,
-        positive("m", "length scale of the turbulence u, v, w", effect="longer scales make slower gusts"),
+        positive(
+            "m",
+            "length scale of the turbulence u, v, w",
+            effect="longer scales make slower gusts",
+        ),
     ]
     airspeed: Annotated[
         Scalar,
-        positive("m/s", "speed at which the turbulence passes the vehicle", effect="higher speeds make faster gusts"),
+        positive(
+            "m/s",
+            "speed at which the turbulence passes the vehicle",
+            effect="higher speeds make faster gusts",
+        ),
     ]
-    direction_W: Annotated[Vec3, Unit("", "horizontal unit vector of the component u, world axes", folds=True)] = E_X
+    direction_W: Annotated[
+        Vec3,
+        Unit("", "horizontal unit vector of the component u, world axes", folds=True),
+    ] = E_X
     least_airspeed: Annotated[
-        Scalar, nonnegative("m/s", "least airspeed where airspeed and direction follow the mean wind; 0 where not")
+        Scalar,
+        nonnegative(
+            "m/s",
+            "least airspeed where airspeed and direction follow the mean wind; 0"
+            " where not",
+        ),
     ] = 0
 
     def __post_init__(self) -> None:
@@ -65,18 +89,26 @@ class Dryden:
         accept(self, "turbulence", {"direction_W": unit_vector})
 
     def in_wind(self, velocity_W: Vec3) -> Dryden:
-        """Turbulence that passes at the speed of a mean wind (m/s, world axes), its component u along the wind."""
+        """Turbulence that passes at the speed of a mean wind (m/s, world axes), its
+        component u along the wind.
+        """
         x, y, z = velocity_W
         level = sqrt(x * x + y * y)
         blows, length = level > 0.0, where(level > 0.0, level, 1.0)
-        along = Vec3(where(blows, divide(x, length), 1.0), where(blows, divide(y, length), 0.0), 0)
+        along = Vec3(
+            where(blows, divide(x, length), 1.0),
+            where(blows, divide(y, length), 0.0),
+            0,
+        )
         speed = maximum(sqrt(x * x + y * y + z * z), self.least_airspeed)
         return replace(self, airspeed=speed, direction_W=along)
 
 
 @positional
 class DrydenMemory:
-    """State of the turbulence filters, in standard deviations of the velocity components u, v and w."""
+    """State of the turbulence filters, in standard deviations of the velocity
+    components u, v and w.
+    """
 
     u: Scalar
     v: Scalar
@@ -86,12 +118,17 @@ class DrydenMemory:
 
 
 def low_altitude(
-    altitude: Scalar, wind_20ft: Scalar, mean_wind: Scalar, direction_W: Vec3 = E_X, minimum_airspeed: Scalar = 1.0
+    altitude: Scalar,
+    wind_20ft: Scalar,
+    mean_wind: Scalar,
+    direction_W: Vec3 = E_X,
+    minimum_airspeed: Scalar = 1.0,
 ) -> Dryden:
     """Dryden turbulence parameters near the ground, from altitude and wind speed.
 
     Args:
-        altitude: above ground, m, 3.048 to 304.8 (10 to 1000 ft); for lower flight take 3.048.
+        altitude: above ground, m, 3.048 to 304.8 (10 to 1000 ft); for lower flight take
+            3.048.
         wind_20ft: W20, mean wind at 20 ft, m/s: 7.7 light, 15.4 moderate, 23.2 severe.
         mean_wind: speed of the mean wind at the vehicle, m/s.
         direction_W: horizontal unit vector of the mean wind.
@@ -120,7 +157,8 @@ def low_altitude(
 
 
 def start(first: Vec3, second: Vec3, dt: Scalar, *, par: Dryden) -> DrydenMemory:
-    """Initial state of the turbulence filters, drawn from their stationary distribution.
+    """Initial state of the turbulence filters, drawn from their stationary
+    distribution.
 
     Args:
         first: standard normal numbers.
@@ -129,15 +167,21 @@ def start(first: Vec3, second: Vec3, dt: Scalar, *, par: Dryden) -> DrydenMemory
         par: the turbulence.
     """
     inner, output = [], []
-    for d, n, m in zip(_steps(par, dt)[1:], tuple(first)[1:], tuple(second)[1:], strict=True):
+    for d, n, m in zip(
+        _steps(par, dt)[1:], tuple(first)[1:], tuple(second)[1:], strict=True
+    ):
         a, b, gain, h = _second_order(d)
         correlation = divide(a * h + b * gain, gain * gain)
         inner.append(n)
-        output.append(correlation * n + sqrt(maximum(1.0 - correlation * correlation, 0.0)) * m)
+        output.append(
+            correlation * n + sqrt(maximum(1.0 - correlation * correlation, 0.0)) * m
+        )
     return DrydenMemory(first.x, output[0], output[1], inner[0], inner[1])
 
 
-def step(memory: DrydenMemory, noise: Vec3, dt: Scalar, *, par: Dryden) -> tuple[DrydenMemory, Vec3]:
+def step(
+    memory: DrydenMemory, noise: Vec3, dt: Scalar, *, par: Dryden
+) -> tuple[DrydenMemory, Vec3]:
     """Advance the turbulence by one step; return the filter state and the velocity.
 
     Args:
@@ -148,7 +192,8 @@ def step(memory: DrydenMemory, noise: Vec3, dt: Scalar, *, par: Dryden) -> tuple
 
     Returns:
         memory, and the turbulence velocity in world axes, m/s.
-    Source: spectra of MIL-F-8785C 1980, section 3.7.1.2; sampled exactly by factoring the autocovariance.
+    Source: spectra of MIL-F-8785C 1980, section 3.7.1.2; sampled exactly by factoring
+    the autocovariance.
     """
     d_u, d_v, d_w = _steps(par, dt)
     a = exp(-d_u)
@@ -171,18 +216,22 @@ def _steps(par: Dryden, dt: Scalar) -> Scalars:
     return tuple(divide(dt * par.airspeed, length) for length in par.scale_length)
 
 
-def _advance(output: Scalar, inner: Scalar, noise: Scalar, d: Scalar) -> tuple[Scalar, Scalar]:
+def _advance(
+    output: Scalar, inner: Scalar, noise: Scalar, d: Scalar
+) -> tuple[Scalar, Scalar]:
     """One step of a second-order shaping filter with unit variance."""
     a, b, gain, h = _second_order(d)
     return a * output + b * noise + h * inner, a * inner + gain * noise
 
 
 def _second_order(d: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Coefficients of the discrete filter whose autocovariance is (1 - d|k|/2) exp(-d|k|).
+    """Coefficients of the discrete filter whose autocovariance is (1 - d|k|/2)
+    exp(-d|k|).
 
     The sequence is (1 - a z)^2 y = b (1 + c z) n with z one step back. Its numerator's autocovariance is
     g0 = 1 - a^4 + 2 a^2 d and g1 = -a ((1 - a^2) + (1 + a^2) d/2); both combinations factor,
-    g0 + 2 g1 = (1 - a)^2 (1 - a^2 - a d) = b^2 (1 + c)^2,   g0 - 2 g1 = (1 + a)^2 (1 - a^2 + a d) = b^2 (1 - c)^2,
+    g0 + 2 g1 = (1 - a)^2 (1 - a^2 - a d) = b^2 (1 + c)^2,
+    g0 - 2 g1 = (1 + a)^2 (1 - a^2 + a d) = b^2 (1 - c)^2,
     which gives b and c without cancellation. The inner state has unit variance.
     """
     a = exp(-d)

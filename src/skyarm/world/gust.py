@@ -22,34 +22,48 @@ class Gust:
 
     Attributes:
         start, duration: the window [start, start + duration), half-open.
-        shape: "step", or "one_minus_cosine" = peak/2 (1 - cos(2 pi (t - start)/duration)), smooth at both ends.
+        shape: "step", or "one_minus_cosine" = peak/2 (1 - cos(2 pi (t -
+            start)/duration)), smooth at both ends.
     """
 
     peak: Annotated[
         Vec3,
-        Unit("N or m/s", "largest force (force wind) or air velocity (moving air) of the gust, world axes", folds=True),
+        Unit(
+            "N or m/s",
+            "largest force (force wind) or air velocity (moving air) of the gust, world"
+            " axes",
+            folds=True,
+        ),
     ] = ZERO3
     start: Annotated[Scalar, Unit("s", "time at which the gust begins")] = 0.0
     duration: Annotated[Scalar, Unit("s", "duration of the gust")] = 0.0
     shape: str = "step"
 
     def path_names(self) -> Names:
-        """Parameter paths of a gust's fields, with ``force`` and ``velocity`` as aliases of ``peak``."""
+        """Parameter paths of a gust's fields, with ``force`` and ``velocity`` as
+        aliases of ``peak``.
+        """
         return field_paths(self) | {"force": (("peak",),), "velocity": (("peak",),)}
 
     def __post_init__(self) -> None:
         accept_fields(self, "gust")
         if self.shape not in SHAPES:
-            raise ValueError(f"gust.shape = {self.shape!r}: must be one of {', '.join(SHAPES)}")
+            raise ValueError(
+                f"gust.shape = {self.shape!r}: must be one of {', '.join(SHAPES)}"
+            )
         if concrete(self.duration):
             strict = self.shape != "step"
             if not (self.duration > 0.0 if strict else self.duration >= 0.0):
-                raise ValueError(f"gust.duration = {self.duration!r}: must be {'above' if strict else 'at least'} 0 s")
+                raise ValueError(
+                    f"gust.duration = {self.duration!r}: must be"
+                    f" {'above' if strict else 'at least'} 0 s"
+                )
 
     def at(self, t: Scalar) -> Vec3:
         """Force (N) or air velocity (m/s) of the gust at time t (s), world axes.
 
-        Source: step as RotorS, gazebo_wind_plugin.cpp (gust window); one minus cosine as CS 25.341(a)(2).
+        Source: step as RotorS, gazebo_wind_plugin.cpp (gust window); one minus cosine
+        as CS 25.341(a)(2).
         """
         since = t - self.start
         shape: Scalar = 1
@@ -60,4 +74,6 @@ class Gust:
     def _in_window(self, t: Scalar, value: Scalar) -> Scalar:
         if absent(value):
             return 0  # a direction without a gust stays structure
-        return where(t < self.start, 0.0, where(t < self.start + self.duration, value, 0.0))
+        return where(
+            t < self.start, 0.0, where(t < self.start + self.duration, value, 0.0)
+        )

@@ -17,40 +17,70 @@ from skyarm.world.component import Force, Wrench
 @immutable
 @checked("launch_stand")
 class LaunchStand(Force[tuple[()]]):
-    """Launch stand under the base origin: pushes up only, and holds position and attitude while it carries load.
+    """Launch stand under the base origin: pushes up only, and holds position and
+    attitude while it carries load.
 
-    The upward force is N = m max(0, w^2 (z_0 - z) - 2 w v_z) below its top z_0, where the spring is critically damped
-    with the vehicle on it. Sideways, and about each axis, spring and damper of the same frequency act, scaled by the
-    share of the weight that the stand carries, N / (m g), at most 1: a vehicle that lifts is free.
+    The upward force is N = m max(0, w^2 (z_0 - z) - 2 w v_z) below its top z_0, where
+    the spring is critically damped with the vehicle on it. Sideways, and about each
+    axis, spring and damper of the same frequency act, scaled by the share of the weight
+    that the stand carries, N / (m g), at most 1: a vehicle that lifts is free.
 
     Attributes:
-        place: place of the base origin where the stand begins to push; it rests g / w^2 below.
+        place: place of the base origin where the stand begins to push; it rests g / w^2
+            below.
         yaw: angle at which it holds the base.
         mass: mass of the vehicle.
-        inertia: moment of its base, about any axis: the least of the three keeps the stand soft.
+        inertia: moment of its base, about any axis: the least of the three keeps the
+            stand soft.
         frequency: w.
     """
 
-    place: Annotated[Vec3, Unit("m", "position of the base origin at which the stand begins to push, world axes")]
-    yaw: Annotated[Scalar, Unit("rad", "heading at which the stand holds the base")] = 0.0
+    place: Annotated[
+        Vec3,
+        Unit(
+            "m",
+            "position of the base origin at which the stand begins to push, world axes",
+        ),
+    ]
+    yaw: Annotated[Scalar, Unit("rad", "heading at which the stand holds the base")] = (
+        0.0
+    )
     mass: Annotated[Scalar, positive("kg", "mass of the vehicle on the stand")]
-    inertia: Annotated[Scalar, positive("kg m^2", "moment of inertia of the vehicle's base, the least of the three")]
-    frequency: Annotated[Scalar, positive("rad/s", "natural frequency of the vehicle on the stand's spring")] = 40.0
-    gravity: Annotated[Scalar, positive("m/s^2", "gravitational acceleration, downwards")] = 9.81
+    inertia: Annotated[
+        Scalar,
+        positive(
+            "kg m^2", "moment of inertia of the vehicle's base, the least of the three"
+        ),
+    ]
+    frequency: Annotated[
+        Scalar,
+        positive("rad/s", "natural frequency of the vehicle on the stand's spring"),
+    ] = 40.0
+    gravity: Annotated[
+        Scalar, positive("m/s^2", "gravitational acceleration, downwards")
+    ] = 9.81
 
     @property
     def largest_step(self) -> float | None:  # type: ignore[override]
-        """Longest integration step (s) for the launch stand: half a radian of its spring's natural oscillation."""
+        """Longest integration step (s) for the launch stand: half a radian of its
+        spring's natural oscillation.
+        """
         return 0.5 / float(self.frequency)
 
     @property
     def rest(self) -> Vec3:
-        """Position (m) of the base origin at which the launch stand carries the vehicle's whole weight."""
+        """Position (m) of the base origin at which the launch stand carries the
+        vehicle's whole weight.
+        """
         sag = self.gravity / (self.frequency * self.frequency)
         return Vec3(self.place.x, self.place.y, self.place.z - sag)
 
     def wrenches(
-        self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+        self,
+        memory: tuple[()],
+        t: Scalar,
+        motion: PointMotion,
+        rotor_speeds: Sequence[Scalar],
     ) -> Sequence[Wrench]:
         """Force and torque of the launch stand on the base, about the base origin."""
         state, w = motion.state, self.frequency
@@ -59,12 +89,19 @@ class LaunchStand(Force[tuple[()]]):
         up = where(below, maximum(0.0, -w * w * gap.z - 2.0 * w * v.z), 0.0)
         share = minimum(up / self.gravity, 1.0)
         hold = share * self.mass
-        force = Vec3(-hold * (w * w * gap.x + 2.0 * w * v.x), -hold * (w * w * gap.y + 2.0 * w * v.y), self.mass * up)
-        # rotation from the held attitude to the base's, base axes: twice the vector part of a small quaternion
+        force = Vec3(
+            -hold * (w * w * gap.x + 2.0 * w * v.x),
+            -hold * (w * w * gap.y + 2.0 * w * v.y),
+            self.mass * up,
+        )
+        # rotation from the held attitude to the base's, base axes: twice the vector
+        # part of a small quaternion
         back = Quaternion(cos(0.5 * self.yaw), 0.0, 0.0, -sin(0.5 * self.yaw))
         q = back * state.quaternion
         sign = where(q[0] < 0.0, -2.0, 2.0)
         turn = Vec3(*(sign * q[i] for i in (1, 2, 3)))
         grip = share * self.inertia
-        torque = motion.to_world((turn * (w * w) + state.rate * (2.0 * w)) * (-1.0 * grip))
+        torque = motion.to_world(
+            (turn * (w * w) + state.rate * (2.0 * w)) * (-1.0 * grip)
+        )
         return (Wrench(force_W=force, torque_W=torque),)

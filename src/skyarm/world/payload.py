@@ -24,5 +24,7 @@ class Payload:
     frame: str = ""
 
     def held_by(self, vehicle: Vehicle) -> Vehicle:
-        """Return the vehicle with this payload attached; raises VehicleError for an unknown frame."""
+        """Return the vehicle with this payload attached; raises VehicleError for an
+        unknown frame.
+        """
         return vehicle.with_payload(self.mass, self.frame or None)

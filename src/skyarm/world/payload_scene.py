@@ -12,11 +12,15 @@ from skyarm.world.scene.shapes import Solid
 from skyarm.world.scene.vehicle_shapes import payload_shape
 
 HELD = 0.5
-"""Fraction of the mass above which a payload counts as held, between two instants of a log."""
+"""Fraction of the mass above which a payload counts as held, between two instants of a
+log."""
 
 
-def payload_scene(seen: Instants, *, name: str, mass: float, frame: str, com: Vec3, rigid: bool) -> Scene:
-    """Drawn ball and cord of a payload at some instants of a flight; empty if it is never held.
+def payload_scene(
+    seen: Instants, *, name: str, mass: float, frame: str, com: Vec3, rigid: bool
+) -> Scene:
+    """Drawn ball and cord of a payload at some instants of a flight; empty if it is
+    never held.
 
     Args:
         seen: the instants, with the logged numbers of the payload.
@@ -32,7 +36,11 @@ def payload_scene(seen: Instants, *, name: str, mass: float, frame: str, com: Ve
         return Scene()
     (instants,) = np.nonzero(carried)
     # the last instant at which it was held, and before the first that one
-    at = instants[np.maximum(np.searchsorted(instants, np.arange(len(carried)), side="right") - 1, 0)]
+    at = instants[
+        np.maximum(
+            np.searchsorted(instants, np.arange(len(carried)), side="right") - 1, 0
+        )
+    ]
     shape = payload_shape(seen.vehicle, mass, frame, com)
     ending, holder = f"/{name}" if name else "", seen.place(shape.position, shape.body)
     named, rotation = replace(shape, name=f"payload{ending}"), seen.poses[shape.body][0]
@@ -40,4 +48,7 @@ def payload_scene(seen: Instants, *, name: str, mass: float, frame: str, com: Ve
         return Scene(solids=(Solid(named, holder[at], rotation[at]),))
     places = seen.numbers["payload_position"]
     cord = np.where(carried[:, None, None], np.stack([holder, places], axis=1), np.nan)
-    return Scene(solids=(Solid(named, places[at], rotation[at]),), lines=(Line(f"cord{ending}", cord),))
+    return Scene(
+        solids=(Solid(named, places[at], rotation[at]),),
+        lines=(Line(f"cord{ending}", cord),),
+    )

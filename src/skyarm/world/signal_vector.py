@@ -24,7 +24,9 @@ NONE = Constant(0)
 @immutable
 @checked("vector of signals")
 class SignalVector:
-    """Vector of three time signals, such as a force; in a scenario file a list of three entries."""
+    """Vector of three time signals, such as a force; in a scenario file a list of three
+    entries.
+    """
 
     x: Signal = NONE
     y: Signal = NONE
@@ -37,7 +39,11 @@ class SignalVector:
     @classmethod
     def from_table(cls, entry: Entry, where: str) -> SignalVector:
         """Read a vector of three time signals from a value of a scenario file."""
-        signals = zip("xyz", filled_list(entry, where, "a list of three signals of time, x, y and z", 3), strict=True)
+        signals = zip(
+            "xyz",
+            filled_list(entry, where, "a list of three signals of time, x, y and z", 3),
+            strict=True,
+        )
         return cls(**{axis: _signal(each, f"{where}.{axis}") for axis, each in signals})
 
     def at(self, t: Scalar) -> Vec3:
@@ -46,8 +52,14 @@ class SignalVector:
 
 
 def _signal(entry: Entry, where: str) -> Signal:
-    """Time signal from a value of a scenario file; an exact zero becomes a constant of compiled code."""
-    return NONE if type(entry) in (int, float) and entry == 0.0 else signal_from(entry, where)
+    """Time signal from a value of a scenario file; an exact zero becomes a constant of
+    compiled code.
+    """
+    return (
+        NONE
+        if type(entry) in (int, float) and entry == 0.0
+        else signal_from(entry, where)
+    )
 
 
 NO_SIGNALS = SignalVector()
@@ -62,15 +74,23 @@ DEVIATIONS = ("force", "torque", "velocity")
 class ColouredNoise:
     """First-order Gauss-Markov noise added to a force, torque or air velocity.
 
-    Its standard deviation does not depend on the control period, its spectrum is flat up to ``bandwidth_hz`` and falls
-    with 20 dB per decade above: the autocovariance is sigma^2 exp(-2 pi bandwidth |tau|).
+    Its standard deviation does not depend on the control period, its spectrum is flat
+    up to ``bandwidth_hz`` and falls with 20 dB per decade above: the autocovariance is
+    sigma^2 exp(-2 pi bandwidth |tau|).
 
     Source: Brown, Hwang 2012, section 3.9 (first-order Gauss-Markov process).
     """
 
-    force: Annotated[Vec3, nonnegative("N", "standard deviation of the force", folds=True)] = ZERO3
-    torque: Annotated[Vec3, nonnegative("N m", "standard deviation of the torque", folds=True)] = ZERO3
-    velocity: Annotated[Vec3, nonnegative("m/s", "standard deviation of the velocity of the air", folds=True)] = ZERO3
+    force: Annotated[
+        Vec3, nonnegative("N", "standard deviation of the force", folds=True)
+    ] = ZERO3
+    torque: Annotated[
+        Vec3, nonnegative("N m", "standard deviation of the torque", folds=True)
+    ] = ZERO3
+    velocity: Annotated[
+        Vec3,
+        nonnegative("m/s", "standard deviation of the velocity of the air", folds=True),
+    ] = ZERO3
     bandwidth_hz: Annotated[
         Scalar,
         positive(
@@ -81,28 +101,43 @@ class ColouredNoise:
     ]
 
     def require_only(self, *own: str) -> None:
-        """Refuse noise of other quantities than those named, such as a force noise of the wind.
+        """Refuse noise of other quantities than those named, such as a force noise of
+        the wind.
 
         Raises:
             ValueError: one line with the field, its value and what there is.
         """
         for name in DEVIATIONS:
             value = getattr(self, name)
-            if name not in own and not all(concrete(each) and each == 0.0 for each in value):
+            if name not in own and not all(
+                concrete(each) and each == 0.0 for each in value
+            ):
                 has = " and ".join(f"noise.{each}" for each in own)
-                raise ValueError(f"noise.{name} = {shown([*value])}: must be left out; here there is {has}")
+                raise ValueError(
+                    f"noise.{name} = {shown([*value])}: must be left out; here there is"
+                    f" {has}"
+                )
 
     def first(self, draws: Sequence[Scalar], count: int) -> Scalars:
-        """Initial unit-variance noise with ``count`` components, drawn from the stationary distribution."""
+        """Initial unit-variance noise with ``count`` components, drawn from the
+        stationary distribution.
+        """
         return tuple(normals(draws)[:count])
 
-    def next(self, memory: Sequence[Scalar], dt: Scalar, draws: Sequence[Scalar]) -> Scalars:
+    def next(
+        self, memory: Sequence[Scalar], dt: Scalar, draws: Sequence[Scalar]
+    ) -> Scalars:
         """Unit-variance noise of the next control period."""
         left = exp(-2.0 * math.pi * self.bandwidth_hz * dt)
         fresh = sqrt(1.0 - left * left)
-        return tuple(left * old + fresh * new for old, new in zip(memory, normals(draws), strict=False))
+        return tuple(
+            left * old + fresh * new
+            for old, new in zip(memory, normals(draws), strict=False)
+        )
 
 
 def scale_noise(sigma: Vec3, numbers: Sequence[Scalar]) -> Vec3:
     """Unit-variance noise multiplied by standard deviations, as a vector."""
-    return Vec3(*(mul(each, number) for each, number in zip(sigma, numbers, strict=True)))
+    return Vec3(
+        *(mul(each, number) for each, number in zip(sigma, numbers, strict=True))
+    )

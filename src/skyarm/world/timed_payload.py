@@ -1,13 +1,16 @@
-"""Timed payload: a rigid load that the vehicle picks up and sets down during the flight.
+"""Timed payload: a rigid load that the vehicle picks up and sets down during the
+flight.
 
-A load that is not held rests on something and is no part of the plant. It is grasped at an instant, or as soon as the
-frame that grasps it is within reach of the place where it lies; from then on it is a part of that frame's body: its
-mass, its centre of mass and its moments of inertia enter the equations of motion. It is let go at an instant, or within
-reach of a place, once.
+A load that is not held rests on something and is no part of the plant. It is grasped at
+an instant, or as soon as the frame that grasps it is within reach of the place where it
+lies; from then on it is a part of that frame's body: its mass, its centre of mass and
+its moments of inertia enter the equations of motion. It is let go at an instant, or
+within reach of a place, once.
 
-A load at rest that is grasped by a frame that moves takes momentum: body and load go on together (inelastic capture,
-:mod:`skyarm.plant.loads`). A load that is let go takes along what momentum it has, and the vehicle's velocities stay.
-What happens to it afterwards is not simulated.
+A load at rest that is grasped by a frame that moves takes momentum: body and load go on
+together (inelastic capture, :mod:`skyarm.plant.loads`). A load that is let go takes
+along what momentum it has, and the vehicle's velocities stay. What happens to it
+afterwards is not simulated.
 """
 
 from __future__ import annotations
@@ -38,9 +41,13 @@ if TYPE_CHECKING:
 @immutable
 @checked("reach")
 class Reach:
-    """Sphere in the world that the gripping frame must enter before a payload is grasped or released."""
+    """Sphere in the world that the gripping frame must enter before a payload is
+    grasped or released.
+    """
 
-    within: Annotated[Scalar, positive("m", "largest distance of the frame from the point")]
+    within: Annotated[
+        Scalar, positive("m", "largest distance of the frame from the point")
+    ]
     of: Annotated[Vec3, Unit("m", "point that the frame must reach, world axes")]
 
     def holds(self, position_W: Vec3) -> Scalar:
@@ -52,11 +59,14 @@ class Reach:
 
 @immutable
 class PayloadMemory:
-    """Internal state of a payload: grasp status, and resting position while it is not held.
+    """Internal state of a payload: grasp status, and resting position while it is not
+    held.
 
     Attributes:
-        held: 1 while it is held. caught: 1 in the control period in which it is grasped. gone: 1 once it was let go.
-        place: resting place, m, world axes: before the grasp where it is to be grasped, after it where it was let go.
+        held: 1 while it is held. caught: 1 in the control period in which it is
+            grasped. gone: 1 once it was let go.
+        place: resting place, m, world axes: before the grasp where it is to be grasped,
+            after it where it was let go.
     """
 
     held: Scalar
@@ -67,31 +77,49 @@ class PayloadMemory:
 
 @immutable
 class TimedPayload(Component[PayloadMemory]):
-    """Rigid load that is picked up and set down at given times, or on arrival at given positions.
+    """Rigid load that is picked up and set down at given times, or on arrival at given
+    positions.
 
-    With a place, the instant beside it is the earliest (0 if left out). What happens, happens in the first control
-    period that does not begin before: a load is held for whole control periods.
+    With a place, the instant beside it is the earliest (0 if left out). What happens,
+    happens in the first control period that does not begin before: a load is held for
+    whole control periods.
 
     Attributes:
         name: name in logs and pictures; empty for its number.
         frame: frame that holds it; empty for the vehicle's tip.
         pick_place, drop_place: place that the frame must reach; None for anywhere.
-        believed: True if the law's model includes the payload while the task carries it, at the reference's time.
+        believed: True if the law's model includes the payload while the task carries
+            it, at the reference's time.
     """
 
     name: str = ""
     mass: Annotated[Scalar, LOAD]
     inertia: Annotated[
-        Vec3, nonnegative("kg m^2", "moments of inertia about the payload's centre of mass, frame axes")
+        Vec3,
+        nonnegative(
+            "kg m^2",
+            "moments of inertia about the payload's centre of mass, frame axes",
+        ),
     ] = ZERO3
-    com: Annotated[Vec3, Unit("m", "centre of mass of the payload, axes of the frame that holds it")] = ZERO3
+    com: Annotated[
+        Vec3,
+        Unit("m", "centre of mass of the payload, axes of the frame that holds it"),
+    ] = ZERO3
     frame: str = ""
-    pick: Annotated[Scalar, nonnegative("s", "time at which the payload is picked up; with a place, the earliest")] = (
-        0.0
-    )
+    pick: Annotated[
+        Scalar,
+        nonnegative(
+            "s", "time at which the payload is picked up; with a place, the earliest"
+        ),
+    ] = 0.0
     pick_place: Annotated[Reach | None, Word("pick")] = None
     drop: Annotated[
-        Scalar, nonnegative("s", "time at which the payload is set down; with a place, the earliest", infinite=True)
+        Scalar,
+        nonnegative(
+            "s",
+            "time at which the payload is set down; with a place, the earliest",
+            infinite=True,
+        ),
     ] = math.inf
     drop_place: Annotated[Reach | None, Word("drop")] = None
     believed: bool = field_if_any(default=False)
@@ -99,10 +127,13 @@ class TimedPayload(Component[PayloadMemory]):
     registered_as = "payload"
 
     hangs: ClassVar[Scalar] = 0
-    """Length (m) by which the load hangs below its frame; 0 for a rigid one. A property of one on a cord."""
+    """Length (m) by which the load hangs below its frame; 0 for a rigid one. A property
+    of one on a cord."""
 
     def to_entry(self) -> dict[str, Entry]:
-        """Scenario-file table of the payload; a pick-up or set-down at a position also states its earliest time."""
+        """Scenario-file table of the payload; a pick-up or set-down at a position also
+        states its earliest time.
+        """
         table = record_entry(self, ("pick",))
         for name in ("pick", "drop"):
             place = table.get(name)
@@ -112,15 +143,23 @@ class TimedPayload(Component[PayloadMemory]):
 
     @staticmethod
     def short_spellings(fields: Fields) -> dict[str, Reach | float | None]:
-        """Read pick-up and set-down of a payload: a time (s), or ``{ within, of, after }`` on arrival at a position."""
+        """Read pick-up and set-down of a payload: a time (s), or ``{ within, of, after
+        }`` on arrival at a position.
+        """
         values: dict[str, Reach | float | None] = {}
         for name in ("pick", "drop"):
             if not isinstance(fields.table.get(name), dict):
                 values[f"{name}_place"] = None
             else:
                 inner = fields.inner(name)
-                reach = Reach(within=inner.number("within", low=0.0, strict=True), of=Vec3(*inner.vector("of")))
-                values |= {name: inner.number("after", 0.0, low=0.0), f"{name}_place": reach}
+                reach = Reach(
+                    within=inner.number("within", low=0.0, strict=True),
+                    of=Vec3(*inner.vector("of")),
+                )
+                values |= {
+                    name: inner.number("after", 0.0, low=0.0),
+                    f"{name}_place": reach,
+                }
                 inner.done()
         if "pick" not in fields.table:
             fields.take("pick")  # is missing
@@ -131,26 +170,41 @@ class TimedPayload(Component[PayloadMemory]):
 
     @property
     def events(self) -> tuple[Event, ...]:  # type: ignore[override]
-        """Time interval in which the payload is held; empty if pick-up or set-down depends on position."""
+        """Time interval in which the payload is held; empty if pick-up or set-down
+        depends on position.
+        """
         if self.pick_place is not None or self.drop_place is not None:
             return ()
-        return ((f"holds {float(self.mass):.3g} kg", float(self.pick), float(self.drop)),)
+        return (
+            (f"holds {float(self.mass):.3g} kg", float(self.pick), float(self.drop)),
+        )
 
     @property
     def rigid(self) -> bool:  # type: ignore[override]
-        """Always true: the payload is rigidly fixed to the body that holds the payload."""
+        """Always true: the payload is rigidly fixed to the body that holds the
+        payload.
+        """
         return True
 
     def __post_init__(self) -> None:
         accept_fields(self, "payload")
-        if self.drop_place is not None and isinstance(self.drop, float) and math.isinf(self.drop):
+        if (
+            self.drop_place is not None
+            and isinstance(self.drop, float)
+            and math.isinf(self.drop)
+        ):
             object.__setattr__(self, "drop", 0.0)  # at any time within its reach
         moments = tuple(self.inertia)
         if concrete(*moments) and 2.0 * max(moments) > sum(moments) * (1.0 + 1e-9):
-            raise ValueError(f"inertia = {list(moments)}: no moment may be larger than the sum of the other two")
+            raise ValueError(
+                f"inertia = {list(moments)}: no moment may be larger than the sum of"
+                " the other two"
+            )
         instants = concrete(self.pick, self.drop)
         if instants and self.drop_place is None and not self.pick < self.drop:
-            raise ValueError(f"drop = {self.drop!r}: must be after pick = {self.pick!r} s")
+            raise ValueError(
+                f"drop = {self.drop!r}: must be after pick = {self.pick!r} s"
+            )
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
         """Refuse a vehicle that lacks the frame that holds the payload."""
@@ -158,12 +212,22 @@ class TimedPayload(Component[PayloadMemory]):
 
     def start(self, period: float, draws: Sequence[Scalar]) -> PayloadMemory:
         """Initial internal state of the payload, which is not held yet."""
-        place = (0.0, 0.0, 0.0) if self.pick_place is None else tuple(1.0 * c for c in self.pick_place.of)
+        place = (
+            (0.0, 0.0, 0.0)
+            if self.pick_place is None
+            else tuple(1.0 * c for c in self.pick_place.of)
+        )
         return PayloadMemory(held=0.0, caught=0.0, gone=0.0, place=Vec3(*place))
 
-    def act(self, memory: PayloadMemory, t: Scalar, dt: float, motion: PointMotion) -> PayloadMemory:
-        """Internal state of the payload after a possible pick-up or set-down at a control instant."""
-        grasped, caught, gone, place = self.next_status(memory, t, motion.position(*motion.frame(self.frame or None)))
+    def act(
+        self, memory: PayloadMemory, t: Scalar, dt: float, motion: PointMotion
+    ) -> PayloadMemory:
+        """Internal state of the payload after a possible pick-up or set-down at a
+        control instant.
+        """
+        grasped, caught, gone, place = self.next_status(
+            memory, t, motion.position(*motion.frame(self.frame or None))
+        )
         return PayloadMemory(held=grasped, caught=caught, gone=gone, place=place)
 
     @property
@@ -180,11 +244,20 @@ class TimedPayload(Component[PayloadMemory]):
         from skyarm.world.payload_scene import payload_scene
 
         return payload_scene(
-            seen, name=self.name, mass=float(self.mass), frame=self.frame, com=self.com, rigid=self.rigid
+            seen,
+            name=self.name,
+            mass=float(self.mass),
+            frame=self.frame,
+            com=self.com,
+            rigid=self.rigid,
         )
 
-    def next_status(self, memory: PayloadMemory, t: Scalar, position_W: Vec3) -> tuple[Scalar, Scalar, Scalar, Vec3]:
-        """Next internal state of the payload: held, just grasped, set down (1 or 0 each), and resting position."""
+    def next_status(
+        self, memory: PayloadMemory, t: Scalar, position_W: Vec3
+    ) -> tuple[Scalar, Scalar, Scalar, Vec3]:
+        """Next internal state of the payload: held, just grasped, set down (1 or 0
+        each), and resting position.
+        """
         carried, gone = memory.held > 0.5, memory.gone > 0.5
         pick, drop = self.events_reached(t, position_W)
         caught = where(carried, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
@@ -194,7 +267,9 @@ class TimedPayload(Component[PayloadMemory]):
         return now, caught, where(dropped > 0.5, 1.0, memory.gone), place
 
     def events_reached(self, t: Scalar, position_W: Vec3) -> tuple[Scalar, Scalar]:
-        """Conditions of pick-up and of set-down, true if met: time reached, and gripping frame in a given sphere."""
+        """Conditions of pick-up and of set-down, true if met: time reached, and
+        gripping frame in a given sphere.
+        """
         pick, drop = t >= self.pick, t >= self.drop
         if self.pick_place is not None:
             pick = logical_and(pick, self.pick_place.holds(position_W))
@@ -203,7 +278,13 @@ class TimedPayload(Component[PayloadMemory]):
         return pick, drop
 
     def body(self, vehicle: Vehicle, share: Scalar = 1) -> tuple[int, Body]:
-        """Payload as a rigid body in the axes of the link that holds the payload, and the link's index."""
+        """Payload as a rigid body in the axes of the link that holds the payload, and
+        the link's index.
+        """
         at = vehicle.frame(self.frame or None)
         moments = Sym3(*(mul(each, share) for each in self.inertia)).rotate(at.rotation)
-        return at.link, Body(mass=mul(self.mass, share), com=at.position + at.rotation.apply(self.com), inertia=moments)
+        return at.link, Body(
+            mass=mul(self.mass, share),
+            com=at.position + at.rotation.apply(self.com),
+            inertia=moments,
+        )

@@ -1,18 +1,21 @@
-"""Wind models: independent force and air velocity (RotorS), or moving air that causes drag.
+"""Wind models: independent force and air velocity (RotorS), or moving air that causes
+drag.
 
 In a file the wind has a mode, and further air a kind, of the same names and words::
 
     [environment.wind]
-    mode = "force_wind"              # newtons and metres per second apart, as RotorS's plugin
+    mode = "force_wind"  # newtons and metres per second apart, as RotorS's plugin
     force = [2, 0, 0]                  # N, world axes (default 0)
-    point = [0, 0, 0]                  # m, where it acts on the base (default: its origin)
+    point = [0, 0, 0]  # m, where it acts on the base (default: its origin)
     air_velocity = [2, 0, 0]           # m/s that the rotors feel (default 0)
-    gust = { force = [2, 0, 0], start = 7.5, duration = 3 }   # or a list of gusts, which add up
+    # or a list of gusts, which add up
+    gust = { force = [2, 0, 0], start = 7.5, duration = 3 }
 
     [environment.wind]
     mode = "moving_air"                  # air velocity; forces follow from drag
     velocity = [5, 0, 0]               # m/s, world axes (default 0)
-    gust = { velocity = [0, 3, 0], start = 5, duration = 2, shape = "one_minus_cosine" }   # or "step", the default
+    # or "step", the default
+    gust = { velocity = [0, 3, 0], start = 5, duration = 2, shape = "one_minus_cosine" }
     turbulence = { altitude = 6, wind_20ft = 7.7 }   # Dryden; minimum_airspeed (1 m/s)
 
     [environment.wind]
@@ -49,13 +52,16 @@ from skyarm.world.gust import SHAPES, Gust
 
 @positional
 class WindSample(Component[tuple[()]]):
-    """Force, air velocity and logged numbers of all environment models at one instant of a flight.
+    """Force, air velocity and logged numbers of all environment models at one instant
+    of a flight.
 
     Attributes:
         force_W: force on the base, world axes, N.
         point_B: point of the base where it acts, base frame, m.
-        air_velocity_W: velocity of the air that rotors and body drag see, world axes, m/s.
-        numbers: numbers of all components for the log, in the order of their ``columns``.
+        air_velocity_W: velocity of the air that rotors and body drag see, world axes,
+            m/s.
+        numbers: numbers of all components for the log, in the order of their
+            ``columns``.
     """
 
     force_W: Vec3 = ZERO3
@@ -68,14 +74,19 @@ class WindSample(Component[tuple[()]]):
         return self.air_velocity_W
 
     def wrenches(
-        self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+        self,
+        memory: tuple[()],
+        t: Scalar,
+        motion: PointMotion,
+        rotor_speeds: Sequence[Scalar],
     ) -> Sequence[Wrench]:
         """Wrench of the constant force on the base."""
         return (Wrench(force_W=self.force_W, point=self.point_B),)
 
 
 WindValue = Gust | tuple[Gust, ...] | Dryden | None
-"""Value of a wind's field with a short spelling in a table: a gust, several gusts, turbulence or none."""
+"""Value of a wind's field with a short spelling in a table: a gust, several gusts,
+turbulence or none."""
 
 
 class GustyWind(Component[Memory]):
@@ -91,29 +102,47 @@ class GustyWind(Component[Memory]):
 
     @classmethod
     def short_spellings(cls, fields: Fields) -> dict[str, WindValue]:
-        """Read the gusts of a wind's TOML table, in which ``force`` or ``velocity`` is an alias of ``peak``."""
+        """Read the gusts of a wind's TOML table, in which ``force`` or ``velocity`` is
+        an alias of ``peak``.
+        """
         return cls.gusts_from(fields)
 
     @classmethod
     def gusts_from(cls, fields: Fields) -> dict[str, WindValue]:
-        """Read the field ``gust`` of a wind's TOML table: one gust, or a list of gusts that add up."""
+        """Read the field ``gust`` of a wind's TOML table: one gust, or a list of gusts
+        that add up.
+        """
         entry, at = fields.take("gust", None), fields.at("gust")
         if isinstance(entry, list):
-            return {"gusts": tuple(cls._gust(each, f"{at}[{i}]") for i, each in enumerate(entry)), "gust": None}
+            return {
+                "gusts": tuple(
+                    cls._gust(each, f"{at}[{i}]") for i, each in enumerate(entry)
+                ),
+                "gust": None,
+            }
         return {} if entry is None else {"gust": cls._gust(entry, at), "gusts": ()}
 
     def to_entry(self) -> dict[str, Any]:
-        """Table of the wind for a scenario file, with the peak of each gust named ``force`` or ``velocity``.
+        """Table of the wind for a scenario file, with the peak of each gust named
+        ``force`` or ``velocity``.
 
         Raises:
             TypeError: both a gust and gusts, which a file has one word for.
         """
         if self.gust is not None and self.gusts:
-            raise TypeError("gust and gusts: must not be stated both; the same wind has all of them in gusts")
+            raise TypeError(
+                "gust and gusts: must not be stated both; the same wind has all of them"
+                " in gusts"
+            )
         table: dict[str, Any] = record_entry(self)
         table.pop("gust", None)
         gusts = [
-            {self.blows: list(each.peak), "start": each.start, "duration": each.duration, "shape": each.shape}
+            {
+                self.blows: list(each.peak),
+                "start": each.start,
+                "duration": each.duration,
+                "shape": each.shape,
+            }
             for each in self.all_gusts
         ]
         if gusts:
@@ -122,7 +151,9 @@ class GustyWind(Component[Memory]):
 
     @classmethod
     def _gust(cls, entry: object, where: str) -> Gust:
-        """Read one gust of a wind table, whose peak is named ``force`` or ``velocity`` by the wind, or ``peak``."""
+        """Read one gust of a wind table, whose peak is named ``force`` or ``velocity``
+        by the wind, or ``peak``.
+        """
         fields = Fields(entry, where)
         if "peak" in fields.table:
             return record_from(Gust, fields)
@@ -146,34 +177,49 @@ class GustyWind(Component[Memory]):
     def events(self) -> tuple[Event, ...]:  # type: ignore[override]
         """Time intervals of the gusts, for pictures of a flight."""
         blowing = (gust for gust in self.all_gusts if any(map(float, gust.peak)))
-        return tuple(("gust", float(gust.start), float(gust.start + gust.duration)) for gust in blowing)
+        return tuple(
+            ("gust", float(gust.start), float(gust.start + gust.duration))
+            for gust in blowing
+        )
 
 
 @immutable
 class ForceWind(GustyWind[tuple[()]], Force[tuple[()]]):
-    """Wind as a force on the base and an independent air velocity, like the wind plugin of RotorS.
+    """Wind as a force on the base and an independent air velocity, like the wind plugin
+    of RotorS.
 
-    A gust is an additional force, a step; it never changes the velocity of the air. Several add up.
+    A gust is an additional force, a step; it never changes the velocity of the air.
+    Several add up.
 
     Source: RotorS, gazebo_wind_plugin.cpp lines 137-177.
     """
 
     force_W: Annotated[
-        Vec3, Unit("N", "mean force on the base, world axes", folds=True, usual=500.0), Word("force")
+        Vec3,
+        Unit("N", "mean force on the base, world axes", folds=True, usual=500.0),
+        Word("force"),
     ] = ZERO3
     point_B: Annotated[
-        Vec3, Unit("m", "point at which mean and gust force act, base axes", folds=True), Word("point")
+        Vec3,
+        Unit("m", "point at which mean and gust force act, base axes", folds=True),
+        Word("point"),
     ] = ZERO3
     air_velocity_W: Annotated[
         Vec3,
-        Unit("m/s", "constant air velocity for the drag of rotors and airframe, world axes", folds=True, usual=60.0),
+        Unit(
+            "m/s",
+            "constant air velocity for the drag of rotors and airframe, world axes",
+            folds=True,
+            usual=60.0,
+        ),
         Word("air_velocity"),
     ] = ZERO3
     gust: Gust | None = None
     gusts: Annotated[tuple[Gust, ...], Word("gust")] = field_if_any(default=())
-    agent: Annotated[str, Unit("", "name of the only vehicle on which the force acts; empty for each")] = field_if_any(
-        default=""
-    )
+    agent: Annotated[
+        str,
+        Unit("", "name of the only vehicle on which the force acts; empty for each"),
+    ] = field_if_any(default="")
 
     blows: ClassVar[str] = "force"
 
@@ -181,14 +227,21 @@ class ForceWind(GustyWind[tuple[()]], Force[tuple[()]]):
         accept_fields(self, "wind")
         for gust in self.all_gusts:
             if gust.shape != "step":
-                raise ValueError(f"gust.shape = {gust.shape!r}: a gust of force is a 'step' as in RotorS")
+                raise ValueError(
+                    f"gust.shape = {gust.shape!r}: a gust of force is a 'step' as in"
+                    " RotorS"
+                )
 
     def velocity(self, memory: tuple[()], t: Scalar, position_W: Vec3) -> Vec3:
         """Constant air velocity at the rotors, world axes, m/s."""
         return self.air_velocity_W
 
     def wrenches(
-        self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+        self,
+        memory: tuple[()],
+        t: Scalar,
+        motion: PointMotion,
+        rotor_speeds: Sequence[Scalar],
     ) -> Sequence[Wrench]:
         """Wind force of mean and gusts on the base."""
         force = self.force_W
@@ -204,7 +257,8 @@ Turbulence = DrydenMemory | tuple[()]
 @immutable
 @checked("wind")
 class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
-    """Wind as an air velocity, which acts on the vehicle only through rotor drag and body drag.
+    """Wind as an air velocity, which acts on the vehicle only through rotor drag and
+    body drag.
 
     Attributes:
         gust: additional air velocity. gusts: further gusts, which add up.
@@ -212,7 +266,9 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
     """
 
     velocity_W: Annotated[
-        Vec3, Unit("m/s", "mean velocity of the air, world axes", folds=True, usual=60.0), Word("velocity")
+        Vec3,
+        Unit("m/s", "mean velocity of the air, world axes", folds=True, usual=60.0),
+        Word("velocity"),
     ] = ZERO3
     gust: Gust | None = None
     turbulence: Dryden | None = None
@@ -222,41 +278,72 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
 
     @classmethod
     def short_spellings(cls, fields: Fields) -> dict[str, WindValue]:
-        """Read gusts, and turbulence given by altitude and wind speed, from a wind table of a scenario file."""
+        """Read gusts, and turbulence given by altitude and wind speed, from a wind
+        table of a scenario file.
+        """
         values = cls.gusts_from(fields)
         table = fields.table.get("turbulence")
-        if isinstance(table, dict) and ("intensity" not in table or "altitude" in table):
+        if isinstance(table, dict) and (
+            "intensity" not in table or "altitude" in table
+        ):
             word = "velocity_W" if "velocity_W" in fields.table else "velocity"
             inner = Fields(fields.take("turbulence"), fields.at("turbulence"))
-            values["turbulence"] = low_turbulence(inner, fields.vector(word, (0.0, 0.0, 0.0)))
+            values["turbulence"] = low_turbulence(
+                inner, fields.vector(word, (0.0, 0.0, 0.0))
+            )
         return values
 
     def with_followers(self, replaced: Collection[Place]) -> Self:
-        """Wind whose turbulence of an altitude has airspeed and direction of the replaced mean velocity."""
+        """Wind whose turbulence of an altitude has airspeed and direction of the
+        replaced mean velocity.
+        """
         followed, places = self.turbulence, {place[:2] for place in replaced}
-        stated = {("turbulence", each) for each in ("airspeed", "direction_W", "least_airspeed")}
+        stated = {
+            ("turbulence", each)
+            for each in ("airspeed", "direction_W", "least_airspeed")
+        }
         moved = any(place[0] == "velocity_W" for place in places)
-        if followed is None or not moved or absent(followed.least_airspeed) or places & stated:
+        if (
+            followed is None
+            or not moved
+            or absent(followed.least_airspeed)
+            or places & stated
+        ):
             return self
         return replace(self, turbulence=followed.in_wind(self.velocity_W))
 
     @property
     def uniforms(self) -> int:
-        """Number of uniform random numbers that the turbulence draws per control period."""
+        """Number of uniform random numbers that the turbulence draws per control
+        period.
+        """
         return 0 if self.turbulence is None else 4
 
     def start(self, period: float, draws: Sequence[Scalar]) -> Turbulence:
-        """Initial turbulence state, drawn from its stationary distribution; an empty tuple in smooth air."""
+        """Initial turbulence state, drawn from its stationary distribution; an empty
+        tuple in smooth air.
+        """
         if self.turbulence is None:
             return ()
         numbers = normals(draws)
-        return dryden.start(Vec3(*numbers[0:3]), Vec3(*numbers[4:7]), period, par=self.turbulence)
+        return dryden.start(
+            Vec3(*numbers[0:3]), Vec3(*numbers[4:7]), period, par=self.turbulence
+        )
 
-    def advance(self, memory: Turbulence, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> Turbulence:
+    def advance(
+        self,
+        memory: Turbulence,
+        t: Scalar,
+        dt: float,
+        state: State,
+        draws: Sequence[Scalar],
+    ) -> Turbulence:
         """Turbulence state in the next control period."""
         if self.turbulence is None or not memory:
             return memory
-        return dryden.step(memory, Vec3(*normals(draws)[:3]), dt, par=self.turbulence)[0]
+        return dryden.step(memory, Vec3(*normals(draws)[:3]), dt, par=self.turbulence)[
+            0
+        ]
 
     def velocity(self, memory: Turbulence, t: Scalar, position_W: Vec3) -> Vec3:
         """Air velocity (m/s, world axes): mean wind, gusts and turbulence."""
@@ -271,21 +358,29 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
 
 
 def low_turbulence(fields: Fields, velocity: Sequence[float]) -> Dryden:
-    """Dryden turbulence from a table of altitude (m), wind at 20 ft and minimum airspeed, in a mean wind (m/s)."""
+    """Dryden turbulence from a table of altitude (m), wind at 20 ft and minimum
+    airspeed, in a mean wind (m/s).
+    """
     altitude = fields.number("altitude", low=LOWEST)
     if altitude > HIGHEST:
-        raise ValueError(f"{fields.at('altitude')} = {altitude!r}: must be at most {HIGHEST:g} m (1000 ft)")
+        raise ValueError(
+            f"{fields.at('altitude')} = {altitude!r}: must be at most {HIGHEST:g} m"
+            " (1000 ft)"
+        )
     wind_20ft = fields.number("wind_20ft", low=0.0)
     minimum = fields.number("minimum_airspeed", 1.0, low=0.0, strict=True)
     fields.done()
     x, y, z = velocity
     horizontal = math.hypot(x, y)
     direction = Vec3(x / horizontal, y / horizontal, 0) if horizontal > 0.0 else E_X
-    return dryden.low_altitude(altitude, wind_20ft, math.hypot(x, y, z), direction, minimum)
+    return dryden.low_altitude(
+        altitude, wind_20ft, math.hypot(x, y, z), direction, minimum
+    )
 
 
 def wind_from(table: object, where: str) -> Component[Any]:
-    """Read the wind from the table ``[environment.wind]`` of a scenario file; ``mode`` selects the wind model.
+    """Read the wind from the table ``[environment.wind]`` of a scenario file; ``mode``
+    selects the wind model.
 
     Exact zeros of its vectors are structure and fold away.
 
@@ -300,7 +395,9 @@ def wind_from(table: object, where: str) -> Component[Any]:
     if fields.choice("mode", ("none", *names("force"), *names("air"))) == "none":
         fields.done()
         return NO_WIND
-    return registered_from("air force", Component, table, where, word="mode", folds=True)
+    return registered_from(
+        "air force", Component, table, where, word="mode", folds=True
+    )
 
 
 Wind = ForceWind | MovingAir

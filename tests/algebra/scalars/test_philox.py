@@ -9,9 +9,18 @@ from skyarm.algebra.scalars import philox
 
 # Random123 1.14.0, tests/kat_vectors, lines "philox4x32 10": counter, key, expected
 KNOWN_ANSWERS = [
-    "00000000 00000000 00000000 00000000 00000000 00000000 6627e8d5 e169c58d bc57ac4c 9b00dbd8",
-    "ffffffff ffffffff ffffffff ffffffff ffffffff ffffffff 408f276d 41c83b0e a20bc7c6 6d5451fd",
-    "243f6a88 85a308d3 13198a2e 03707344 a4093822 299f31d0 d16cfe09 94fdcceb 5001e420 24126ea1",
+    (
+        "00000000 00000000 00000000 00000000 00000000 00000000 6627e8d5 e169c58d"
+        " bc57ac4c 9b00dbd8"
+    ),
+    (
+        "ffffffff ffffffff ffffffff ffffffff ffffffff ffffffff 408f276d 41c83b0e"
+        " a20bc7c6 6d5451fd"
+    ),
+    (
+        "243f6a88 85a308d3 13198a2e 03707344 a4093822 299f31d0 d16cfe09 94fdcceb"
+        " 5001e420 24126ea1"
+    ),
 ]
 
 
@@ -33,7 +42,12 @@ def test_known_answers_of_random123(line):
 
 
 def test_layout_is_the_documented_one():
-    seed, episode, channel, step = 0x0123456789ABCDEF, 0xE0000007, 0xC0000005, 0x80000003
+    seed, episode, channel, step = (
+        0x0123456789ABCDEF,
+        0xE0000007,
+        0xC0000005,
+        0x80000003,
+    )
     drawn = philox.uniforms(seed, episode, channel, step, 4)
     for j in range(4):
         w = python_philox((j // 2, step, channel, episode), (0x89ABCDEF, 0x01234567))
@@ -44,8 +58,12 @@ def test_layout_is_the_documented_one():
     first, second = philox.normal(seed, episode, channel, step, 2)
     radius = math.sqrt(-2.0 * math.log(a))
     # 1e-15: NumPy's and the C library's log, sin and cos may differ in the last digit
-    assert first == pytest.approx(radius * math.cos(2.0 * math.pi * b), rel=1e-14, abs=1e-15)
-    assert second == pytest.approx(radius * math.sin(2.0 * math.pi * b), rel=1e-14, abs=1e-15)
+    assert first == pytest.approx(
+        radius * math.cos(2.0 * math.pi * b), rel=1e-14, abs=1e-15
+    )
+    assert second == pytest.approx(
+        radius * math.sin(2.0 * math.pi * b), rel=1e-14, abs=1e-15
+    )
 
 
 def test_uniforms_stay_inside_the_open_interval_and_are_symmetric():
@@ -66,7 +84,10 @@ def test_a_batch_equals_a_loop_of_singles():
 def test_more_numbers_do_not_change_the_first_ones():
     many = philox.normal(1, 2, 3, np.arange(4), 7)
     assert np.array_equal(philox.normal(1, 2, 3, np.arange(4), 3), many[:, :3])
-    assert np.array_equal(philox.uniform(1, 2, 3, np.arange(4)), philox.uniforms(1, 2, 3, np.arange(4), 5)[:, 0])
+    assert np.array_equal(
+        philox.uniform(1, 2, 3, np.arange(4)),
+        philox.uniforms(1, 2, 3, np.arange(4), 5)[:, 0],
+    )
 
 
 def test_no_numbers_are_an_empty_axis():
@@ -76,9 +97,18 @@ def test_no_numbers_are_an_empty_axis():
 @pytest.mark.parametrize("seed", [0, 1, 2**32, 2**64 - 1])
 def test_uniform_and_normal_have_their_distributions(seed):
     stats = pytest.importorskip("scipy.stats")
-    # fixed seeds, so the outcome is fixed; 1e-3 is the chance that a good generator would have been refused
-    assert stats.kstest(philox.uniform(seed, 0, 0, np.arange(50_000)), "uniform").pvalue > 1e-3
-    assert stats.kstest(philox.normal(seed, 0, 0, np.arange(25_000), 2).ravel(), "norm").pvalue > 1e-3
+    # fixed seeds, so the outcome is fixed; 1e-3 is the chance that a good generator
+    # would have been refused
+    assert (
+        stats.kstest(philox.uniform(seed, 0, 0, np.arange(50_000)), "uniform").pvalue
+        > 1e-3
+    )
+    assert (
+        stats.kstest(
+            philox.normal(seed, 0, 0, np.arange(25_000), 2).ravel(), "norm"
+        ).pvalue
+        > 1e-3
+    )
 
 
 def test_seed_episode_channel_step_and_index_are_independent():

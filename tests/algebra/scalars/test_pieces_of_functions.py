@@ -1,4 +1,6 @@
-"""Where elementary functions change from one formula to another: no bias in a piece, and the library's exact values."""
+"""Where elementary functions change from one formula to another: no bias in a piece,
+and the library's exact values.
+"""
 
 from __future__ import annotations
 
@@ -13,25 +15,50 @@ from skyarm.algebra.scalars.taylor import Taylor
 
 mpmath = pytest.importorskip("mpmath")
 
-EDGES = [0.0, math.atan(0.66), math.pi / 4, 1.0, math.pi / 2 - math.atan(0.66), math.pi / 2]
-EDGES += [2.0, math.pi / 2 + math.atan(0.66), 3 * math.pi / 4, math.pi - math.atan(0.66), math.pi]
+EDGES = [
+    0.0,
+    math.atan(0.66),
+    math.pi / 4,
+    1.0,
+    math.pi / 2 - math.atan(0.66),
+    math.pi / 2,
+]
+EDGES += [
+    2.0,
+    math.pi / 2 + math.atan(0.66),
+    3 * math.pi / 4,
+    math.pi - math.atan(0.66),
+    math.pi,
+]
 PIECES = list(pairwise(sorted(EDGES)))
 
 
 def errors(y, x):
     """Errors of atan2 in units of the last place of the true angle."""
     with mpmath.workdps(50):
-        exact = [mpmath.atan2(mpmath.mpf(b), mpmath.mpf(a)) for b, a in zip(y, x, strict=True)]
+        exact = [
+            mpmath.atan2(mpmath.mpf(b), mpmath.mpf(a))
+            for b, a in zip(y, x, strict=True)
+        ]
         found = [elementary.atan2(b, a) for b, a in zip(y, x, strict=True)]
-        return np.array([float((f - e) / math.ulp(abs(float(e)))) for f, e in zip(found, exact, strict=True)])
+        return np.array(
+            [
+                float((f - e) / math.ulp(abs(float(e))))
+                for f, e in zip(found, exact, strict=True)
+            ]
+        )
 
 
-@pytest.mark.parametrize("piece", PIECES, ids=lambda piece: f"{piece[0]:.3f}-{piece[1]:.3f}")
+@pytest.mark.parametrize(
+    "piece", PIECES, ids=lambda piece: f"{piece[0]:.3f}-{piece[1]:.3f}"
+)
 def test_no_piece_of_atan2_leans_to_one_side(piece):
-    """Its mean error is at most half a unit, as what a constant lacks is rounded to the nearer whole number of units.
+    """Its mean error is at most half a unit, as what a constant lacks is rounded to the
+    nearer whole number of units.
 
-    Between 45 degrees and one radian pi/2 lacks 0.55: one is added and 0.45 are too much. 600 points let the mean stray
-    by 0.015. The lower half plane is the upper one's mirror to the bit.
+    Between 45 degrees and one radian pi/2 lacks 0.55: one is added and 0.45 are too
+    much. 600 points let the mean stray by 0.015. The lower half plane is the upper
+    one's mirror to the bit.
     """
     rng = np.random.default_rng(7)
     angles, radii = rng.uniform(*piece, 600), 10.0 ** rng.uniform(-3.0, 3.0, 600)
@@ -44,15 +71,30 @@ def test_no_piece_of_atan2_leans_to_one_side(piece):
     ]
 
 
-QUARTERS = [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (1.0, -0.0), (1.0, -1e-300), (1e300, -1e-300), (1.0, -1.0), (0.0, -1.0)]
+QUARTERS = [
+    (0.0, 1.0),
+    (1.0, 1.0),
+    (1.0, 0.0),
+    (1.0, -0.0),
+    (1.0, -1e-300),
+    (1e300, -1e-300),
+    (1.0, -1.0),
+    (0.0, -1.0),
+]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(("y", "x"), QUARTERS)
 def test_multiples_of_an_eighth_turn_are_rounded_correctly(y, x, sign):
-    """To the last bit: laws ask for them, and a right angle must not depend on the sign of a zero."""
+    """To the last bit: laws ask for them, and a right angle must not depend on the sign
+    of a zero.
+    """
     with mpmath.workdps(700):
-        exact = float(mpmath.atan2(mpmath.mpf(y), mpmath.mpf(x)) if (y, x) != (1.0, -0.0) else mpmath.pi / 2)
+        exact = float(
+            mpmath.atan2(mpmath.mpf(y), mpmath.mpf(x))
+            if (y, x) != (1.0, -0.0)
+            else mpmath.pi / 2
+        )
     assert elementary.atan2(sign * y, x) == sign * exact
 
 
@@ -66,7 +108,9 @@ def test_the_arctangent_has_no_step_where_its_formula_changes(t):
 
 
 def test_the_first_derivative_of_a_series_is_its_own_coefficient():
-    """k c_k of a polynomial, which NumPy differentiates; the whole numbers of structure are kept, as no power is 0."""
+    """k c_k of a polynomial, which NumPy differentiates; the whole numbers of structure
+    are kept, as no power is 0.
+    """
     coefficients = (0.5, -1.25, 2.0, 3.0, -4.0)
     found = Taylor(coefficients).derivative_series()
     assert list(found.c) == np.polynomial.Polynomial(coefficients).deriv().coef.tolist()
@@ -76,7 +120,9 @@ def test_the_first_derivative_of_a_series_is_its_own_coefficient():
 
 
 def test_structure_of_a_series_survives_its_derivatives():
-    """A time that runs: value t, slope 1; the first derivative is the structural one, those above fold away."""
+    """A time that runs: value t, slope 1; the first derivative is the structural one,
+    those above fold away.
+    """
     time = Taylor.of_derivatives((3.0, 1, 0, 0))
     assert [type(c) for c in time.c] == [float, int, int, int]
     assert [type(time.derivative(k)) for k in range(4)] == [float, int, int, int]

@@ -1,4 +1,6 @@
-"""Each function of scalars on each engine: the value of Python's math, and IEEE where math raises."""
+"""Each function of scalars on each engine: the value of Python's math, and IEEE where
+math raises.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +21,17 @@ def engine(request):
 
 
 def same(found, wanted, tolerance=4e-16):
-    """Equal NaN and infinities; finite values within two units in the last place, as libraries round differently."""
+    """Equal NaN and infinities; finite values within two units in the last place, as
+    libraries round differently.
+    """
     found, wanted = np.asarray(found, dtype=float), np.asarray(wanted, dtype=float)
     assert found.shape == wanted.shape
     assert np.array_equal(np.isnan(found), np.isnan(wanted)), (found, wanted)
     known = ~np.isnan(wanted)
-    assert np.allclose(found[known], wanted[known], rtol=tolerance, atol=0.0), (found, wanted)
+    assert np.allclose(found[known], wanted[known], rtol=tolerance, atol=0.0), (
+        found,
+        wanted,
+    )
 
 
 UNARY = {
@@ -45,7 +52,9 @@ UNARY = {
 @pytest.mark.parametrize("name", sorted(UNARY))
 def test_a_function_is_that_of_math(engine, name):
     reference, points = UNARY[name]
-    found = evaluate(engine, lambda x: [getattr(scalars, name)(x)], [[x] for x in points])
+    found = evaluate(
+        engine, lambda x: [getattr(scalars, name)(x)], [[x] for x in points]
+    )
     # XLA's tan, sin and exp on a CPU are good to a few units in the last place
     same(found[:, 0], [float(reference(x)) for x in points], tolerance=2e-15)
 
@@ -58,7 +67,14 @@ CORNERS = {
     "acos": [(1.1, NAN), (-1.1, NAN), (INF, NAN), (NAN, NAN)],
     "sqrt": [(-1.0, NAN), (-INF, NAN), (INF, INF), (NAN, NAN)],
     "exp": [(1000.0, INF), (INF, INF), (-INF, 0.0), (NAN, NAN)],
-    "log": [(0.0, -INF), (-0.0, -INF), (-1.0, NAN), (INF, INF), (-INF, NAN), (NAN, NAN)],
+    "log": [
+        (0.0, -INF),
+        (-0.0, -INF),
+        (-1.0, NAN),
+        (INF, INF),
+        (-INF, NAN),
+        (NAN, NAN),
+    ],
     "tanh": [(INF, 1.0), (-INF, -1.0), (NAN, NAN)],
     "absolute": [(-INF, INF), (NAN, NAN)],
     "floor": [(INF, INF), (-INF, -INF), (NAN, NAN)],
@@ -68,12 +84,20 @@ CORNERS = {
 @pytest.mark.parametrize("name", sorted(CORNERS))
 def test_a_function_gives_inf_or_nan_where_math_raises(engine, name):
     points, wanted = zip(*CORNERS[name], strict=True)
-    found = evaluate(engine, lambda x: [getattr(scalars, name)(x)], [[x] for x in points])
+    found = evaluate(
+        engine, lambda x: [getattr(scalars, name)(x)], [[x] for x in points]
+    )
     same(found[:, 0], wanted)
 
 
 def test_division_follows_ieee(engine):
-    cases = [(1.0, 0.0, INF), (-1.0, 0.0, -INF), (1.0, -0.0, -INF), (-1.0, -0.0, INF), (0.0, 0.0, NAN)]
+    cases = [
+        (1.0, 0.0, INF),
+        (-1.0, 0.0, -INF),
+        (1.0, -0.0, -INF),
+        (-1.0, -0.0, INF),
+        (0.0, 0.0, NAN),
+    ]
     cases += [
         (INF, INF, NAN),
         (1.0, INF, 0.0),
@@ -82,12 +106,18 @@ def test_division_follows_ieee(engine):
         (1e300, 1e-300, INF),
         (1.0, 3.0, 1 / 3),
     ]
-    found = evaluate(engine, lambda a, b: [scalars.divide(a, b)], [case[:2] for case in cases])
+    found = evaluate(
+        engine, lambda a, b: [scalars.divide(a, b)], [case[:2] for case in cases]
+    )
     same(found[:, 0], [case[2] for case in cases])
 
 
 def test_atan2_knows_all_quadrants_and_signed_zeros(engine):
-    cases = [(y, x) for y in (-2.0, -0.0, 0.0, 1.0, INF) for x in (-3.0, -0.0, 0.0, 1.0, -INF)]
+    cases = [
+        (y, x)
+        for y in (-2.0, -0.0, 0.0, 1.0, INF)
+        for x in (-3.0, -0.0, 0.0, 1.0, -INF)
+    ]
     found = evaluate(engine, lambda y, x: [scalars.atan2(y, x)], cases)
     same(found[:, 0], [math.atan2(y, x) for y, x in cases])
 
@@ -96,7 +126,10 @@ def test_where_takes_one_branch_and_ignores_a_nan_in_the_other(engine):
     lanes = [[-4.0], [9.0], [0.0]]
 
     def root_or_seven(x):
-        return [scalars.where(x >= 0.0, scalars.sqrt(x), 7.0), scalars.where(x < 0.0, 7.0, scalars.sqrt(x))]
+        return [
+            scalars.where(x >= 0.0, scalars.sqrt(x), 7.0),
+            scalars.where(x < 0.0, 7.0, scalars.sqrt(x)),
+        ]
 
     same(evaluate(engine, root_or_seven, lanes), [[7.0, 7.0], [3.0, 3.0], [0.0, 0.0]])
 
@@ -111,7 +144,11 @@ def test_logic_combines_conditions(engine):
 
     def table(a, b):
         p, q = a > 0.0, b > 0.0
-        conditions = (scalars.logical_and(p, q), scalars.logical_or(p, q), scalars.logical_not(p))
+        conditions = (
+            scalars.logical_and(p, q),
+            scalars.logical_or(p, q),
+            scalars.logical_not(p),
+        )
         return [scalars.where(condition, 1.0, 0.0) for condition in conditions]
 
     same(evaluate(engine, table, lanes), [[0, 0, 1], [0, 1, 1], [0, 1, 0], [1, 1, 0]])
@@ -121,32 +158,61 @@ def test_comparisons_are_strict_and_weak_as_written(engine):
     lanes = [[1.0, 2.0], [2.0, 1.0], [1.0, 1.0], [NAN, 1.0]]
 
     def table(a, b):
-        return [scalars.where(condition, 1.0, 0.0) for condition in (a < b, a <= b, a > b, a >= b)]
+        return [
+            scalars.where(condition, 1.0, 0.0)
+            for condition in (a < b, a <= b, a > b, a >= b)
+        ]
 
-    same(evaluate(engine, table, lanes), [[1, 1, 0, 0], [0, 0, 1, 1], [0, 1, 0, 1], [0, 0, 0, 0]])
+    same(
+        evaluate(engine, table, lanes),
+        [[1, 1, 0, 0], [0, 0, 1, 1], [0, 1, 0, 1], [0, 0, 0, 0]],
+    )
 
 
 def test_limits_hold_a_value_and_let_a_nan_through(engine):
     lanes = [[-2.0], [0.25], [2.0], [NAN], [INF], [-INF]]
 
     def limited(x):
-        return [scalars.minimum(x, 1.0), scalars.maximum(x, -1.0), scalars.clip(x, -1.0, 1.0)]
+        return [
+            scalars.minimum(x, 1.0),
+            scalars.maximum(x, -1.0),
+            scalars.clip(x, -1.0, 1.0),
+        ]
 
-    wanted = [[-2, -1, -1], [0.25, 0.25, 0.25], [1, 2, 1], [NAN, NAN, NAN], [1, INF, 1], [-INF, -1, -1]]
+    wanted = [
+        [-2, -1, -1],
+        [0.25, 0.25, 0.25],
+        [1, 2, 1],
+        [NAN, NAN, NAN],
+        [1, INF, 1],
+        [-INF, -1, -1],
+    ]
     same(evaluate(engine, limited, lanes), wanted)
 
 
 def test_sign_is_minus_one_zero_or_one(engine):
-    found = evaluate(engine, lambda x: [scalars.sign(x)], [[-3.0], [0.0], [2.0], [NAN], [INF]])
+    found = evaluate(
+        engine, lambda x: [scalars.sign(x)], [[-3.0], [0.0], [2.0], [NAN], [INF]]
+    )
     same(found[:, 0], [-1.0, 0.0, 1.0, NAN, 1.0])
 
 
 @pytest.mark.parametrize("engine", ["floats", "numpy", "jax", "trace"])
 def test_zeros_keep_their_sign(engine):
     """CasADi is left out: it rewrites expressions with zeros."""
-    functions = (scalars.sqrt, scalars.sin, scalars.tan, scalars.asin, scalars.tanh, scalars.floor, scalars.sign)
+    functions = (
+        scalars.sqrt,
+        scalars.sin,
+        scalars.tan,
+        scalars.asin,
+        scalars.tanh,
+        scalars.floor,
+        scalars.sign,
+    )
     found = evaluate(engine, lambda x: [f(x) for f in functions], [[-0.0], [0.0]])
-    assert np.array_equal(np.signbit(found), [[True] * len(functions), [False] * len(functions)])
+    assert np.array_equal(
+        np.signbit(found), [[True] * len(functions), [False] * len(functions)]
+    )
     assert np.array_equal(found, np.zeros_like(found))
 
 
@@ -180,7 +246,9 @@ def test_gradients_pass_through_where_when_the_argument_is_guarded_too():
 
     def guarded(x):
         positive = x > 0.0
-        return scalars.where(positive, scalars.sqrt(scalars.where(positive, x, 1.0)), 0.0)
+        return scalars.where(
+            positive, scalars.sqrt(scalars.where(positive, x, 1.0)), 0.0
+        )
 
     assert float(jax.grad(guarded)(4.0)) == pytest.approx(0.25, rel=1e-6)
     assert float(jax.grad(guarded)(-4.0)) == 0.0
@@ -188,5 +256,8 @@ def test_gradients_pass_through_where_when_the_argument_is_guarded_too():
 
 @pytest.mark.parametrize("value", ["a string", None, [1.0], 1j])
 def test_something_that_is_no_scalar_is_refused_by_name(value):
-    with pytest.raises(TypeError, match="is not a scalar; allowed: float, NumPy, JAX, CasADi, tracer node"):
+    with pytest.raises(
+        TypeError,
+        match="is not a scalar; allowed: float, NumPy, JAX, CasADi, tracer node",
+    ):
         scalars.sin(value)

@@ -1,4 +1,6 @@
-"""Integers are structure: they fold away, floats never do, and folding never changes a value."""
+"""Integers are structure: they fold away, floats never do, and folding never changes a
+value.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,11 @@ structure = st.integers(-3, 3)
 
 @given(structure, finite)
 def test_folded_arithmetic_has_the_value_of_plain_arithmetic(k, x):
-    for fold, plain in ((add, lambda a, b: a + b), (sub, lambda a, b: a - b), (mul, lambda a, b: a * b)):
+    for fold, plain in (
+        (add, lambda a, b: a + b),
+        (sub, lambda a, b: a - b),
+        (mul, lambda a, b: a * b),
+    ):
         assert fold(k, x) == plain(k, x)
         assert fold(x, k) == plain(x, k)
     assert neg(x) == -x
@@ -65,7 +71,8 @@ def test_a_structural_zero_removes_even_a_nan():
 
 
 @pytest.mark.parametrize(
-    ("value", "kind"), [(0.0, int), (-0.0, int), (1.0, int), (-1.0, int), (2.0, float), (0.5, float)]
+    ("value", "kind"),
+    [(0.0, int), (-0.0, int), (1.0, int), (-1.0, int), (2.0, float), (0.5, float)],
 )
 def test_centroidal_zero_and_one_of_a_description_become_structure(value, kind):
     assert type(structural(value)) is kind

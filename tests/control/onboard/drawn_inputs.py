@@ -1,4 +1,6 @@
-"""Drawn measurements and references of exported laws, and the comparison of their bits."""
+"""Drawn measurements and references of exported laws, and the comparison of their
+bits.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +21,15 @@ def text_of(controller: Controller, name: str = "law", **options) -> str:
 def same_bits(found, wanted) -> bool:
     """Equal to the last bit, every NaN alike."""
     a, b = np.array(found), np.array(wanted)
-    return bool(np.all((a.view(np.uint64) == b.view(np.uint64)) | (np.isnan(a) & np.isnan(b))))
+    return bool(
+        np.all((a.view(np.uint64) == b.view(np.uint64)) | (np.isnan(a) & np.isnan(b)))
+    )
 
 
 def inputs(vehicle: str, count: int = 20, seed: int = 5, preview: int = 0):
-    """Drawn measurements and references, with some samples to come (``preview`` instants)."""
+    """Drawn measurements and references, with some samples to come (``preview``
+    instants).
+    """
     loaded = skyarm.load_vehicle(vehicle)
     rng = np.random.default_rng(seed)
     for measurement, reference in held_inputs(loaded, count, seed):
@@ -36,5 +42,7 @@ def held_inputs(loaded, count: int, seed: int):
     # no commanded force: the guarded case
     drawn.append(changed(drawn[-1], a_d=(0.0, 0.0, -G)))
     for case in drawn:
-        measurement = dataclasses.replace(case.measurement(), rotor_speeds=(480.0,) * len(loaded.rotors))
+        measurement = dataclasses.replace(
+            case.measurement(), rotor_speeds=(480.0,) * len(loaded.rotors)
+        )
         yield measurement, case.reference()

@@ -1,4 +1,6 @@
-"""Sizes and time of an exported controller as the C compiler of this machine builds it."""
+"""Sizes and time of an exported controller as the C compiler of this machine builds
+it.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +51,9 @@ void repeat(int n, const struct law_measurement *m, const struct law_reference *
 """Calls of the law in a row, each with the last one's result."""
 
 
-def nanoseconds_of(controller: Controller, vehicle: str, folder: Path, count: int = 50_000) -> float:
+def nanoseconds_of(
+    controller: Controller, vehicle: str, folder: Path, count: int = 50_000
+) -> float:
     """Mean time of a step, ns."""
     in_c = Loaded(text_of(controller) + REPEAT, folder)
     m, r = in_c.kinds["measurement"](), in_c.kinds["reference"]()
@@ -58,5 +62,7 @@ def nanoseconds_of(controller: Controller, vehicle: str, folder: Path, count: in
     fill(r, pair[1])
     command = in_c.kinds["command"]()
     start = time.perf_counter()
-    in_c.library.repeat(count, *(ctypes.byref(each) for each in (m, r, in_c.memory, command)))
+    in_c.library.repeat(
+        count, *(ctypes.byref(each) for each in (m, r, in_c.memory, command))
+    )
     return (time.perf_counter() - start) / count * 1e9

@@ -1,8 +1,10 @@
-"""Measure size and time of exported controllers: the table *Measured* of docs/export_c.md.
+"""Measure size and time of exported controllers: the table *Measured* of
+docs/export_c.md.
 
     python tests/control/onboard/measure_export.py [--small]
 
-By the C compiler ``cc`` with ``-O2``, in double; needs ``size`` of the binary utilities.
+By the C compiler ``cc`` with ``-O2``, in double; needs ``size`` of the binary
+utilities.
 """
 
 from __future__ import annotations
@@ -34,20 +36,37 @@ def rows(laws: Sequence[tuple[str, str]], calls: int) -> Iterator[list[object]]:
         with tempfile.TemporaryDirectory() as made:
             folder = Path(made)
             target = object_file(exported.text, folder, ("-O2",))
-            told = subprocess.run(["size", str(target)], capture_output=True, text=True, check=True).stdout
+            told = subprocess.run(
+                ["size", str(target)], capture_output=True, text=True, check=True
+            ).stdout
             code = sum(map(int, told.splitlines()[1].split()[:2]))
             stack = stack_of(exported.text, folder / "usage")
             step = nanoseconds_of(controller, vehicle, folder, calls)
-        sizes = [exported.operations, len(exported.parameters), stack or "", code, f"{step:.0f}"]
+        sizes = [
+            exported.operations,
+            len(exported.parameters),
+            stack or "",
+            code,
+            f"{step:.0f}",
+        ]
         yield [f"`{name}` on `{vehicle}`", *sizes]
 
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--small", action="store_true", help="one law, few calls")
     small = parser.parse_args().small
-    heads = ("law", ">operations", ">parameters", ">stack, bytes", ">code and constants, bytes", ">ns a step")
+    heads = (
+        "law",
+        ">operations",
+        ">parameters",
+        ">stack, bytes",
+        ">code and constants, bytes",
+        ">ns a step",
+    )
     print_table(heads, rows(LAWS[:1], 1000) if small else rows(LAWS, 500_000))
 
 

@@ -28,22 +28,30 @@ def hummingbird_rotor(**changes) -> Rotor:
     return Rotor(**(fields | changes))
 
 
-def layout(name: str, rotors: list[tuple[float, float, float, int, float, float]]) -> Vehicle:
+def layout(
+    name: str, rotors: list[tuple[float, float, float, int, float, float]]
+) -> Vehicle:
     """Rotors from (x, y, z, direction, tilt of the axis about x, about y)."""
     made = tuple(
         hummingbird_rotor(
             name=f"r{i}",
             position=Vec3(x, y, z),
             direction=direction,
-            axis=Vec3(math.sin(ty), -math.sin(tx) * math.cos(ty), math.cos(tx) * math.cos(ty)),
+            axis=Vec3(
+                math.sin(ty), -math.sin(tx) * math.cos(ty), math.cos(tx) * math.cos(ty)
+            ),
         )
         for i, (x, y, z, direction, tx, ty) in enumerate(rotors)
     )
     return Vehicle(name=name, base=BASE, rotors=made)
 
 
-def ring(count: int, tilt: float = 0.0, radius: float = ARM) -> list[tuple[float, float, float, int, float, float]]:
-    """Rotors in a circle, first one in front, alternately cw and ccw, tilted about their arms."""
+def ring(
+    count: int, tilt: float = 0.0, radius: float = ARM
+) -> list[tuple[float, float, float, int, float, float]]:
+    """Rotors in a circle, first one in front, alternately cw and ccw, tilted about
+    their arms.
+    """
     found = []
     for i in range(count):
         a = 2.0 * math.pi * i / count
@@ -67,7 +75,12 @@ COAXIAL = layout(
     "coaxial",
     [
         (x, y, z, s * (1 if z > 0 else -1), 0.0, 0.0)
-        for (x, y, s) in ((0.2, 0.2, 1), (-0.2, 0.2, -1), (-0.2, -0.2, 1), (0.2, -0.2, -1))
+        for (x, y, s) in (
+            (0.2, 0.2, 1),
+            (-0.2, 0.2, -1),
+            (-0.2, -0.2, 1),
+            (0.2, -0.2, -1),
+        )
         for z in (0.05, -0.05)
     ],
 )

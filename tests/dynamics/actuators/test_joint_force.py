@@ -44,7 +44,9 @@ def test_coulomb_friction_saturates():
 
 
 def test_friction_is_smooth_through_zero():
-    """Odd, with slope damping + coulomb / coulomb_rate at rest; the next term is of third order."""
+    """Odd, with slope damping + coulomb / coulomb_rate at rest; the next term is of
+    third order.
+    """
     h = 1e-5
     slope = (joint_force(JOINT, 0.0, h) - joint_force(JOINT, 0.0, -h)) / (2.0 * h)
     assert slope == pytest.approx(-(0.02 + 0.03 / 0.1), rel=1e-7)
@@ -52,7 +54,8 @@ def test_friction_is_smooth_through_zero():
     force = joint_force(JOINT, 0.0, rates)
     np.testing.assert_allclose(force, -force[::-1], atol=1e-16)
     assert np.all(np.diff(force) < 0.0)
-    # no corner: the second difference stays below that of the sharpest bend of tanh, 0.77 coulomb / rate^2
+    # no corner: the second difference stays below that of the sharpest bend of tanh,
+    # 0.77 coulomb / rate^2
     bend = np.abs(np.diff(force, 2)) / (rates[1] - rates[0]) ** 2
     assert bend.max() <= 0.77 * 0.03 / 0.1**2 * 1.01
 
@@ -81,7 +84,9 @@ def test_absent_friction_folds_away():
     assert program.operations()["tanh"] == 0
     assert program.operations()["mul"] == 0
     damped = Joint(name="j", damping=0.0)  # data, kept for sweeps
-    assert trace(lambda c, r: joint_force(damped, c, r), 0.0, 0.0).operations()["mul"] == 1
+    assert (
+        trace(lambda c, r: joint_force(damped, c, r), 0.0, 0.0).operations()["mul"] == 1
+    )
 
 
 def test_a_crash_is_not_hidden_by_the_limit():
@@ -92,14 +97,25 @@ def test_a_batch_is_a_loop_of_singles():
     rng = np.random.default_rng(8)
     command, rate = rng.normal(size=(2, 64))
     batch = joint_force(JOINT, command, rate)
-    singles = [joint_force(JOINT, float(c), float(r)) for c, r in zip(command, rate, strict=True)]
+    singles = [
+        joint_force(JOINT, float(c), float(r))
+        for c, r in zip(command, rate, strict=True)
+    ]
     # NumPy's tanh may differ from the C library's in the last bit
     np.testing.assert_allclose(batch, singles, rtol=1e-15, atol=1e-17)
 
 
 @pytest.mark.parametrize(("position", "sign"), [(0.7, -1.0), (-0.6, 1.0)])
-@pytest.mark.parametrize(("into", "share"), [(0.0, 1.0), (2.0, 1.5), (-2.0, 0.5), (-4.0, 0.0), (-9.0, 0.0)])
+@pytest.mark.parametrize(
+    ("into", "share"), [(0.0, 1.0), (2.0, 1.5), (-2.0, 0.5), (-4.0, 0.0), (-9.0, 0.0)]
+)
 def test_a_stop_pushes_by_hand_at_either_end(position, sign, into, share):
-    """20 N m / rad over 0.1 rad is 2 N m; a quarter more or less for each rad/s into the stop or out of it."""
-    stopped = Joint(name="j", lower=-0.5, upper=0.6, stop_stiffness=20.0, stop_damping=0.25)
-    assert stop_force(stopped, position, -sign * into) == pytest.approx(2.0 * sign * share, rel=1e-12, abs=1e-12)
+    """20 N m / rad over 0.1 rad is 2 N m; a quarter more or less for each rad/s into
+    the stop or out of it.
+    """
+    stopped = Joint(
+        name="j", lower=-0.5, upper=0.6, stop_stiffness=20.0, stop_damping=0.25
+    )
+    assert stop_force(stopped, position, -sign * into) == pytest.approx(
+        2.0 * sign * share, rel=1e-12, abs=1e-12
+    )

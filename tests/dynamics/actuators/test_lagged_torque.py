@@ -1,4 +1,6 @@
-"""The lagged torque against the differential equation it stands for, whatever the control period."""
+"""The lagged torque against the differential equation it stands for, whatever the
+control period.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +22,16 @@ def test_the_impulse_of_every_period_is_that_of_the_continuous_lag(dt):
     for setpoint in setpoints:
         memory = drive.advance(memory, setpoint, 0.0, 0.0, dt)
         found = solve_ivp(
-            lambda _, y, u=setpoint: [(u - y[0]) / LAG, y[0]], (0.0, dt), [torque, 0.0], rtol=1e-10, atol=1e-12
+            lambda _, y, u=setpoint: [(u - y[0]) / LAG, y[0]],
+            (0.0, dt),
+            [torque, 0.0],
+            rtol=1e-10,
+            atol=1e-12,
         )
         torque, impulse = found.y[:, -1]
-        assert drive.effort(memory, setpoint, 0.0, 0.0) * dt == pytest.approx(impulse, abs=1e-9)
+        assert drive.effort(memory, setpoint, 0.0, 0.0) * dt == pytest.approx(
+            impulse, abs=1e-9
+        )
         assert memory.following == pytest.approx(torque, abs=1e-9)
 
 
@@ -38,7 +46,9 @@ def test_it_begins_with_what_holds_the_arm_and_settles_at_its_setpoint():
 
 def test_it_has_a_name_and_refuses_a_lag_of_nothing():
     assert find("drive", "lagged_torque") is LaggedTorque
-    assert issubclass(LaggedTorque, TorqueDrive), "its command is a torque, counted and logged as such"
+    assert issubclass(LaggedTorque, TorqueDrive), (
+        "its command is a torque, counted and logged as such"
+    )
     for lag in (0.0, -0.1, np.nan):
         with pytest.raises(ValueError, match=r"time_constant"):
             LaggedTorque(time_constant=lag)

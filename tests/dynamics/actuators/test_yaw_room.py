@@ -1,4 +1,6 @@
-"""The mixer that keeps the thrust before the yaw torque: two linear programs in a row as oracle."""
+"""The mixer that keeps the thrust before the yaw torque: two linear programs in a row
+as oracle.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ def kept(vehicle, torque, thrust, slack=0.0):
 
 
 def programs(vehicle, torque, thrust, slack):
-    """Thrust nearest to the wanted one, then the nearest yaw torque, roll and pitch held; None if that is too much."""
+    """Thrust nearest to the wanted one, then the nearest yaw torque, roll and pitch
+    held; None if that is too much.
+    """
     inverse = np.array([[float(v) for v in row] for row in make_mixer(vehicle).inverse])
     fixed, p, y = inverse[:, :2] @ torque[:2], inverse[:, 3], inverse[:, 2]
     yaw = (min(0.0, torque[2] - slack), max(0.0, torque[2] + slack))
@@ -40,7 +44,12 @@ def programs(vehicle, torque, thrust, slack):
     first = linprog([0, 0, 1, 0], A_ub=A, b_ub=b, bounds=free)
     if not first.success:
         return None
-    nearest = linprog([0, 0, 0, 1], A_ub=np.r_[A, [[0, 0, 1, 0]]], b_ub=np.r_[b, first.x[2] + 1e-12], bounds=free)
+    nearest = linprog(
+        [0, 0, 0, 1],
+        A_ub=np.r_[A, [[0, 0, 1, 0]]],
+        b_ub=np.r_[b, first.x[2] + 1e-12],
+        bounds=free,
+    )
     return nearest.x[:2]
 
 
@@ -64,9 +73,13 @@ def test_thrust_then_yaw_are_as_near_as_linear_programs_find(name, slack):
 
 
 def test_yaw_torque_makes_room_where_roll_takes_a_rotor_to_zero():
-    """Roll of 0.8 N m takes its pair to 4.7 N in all; the other pair would have to give as much for no yaw torque."""
+    """Roll of 0.8 N m takes its pair to 4.7 N in all; the other pair would have to give
+    as much for no yaw torque.
+    """
     quad = LAYOUTS["hummingbird"]
-    before = wrench(quad, np.array(mix(make_mixer(quad, "priority"), Vec3(0.8, 0.0, 0.0), 8.0)[0]))
+    before = wrench(
+        quad, np.array(mix(make_mixer(quad, "priority"), Vec3(0.8, 0.0, 0.0), 8.0)[0])
+    )
     assert before[3] == pytest.approx(2.0 * 0.8 / 0.17, rel=1e-6)
     found = kept(quad, (0.8, 0.0, 0.0), 8.0, slack=1.0)
     assert found[3] == pytest.approx(8.0)
@@ -75,7 +88,9 @@ def test_yaw_torque_makes_room_where_roll_takes_a_rotor_to_zero():
     assert kept(quad, (0.8, 0.0, 0.0), 8.0)[3] == pytest.approx(before[3])
     # a wanted yaw torque that is given up makes its own room
     sign = np.sign(found[2])
-    assert kept(quad, (0.8, 0.0, -sign * 0.01), 8.0, slack=0.0)[3] == pytest.approx(before[3])
+    assert kept(quad, (0.8, 0.0, -sign * 0.01), 8.0, slack=0.0)[3] == pytest.approx(
+        before[3]
+    )
     assert kept(quad, (0.8, 0.0, sign * 1.0), 8.0, slack=0.0)[3] == pytest.approx(8.0)
 
 
@@ -86,7 +101,13 @@ def test_within_the_limits_nothing_is_touched():
 
 
 def test_a_rotor_that_gives_no_yaw_torque_bounds_the_thrust_alone():
-    """Its bound of the thrust stands, 0 <= 0.2 + 0.1 f <= 1, whatever the other rotor's yaw torque makes room for."""
-    bounds = yaw_room.yaw_bounds([0.2, 0.5], [0.1, 0.1], [0.0, 5.0], [1.0, 1.0], 0.0, 1.0)
+    """Its bound of the thrust stands, 0 <= 0.2 + 0.1 f <= 1, whatever the other rotor's
+    yaw torque makes room for.
+    """
+    bounds = yaw_room.yaw_bounds(
+        [0.2, 0.5], [0.1, 0.1], [0.0, 5.0], [1.0, 1.0], 0.0, 1.0
+    )
     for wanted, nearest in ((20.0, 8.0), (-7.0, -2.0), (3.0, 3.0)):
-        assert yaw_room.nearest_thrust(bounds, wanted) == pytest.approx(nearest, rel=1e-6)
+        assert yaw_room.nearest_thrust(bounds, wanted) == pytest.approx(
+            nearest, rel=1e-6
+        )

@@ -1,7 +1,9 @@
-"""The same vehicle from first principles: world positions and body rates by complex steps, nothing of skyarm in it.
+"""The same vehicle from first principles: world positions and body rates by complex
+steps, nothing of skyarm in it.
 
-The kinetic energy is summed mass by mass from the positions alone; no Jacobian, block or partial is written down. Kept
-apart from the paper's algebra on purpose: two copies of one formula prove nothing.
+The kinetic energy is summed mass by mass from the positions alone; no Jacobian, block
+or partial is written down. Kept apart from the paper's algebra on purpose: two copies
+of one formula prove nothing.
 """
 
 import numpy as np
@@ -22,14 +24,25 @@ def rotation(q):
 
 
 def positions(q):
-    """World positions of base, both link centres and the tip: a chain of turns about the body's y axis."""
-    turn = np.array([[np.cos(q[6]), 0, np.sin(q[6])], [0, 1, 0], [-np.sin(q[6]), 0, np.cos(q[6])]])
-    bend = np.array([[np.cos(q[7]), 0, np.sin(q[7])], [0, 1, 0], [-np.sin(q[7]), 0, np.cos(q[7])]])
+    """World positions of base, both link centres and the tip: a chain of turns about
+    the body's y axis.
+    """
+    turn = np.array(
+        [[np.cos(q[6]), 0, np.sin(q[6])], [0, 1, 0], [-np.sin(q[6]), 0, np.cos(q[6])]]
+    )
+    bend = np.array(
+        [[np.cos(q[7]), 0, np.sin(q[7])], [0, 1, 0], [-np.sin(q[7]), 0, np.cos(q[7])]]
+    )
     down = np.array([0.0, 0.0, -1.0])
     R = rotation(q)
     upper, lower = R @ turn, R @ turn @ bend
     elbow = q[:3] + upper @ down * L
-    return [q[:3], q[:3] + upper @ down * L / 2, elbow + lower @ down * L / 2, elbow + lower @ down * L]
+    return [
+        q[:3],
+        q[:3] + upper @ down * L / 2,
+        elbow + lower @ down * L / 2,
+        elbow + lower @ down * L,
+    ]
 
 
 def _stepped(q, k):
@@ -39,7 +52,9 @@ def _stepped(q, k):
 
 
 def velocity_jacobians(q):
-    """Position Jacobians (3x8) of the four masses and the body-rate Jacobian (3x8), by complex steps."""
+    """Position Jacobians (3x8) of the four masses and the body-rate Jacobian (3x8), by
+    complex steps.
+    """
     linear = np.zeros((4, 3, 8))
     angular = np.zeros((3, 8))
     R = rotation(np.asarray(q, dtype=float))
@@ -67,7 +82,9 @@ def potential_energy(q, gravity):
 
 
 def gravity_vector(q, gravity):
-    return np.array([np.imag(potential_energy(_stepped(q, k), gravity)) / STEP for k in range(8)])
+    return np.array(
+        [np.imag(potential_energy(_stepped(q, k), gravity)) / STEP for k in range(8)]
+    )
 
 
 def states(count, seed, pitch=1.3):

@@ -17,7 +17,12 @@ def planar_vehicle(tip=0.01, rod=None):
         base=Body(mass=0.716, inertia=Sym3(7e-3, 7e-3, 1.2e-2)),
         links=(
             Link(name="upper", parent=BASE, joint=Joint(name="shoulder"), body=link),
-            Link(name="lower", parent=0, joint=Joint(name="elbow", position=Vec3(0, 0, -0.15)), body=link),
+            Link(
+                name="lower",
+                parent=0,
+                joint=Joint(name="elbow", position=Vec3(0, 0, -0.15)),
+                body=link,
+            ),
         ),
         frames=(Frame(name="tip", link=1, position=Vec3(0, 0, -0.15)),),
         end_effector="tip",

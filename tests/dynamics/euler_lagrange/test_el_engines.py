@@ -15,7 +15,11 @@ Q, QD = states(7, seed=5)
 
 
 def nested(values):
-    return tuple(nested(value) for value in values) if isinstance(values, (list, tuple)) else values
+    return (
+        tuple(nested(value) for value in values)
+        if isinstance(values, (list, tuple))
+        else values
+    )
 
 
 def everything(par, q, qd):
@@ -31,7 +35,9 @@ def everything(par, q, qd):
 
 
 def equations(par, q, qd):
-    """What a law needs: all but the matrices that compile slowly where equal expressions are not shared."""
+    """What a law needs: all but the matrices that compile slowly where equal
+    expressions are not shared.
+    """
     angles, rates = q[3:6], qd[3:6]
     inverse = transforms.rate_matrix_inverse(q[3], q[4])
     return nested(
@@ -57,16 +63,25 @@ def floats(q, qd):
 
 
 def flat(values):
-    return [leaf for value in values for leaf in flat(value)] if isinstance(values, tuple) else [values]
+    return (
+        [leaf for value in values for leaf in flat(value)]
+        if isinstance(values, tuple)
+        else [values]
+    )
 
 
-EXPECTED = np.array([[float(leaf) for leaf in flat(floats(q, qd))] for q, qd in zip(Q, QD, strict=True)])
-# sin and cos of two libraries differ by one unit in the last place; the central differences divide that by 2e-3
+EXPECTED = np.array(
+    [[float(leaf) for leaf in flat(floats(q, qd))] for q, qd in zip(Q, QD, strict=True)]
+)
+# sin and cos of two libraries differ by one unit in the last place; the central
+# differences divide that by 2e-3
 TOLERANCE = 2e-12
 
 
 def test_traced_program_equals_the_floats_bit_for_bit():
-    traced = program.trace(everything, el.TABLE_1, tuple(Q[0].tolist()), tuple(QD[0].tolist()))
+    traced = program.trace(
+        everything, el.TABLE_1, tuple(Q[0].tolist()), tuple(QD[0].tolist())
+    )
     for q, qd in zip(Q, QD, strict=True):
         found = traced(el.TABLE_1, tuple(q.tolist()), tuple(qd.tolist()))
         assert flat(found) == flat(floats(q, qd))
@@ -83,7 +98,10 @@ def test_jax_batch_equals_the_floats():
     jax = pytest.importorskip("jax")
 
     def leaves(q, qd):
-        return [jax.numpy.asarray(leaf, dtype=float) for leaf in flat(equations(el.TABLE_1, tuple(q), tuple(qd)))]
+        return [
+            jax.numpy.asarray(leaf, dtype=float)
+            for leaf in flat(equations(el.TABLE_1, tuple(q), tuple(qd)))
+        ]
 
     with jax_doubles():
         found = np.stack(np.broadcast_arrays(*jax.jit(jax.vmap(leaves))(Q, QD)), axis=1)
@@ -94,7 +112,9 @@ def test_jax_differentiates_the_potential_to_gravity():
     jax = pytest.importorskip("jax")
     with jax_doubles():
         for q in Q[:3]:
-            gradient = jax.grad(lambda x: gravity.potential_energy(el.TABLE_1, x, 9.81))(jax.numpy.asarray(q))
+            gradient = jax.grad(
+                lambda x: gravity.potential_energy(el.TABLE_1, x, 9.81)
+            )(jax.numpy.asarray(q))
             np.testing.assert_allclose(gradient, el.gravity_vector(q), atol=5e-15)
 
 
@@ -102,31 +122,46 @@ def test_casadi_equals_the_floats():
     import casadi
 
     q, qd = casadi.SX.sym("q", 8), casadi.SX.sym("qd", 8)
-    expression = everything(el.TABLE_1, tuple(casadi.vertsplit(q)), tuple(casadi.vertsplit(qd)))
-    function = casadi.Function("everything", [q, qd], [casadi.vertcat(*flat(expression))])
+    expression = everything(
+        el.TABLE_1, tuple(casadi.vertsplit(q)), tuple(casadi.vertsplit(qd))
+    )
+    function = casadi.Function(
+        "everything", [q, qd], [casadi.vertcat(*flat(expression))]
+    )
     for row, (a, b) in enumerate(zip(Q, QD, strict=True)):
-        np.testing.assert_allclose(np.array(function(a, b)).ravel(), EXPECTED[row], atol=TOLERANCE)
+        np.testing.assert_allclose(
+            np.array(function(a, b)).ravel(), EXPECTED[row], atol=TOLERANCE
+        )
 
 
 def test_structural_zeros_of_the_planar_arm_stay_structural():
-    """What cannot couple is an int, so that it costs nothing anywhere: no program computes a zero."""
+    """What cannot couple is an int, so that it costs nothing anywhere: no program
+    computes a zero.
+    """
     q = tuple(Q[0].tolist())
     M = mass.mass_matrix(el.TABLE_1, q)
     assert all(type(M[i][j]) is int for i in range(3) for j in range(3) if i != j)
     assert type(M[3][6]) is int  # roll and the joints: Q^T ey has no roll entry
     assert type(M[3][7]) is int
     partials = mass_derivative.mass_matrix_partials(el.TABLE_1, q)
-    assert all(type(value) is int for k in range(3) for row in partials[k] for value in row)
+    assert all(
+        type(value) is int for k in range(3) for row in partials[k] for value in row
+    )
     # yaw turns only M_tr and M_te
     assert all(type(partials[5][i][j]) is int for i in range(3, 8) for j in range(3, 8))
 
 
 def test_operation_counts_do_not_grow():
-    """Counts are a property of the source; a lost structural zero or a lost shared expression shows here first."""
+    """Counts are a property of the source; a lost structural zero or a lost shared
+    expression shows here first.
+    """
     q, qd = tuple(Q[0].tolist()), tuple(QD[0].tolist())
 
     def count(function, *examples):
         return sum(program.trace(function, *examples).operations().values())
 
     assert count(lambda x: nested(mass.mass_matrix(el.TABLE_1, x)), q) <= 196
-    assert count(lambda x, v: tuple(coriolis.coriolis_force(el.TABLE_1, x, v)), q, qd) <= 1140
+    assert (
+        count(lambda x, v: tuple(coriolis.coriolis_force(el.TABLE_1, x, v)), q, qd)
+        <= 1140
+    )

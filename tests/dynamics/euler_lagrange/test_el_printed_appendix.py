@@ -1,4 +1,6 @@
-"""What the paper's Appendix C as printed is worth: its blocks of dM against a mass matrix from first principles."""
+"""What the paper's Appendix C as printed is worth: its blocks of dM against a mass
+matrix from first principles.
+"""
 
 import functools
 
@@ -12,7 +14,8 @@ from support.cases import sampled
 
 Q, QD = states(200, seed=2)
 LINKS = tuple(zip(MASSES[1:], (L / 2, L, L), (0.0, L / 2, L), strict=True))
-"""Mass of link 1, link 2 and the tip, and how far each lies along the upper and the lower link."""
+"""Mass of link 1, link 2 and the tip, and how far each lies along the upper and the
+lower link."""
 
 
 def skew(p):
@@ -20,7 +23,9 @@ def skew(p):
 
 
 def arm(q):
-    """(m, p, J, dJ/dth1, dJ/dth2) of each mass, (5)-(18), with e(a) = [-sin a, 0, -cos a], for which e'' = -e."""
+    """(m, p, J, dJ/dth1, dJ/dth2) of each mass, (5)-(18), with e(a) = [-sin a, 0, -cos
+    a], for which e'' = -e.
+    """
     a, b = q[6], q[6] + q[7]
     upper, lower = (np.array([-np.sin(t), 0, -np.cos(t)]) for t in (a, b))
     upper_turned, lower_turned = (np.array([-np.cos(t), 0, np.sin(t)]) for t in (a, b))
@@ -48,7 +53,9 @@ def put(dM, k, rows, block):
 
 
 def printed(q, equations):
-    """dM/dq with the named equations as the paper prints them; everything else as it should be."""
+    """dM/dq with the named equations as the paper prints them; everything else as it
+    should be.
+    """
     dM = np.array(el.mass_matrix_derivative(q), dtype=float)
     position, attitude = slice(0, 3), slice(3, 6)
     if "A9" in equations:
@@ -57,10 +64,21 @@ def printed(q, equations):
         put(dM, 7, position, block)
     if "A18" in equations:
         for k, which in ((6, 3), (7, 4)):
-            put(dM, k, attitude, rate_matrix(q).T @ sum(part[0] * skew(part[1]) @ part[which] for part in arm(q)))
+            put(
+                dM,
+                k,
+                attitude,
+                rate_matrix(q).T
+                @ sum(part[0] * skew(part[1]) @ part[which] for part in arm(q)),
+            )
     if "A14" in equations:
         for k, partial in zip((3, 4), rate_matrix_partials(q), strict=True):
-            put(dM, k, attitude, partial.T @ sum(m * skew(p) @ J for m, p, J, _, _ in arm(q)))
+            put(
+                dM,
+                k,
+                attitude,
+                partial.T @ sum(m * skew(p) @ J for m, p, J, _, _ in arm(q)),
+            )
     return dM
 
 
@@ -75,11 +93,16 @@ def rates():
     """Mdot of the twin's mass matrix at each state, by differences."""
     h = 1e-5
     steps = zip(Q, QD, strict=True)
-    return [(twin_mass_matrix(q + h * qd) - twin_mass_matrix(q - h * qd)) / (2.0 * h) for q, qd in steps]
+    return [
+        (twin_mass_matrix(q + h * qd) - twin_mass_matrix(q - h * qd)) / (2.0 * h)
+        for q, qd in steps
+    ]
 
 
 def residuals(*equations):
-    """|N + N^T| / |Mdot| of N = Mdot - 2 C over the states, Mdot by differences of the twin's mass matrix."""
+    """|N + N^T| / |Mdot| of N = Mdot - 2 C over the states, Mdot by differences of the
+    twin's mass matrix.
+    """
     found = []
     for q, qd, rate in zip(Q, QD, rates(), strict=True):
         N = rate - 2.0 * christoffel(printed(q, equations), qd)
@@ -88,13 +111,22 @@ def residuals(*equations):
 
 
 def test_with_the_corrected_blocks_the_residual_is_that_of_the_difference():
-    # a central difference of step 1e-5 s at rates of 3 rad/s: h^2/6 of the third derivative, relative 3e-9
+    # a central difference of step 1e-5 s at rates of 3 rad/s: h^2/6 of the third
+    # derivative, relative 3e-9
     assert residuals().max() < 1e-8
 
 
 @pytest.mark.parametrize(
     ("equations", "median"),
-    sampled([(("A9",), 0.223), (("A18",), 0.0296), (("A14",), 0.0092), (("A9", "A18", "A14"), 0.225)], 4),
+    sampled(
+        [
+            (("A9",), 0.223),
+            (("A18",), 0.0296),
+            (("A14",), 0.0092),
+            (("A9", "A18", "A14"), 0.225),
+        ],
+        4,
+    ),
 )
 def test_each_printed_mistake_is_worth_what_the_decision_says(equations, median):
     # docs/decisions/005: medians over these 200 states, two digits

@@ -1,4 +1,6 @@
-"""The parameters of a planar arm that names no end effector: it ends at its second centre of mass."""
+"""The parameters of a planar arm that names no end effector: it ends at its second
+centre of mass.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ def test_an_arm_without_a_tip_has_the_mass_matrix_of_its_tree():
     vehicle = dataclasses.replace(whole, links=links, frames=(), end_effector="")
     par = el.parameters_of(vehicle)
     assert (par.me, par.m2) == (0, whole.links[1].body.mass)
-    assert (par.L1, par.L2, par.lc1, par.lc2) == pytest.approx((0.15, 0.06, 0.075, 0.06), abs=1e-16)
+    assert (par.L1, par.L2, par.lc1, par.lc2) == pytest.approx(
+        (0.15, 0.06, 0.075, 0.06), abs=1e-16
+    )
     for q in Q:
         T = np.eye(8)
         T[3:6, 3:6] = velocity_jacobians(q)[1][:, 3:6]

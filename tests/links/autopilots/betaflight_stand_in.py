@@ -1,7 +1,9 @@
-"""Program that plays Betaflight: its console over TCP, then angle mode over UDP, and the ways in which it can fail.
+"""Program that plays Betaflight: its console over TCP, then angle mode over UDP, and
+the ways in which it can fail.
 
-It runs as a process of its own. The first start, in an empty folder, takes lines on the console until `save`, which
-ends it; the second flies by them. The first line of the file `way` beside it says how it fails, if it does.
+It runs as a process of its own. The first start, in an empty folder, takes lines on the
+console until `save`, which ends it; the second flies by them. The first line of the
+file `way` beside it says how it fails, if it does.
 """
 
 import math
@@ -37,7 +39,11 @@ def set_up(peer, way):
                 sys.exit("disk full" if way == "unsaved" else 0)
             with SAVED.open("ab") as file:
                 file.write(line + b"\n")
-            wrong = b"###ERROR IN set: INVALID NAME: nonsense###\r\n" if b"nonsense" in line else b""
+            wrong = (
+                b"###ERROR IN set: INVALID NAME: nonsense###\r\n"
+                if b"nonsense" in line
+                else b""
+            )
             words = line.split()
             if not wrong and words[0] == b"set":  # a fraction is cut off
                 wrong = words[1] + b" set to " + words[3].partition(b".")[0] + b"\r\n"
@@ -51,12 +57,27 @@ def greet(peer):
 
 def fly(way):
     rows = [line.split() for line in SAVED.read_text().splitlines()]
-    mixer = [[float(share) for share in row[2:]] for row in rows if row[0] == "mmix" and row[1] != "reset"]
+    mixer = [
+        [float(share) for share in row[2:]]
+        for row in rows
+        if row[0] == "mmix" and row[1] != "reset"
+    ]
     numbers = {row[1]: row[3] for row in rows if row[0] == "set"}
-    limit, end = math.radians(float(numbers["angle_limit"])), math.radians(10.0 * float(numbers["yaw_rc_rate"]))
-    gains = [0.032029e-3 * float(numbers[f"p_{axis}"]) * 180.0 / math.pi for axis in ("roll", "pitch", "yaw")]
-    idle, curve = 1e-4 * float(numbers["motor_idle"]), 1e-2 * float(numbers["thrust_linear"])
-    state, radio, motors = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3))
+    limit, end = (
+        math.radians(float(numbers["angle_limit"])),
+        math.radians(10.0 * float(numbers["yaw_rc_rate"])),
+    )
+    gains = [
+        0.032029e-3 * float(numbers[f"p_{axis}"]) * 180.0 / math.pi
+        for axis in ("roll", "pitch", "yaw")
+    ]
+    idle, curve = (
+        1e-4 * float(numbers["motor_idle"]),
+        1e-2 * float(numbers["thrust_linear"]),
+    )
+    state, radio, motors = (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3)
+    )
     state.bind(("127.0.0.1", 9003))
     radio.bind(("127.0.0.1", 9004))
     console(greet)
@@ -76,18 +97,31 @@ def fly(way):
         if channels is None:
             continue
         armed = channels[4] > 1700
-        # on the wire pitch turns the nose up and yaw to the right; in the firmware down and to the left
+        # on the wire pitch turns the nose up and yaw to the right; in the firmware down
+        # and to the left
         q, r, y, z = -q, -r, -y, -z
         roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
         pitch = math.asin(2 * (w * y - z * x))
         sticks = [(channels[i] - 1500) / 500 for i in (0, 1, 3)]
-        rates = (10 * (limit * sticks[0] - roll), 10 * (limit * sticks[1] - pitch), -end * sticks[2])
-        push = [gain * (wanted - rate) for gain, wanted, rate in zip(gains, rates, (p, q, r), strict=True)]
+        rates = (
+            10 * (limit * sticks[0] - roll),
+            10 * (limit * sticks[1] - pitch),
+            -end * sticks[2],
+        )
+        push = [
+            gain * (wanted - rate)
+            for gain, wanted, rate in zip(gains, rates, (p, q, r), strict=True)
+        ]
         throttle = (channels[2] - 1050) / 950
         throttle /= 1 + (curve - 0.5 * curve**2) * (1 - throttle) ** 2
         signals = []
         for share in mixer:
-            mix = share[0] * throttle + share[1] * push[0] + share[2] * push[1] - share[3] * push[2]
+            mix = (
+                share[0] * throttle
+                + share[1] * push[0]
+                + share[2] * push[1]
+                - share[3] * push[2]
+            )
             mix = min(max(mix * (1 + curve * (1 - mix) ** 2), 0.0), 1.0)
             signals.append(1000 * (1 + idle + (1 - idle) * mix) if armed else 1000.0)
         if count > 1400 and way == "disarms":

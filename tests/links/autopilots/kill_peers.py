@@ -1,10 +1,12 @@
-"""Deaths of an autopilot's program: killed, frozen or asked to end at random instants of a flight, and what is left.
+"""Deaths of an autopilot's program: killed, frozen or asked to end at random instants
+of a flight, and what is left.
 
     python tests/links/autopilots/kill_peers.py px4|ardupilot|betaflight COUNT [SEED]
 
-Each flight is a process of its own, as users start them, with a hook that sends the signal at a random instant: while
-the program starts, in take-off, at hand-over, in flight. Needs the path of the program in SKYARM_PX4, SKYARM_ARDUPILOT
-or SKYARM_BETAFLIGHT. Prints a line for each flight, and at last the counts.
+Each flight is a process of its own, as users start them, with a hook that sends the
+signal at a random instant: while the program starts, in take-off, at hand-over, in
+flight. Needs the path of the program in SKYARM_PX4, SKYARM_ARDUPILOT or
+SKYARM_BETAFLIGHT. Prints a line for each flight, and at last the counts.
 """
 
 from __future__ import annotations
@@ -88,12 +90,21 @@ def draw(name: str, rng: random.Random) -> Plan:
     """Plan by chance."""
     how = rng.choices(list(SIGNALS), list(SIGNALS.values()))[0]
     stage = rng.choices(list(STAGES), list(STAGES.values()))[0]
-    at = rng.uniform(0.0, {"take-off": PREPARED[name], "flight": DURATION - 0.2}.get(stage, 0.0))
-    return Plan(how.name, stage, at, rng.uniform(0.0, {"start": 2.0, "hand-over": 0.5}.get(stage, 0.02)))
+    at = rng.uniform(
+        0.0, {"take-off": PREPARED[name], "flight": DURATION - 0.2}.get(stage, 0.0)
+    )
+    return Plan(
+        how.name,
+        stage,
+        at,
+        rng.uniform(0.0, {"start": 2.0, "hand-over": 0.5}.get(stage, 0.02)),
+    )
 
 
 def fly_with(plan: Plan) -> None:
-    """Run the command line in this process, with a thread that signals the autopilot's program as planned."""
+    """Run the command line in this process, with a thread that signals the autopilot's
+    program as planned.
+    """
     take_off, step, sent = PilotedSession._take_off, PilotedSession.step, list[Timer]()
 
     def send(session: PilotedSession) -> None:
@@ -120,7 +131,9 @@ def fly_with(plan: Plan) -> None:
 
 
 def processes_of(folder: Path) -> dict[int, str]:
-    """Command lines of the processes that were started with a folder for temporary files, by their numbers."""
+    """Command lines of the processes that were started with a folder for temporary
+    files, by their numbers.
+    """
     mark, found = f"TMPDIR={folder}\0".encode(), {}
     for place in Path("/proc").iterdir():
         if not place.name.isdigit() or int(place.name) == os.getpid():
@@ -128,20 +141,30 @@ def processes_of(folder: Path) -> dict[int, str]:
         with contextlib.suppress(OSError):
             words = (place / "cmdline").read_bytes()
             if words and mark in (place / "environ").read_bytes() + b"\0":
-                found[int(place.name)] = words.replace(b"\0", b" ").decode("utf-8", "replace").strip()
+                found[int(place.name)] = (
+                    words.replace(b"\0", b" ").decode("utf-8", "replace").strip()
+                )
     return found
 
 
 def ports_of(name: str, words: str) -> list[tuple[socket.SocketKind, int]]:
-    """Ports of a flight, by the name of the autopilot and the command line of its program."""
+    """Ports of a flight, by the name of the autopilot and the command line of its
+    program.
+    """
     if name == "px4":
         udp = [(socket.SOCK_DGRAM, port + INSTANCE) for port in (14540, 14580, 18570)]
         return [(socket.SOCK_STREAM, 4560 + INSTANCE), *udp]
     if name == "betaflight":
         return list(GUARDED_PORTS)
     said = words.split()
-    udp = [(socket.SOCK_DGRAM, int(said[said.index(each) + 1])) for each in ("--sim-port-out", "--rc-in-port")]
-    return [*udp, (socket.SOCK_STREAM, int(said[said.index("--serial0") + 1].rsplit(":", 1)[1]))]
+    udp = [
+        (socket.SOCK_DGRAM, int(said[said.index(each) + 1]))
+        for each in ("--sim-port-out", "--rc-in-port")
+    ]
+    return [
+        *udp,
+        (socket.SOCK_STREAM, int(said[said.index("--serial0") + 1].rsplit(":", 1)[1])),
+    ]
 
 
 def taken(ports: Sequence[tuple[socket.SocketKind, int]]) -> list[int]:
@@ -159,23 +182,32 @@ def taken(ports: Sequence[tuple[socket.SocketKind, int]]) -> list[int]:
 
 
 class Flight:
-    """Flight under an autopilot in a process of its own and a folder for everything that it leaves."""
+    """Flight under an autopilot in a process of its own and a folder for everything
+    that it leaves.
+    """
 
     def __init__(self, name: str, folder: Path, plan: Plan) -> None:
         self.name, self.folder, self.temporary = name, folder, folder / "tmp"
         self.temporary.mkdir()
         options = f"instance = {INSTANCE}" if name == "px4" else ""
-        text = SCENARIO.format(name=name, duration=DURATION, patience=PATIENCE, options=options)
+        text = SCENARIO.format(
+            name=name, duration=DURATION, patience=PATIENCE, options=options
+        )
         (folder / "flight.toml").write_text(text)
         self._program = os.environ[f"SKYARM_{name.upper()}"]
         self.process = subprocess.Popen(
-            [sys.executable, __file__, "--fly", *map(str, dataclasses.astuple(plan))], cwd=folder,
-            env={**os.environ, "TMPDIR": str(self.temporary)}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            [sys.executable, __file__, "--fly", *map(str, dataclasses.astuple(plan))],
+            cwd=folder,
+            env={**os.environ, "TMPDIR": str(self.temporary)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
             text=True,
         )
 
     def program(self) -> tuple[int, str]:
-        """Number and command line of the autopilot's program, as soon as it runs; zero if the flight has ended."""
+        """Number and command line of the autopilot's program, as soon as it runs; zero
+        if the flight has ended.
+        """
         while self.process.poll() is None:
             for pid, words in processes_of(self.temporary).items():
                 if words.startswith(self._program):
@@ -198,13 +230,19 @@ class Flight:
                 os.kill(pid, signal.SIGKILL)
         self.process.wait()
 
-    def faults(self, said: str, ports: Sequence[tuple[socket.SocketKind, int]]) -> list[str]:
+    def faults(
+        self, said: str, ports: Sequence[tuple[socket.SocketKind, int]]
+    ) -> list[str]:
         """What is not as it must be after a program that died."""
         until = time.monotonic() + 2.0
         while (left := processes_of(self.temporary)) and time.monotonic() < until:
             time.sleep(0.02)
         found = [f"process left: {words}" for words in left.values()]
-        found += [f"left: {each.name}" for each in self.temporary.iterdir() if each.name.startswith("skyarm_")]
+        found += [
+            f"left: {each.name}"
+            for each in self.temporary.iterdir()
+            if each.name.startswith("skyarm_")
+        ]
         found += [f"port {port} is taken" for port in taken(ports)]
         if self.process.returncode != 3:
             found.append(f"exit code {self.process.returncode}")
@@ -224,7 +262,9 @@ class Flight:
         return found
 
     def stage(self) -> str:
-        """How far the flight came: the simulated second, of the take-off or after hand-over."""
+        """How far the flight came: the simulated second, of the take-off or after
+        hand-over.
+        """
         log = load_log(self.folder / "out" / "flight.npz")
         if not log.time.size:
             return "start"
@@ -235,8 +275,8 @@ class Flight:
 def kill_once(name: str, plan: Plan) -> dict[str, object] | None:
     """Fly with a plan; what came of it, None for a flight that ended before the signal.
 
-    A program that is asked to end may fly on, as may a frozen Betaflight, which our own guard freezes and wakes in a
-    pause of ours such as the hand-over.
+    A program that is asked to end may fly on, as may a frozen Betaflight, which our own
+    guard freezes and wakes in a pause of ours such as the hand-over.
     """
     with tempfile.TemporaryDirectory() as folder:
         flight = Flight(name, Path(folder), plan)
@@ -246,9 +286,15 @@ def kill_once(name: str, plan: Plan) -> dict[str, object] | None:
                 time.sleep(plan.late)
                 pid, words = flight.program()
                 with contextlib.suppress(ProcessLookupError):
-                    os.kill(pid or flight.process.pid, signal.Signals[plan.how] if pid else 0)
+                    os.kill(
+                        pid or flight.process.pid,
+                        signal.Signals[plan.how] if pid else 0,
+                    )
             said = flight.finish(300.0)
-            spared = plan.how == "SIGTERM" or (name, plan.how) == ("betaflight", "SIGSTOP")
+            spared = plan.how == "SIGTERM" or (name, plan.how) == (
+                "betaflight",
+                "SIGSTOP",
+            )
             if not flight.process.returncode and (not pid or spared):
                 return None
             found: dict[str, object] = {
@@ -258,7 +304,9 @@ def kill_once(name: str, plan: Plan) -> dict[str, object] | None:
             with contextlib.suppress(OSError, ValueError):
                 found |= {
                     "ended": flight.stage(),
-                    "cause": load_log(flight.folder / "out" / "flight.npz").info["cause"],
+                    "cause": (
+                        load_log(flight.folder / "out" / "flight.npz").info["cause"]
+                    ),
                 }
             return found
         finally:
@@ -266,7 +314,9 @@ def kill_once(name: str, plan: Plan) -> dict[str, object] | None:
 
 
 def kill_peers(name: str, count: int, seed: int = 1) -> dict[str, object]:
-    """Signal the program of an autopilot in so many flights; counts of stages and causes, and what was wrong."""
+    """Signal the program of an autopilot in so many flights; counts of stages and
+    causes, and what was wrong.
+    """
     rng, done = random.Random(seed), list[dict[str, object]]()
     while len(done) < count:
         found = kill_once(name, draw(name, rng))
@@ -275,10 +325,18 @@ def kill_peers(name: str, count: int, seed: int = 1) -> dict[str, object]:
             print(json.dumps(found), flush=True)
 
     def counted(what: str) -> dict[str, int]:
-        return dict(collections.Counter(str(each.get(what, "none")).partition(" (")[0] for each in done))
+        return dict(
+            collections.Counter(
+                str(each.get(what, "none")).partition(" (")[0] for each in done
+            )
+        )
 
     faults = [each for each in done if each["faults"]]
-    return {"kills": len(done), **{what: counted(what) for what in ("how", "stage", "cause")}, "faults": faults}
+    return {
+        "kills": len(done),
+        **{what: counted(what) for what in ("how", "stage", "cause")},
+        "faults": faults,
+    }
 
 
 if __name__ == "__main__":

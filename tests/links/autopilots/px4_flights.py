@@ -1,4 +1,6 @@
-"""Flights under the stand-in for PX4: its program, short scenarios, and the flight of one."""
+"""Flights under the stand-in for PX4: its program, short scenarios, and the flight of
+one.
+"""
 
 from __future__ import annotations
 
@@ -40,41 +42,71 @@ value = {yaw}
 
 
 def make_program(folder: Path, fault: str = "") -> Path:
-    """Program of the stand-in with a fault, where PX4's would be: with a folder ``etc`` beside it."""
+    """Program of the stand-in with a fault, where PX4's would be: with a folder ``etc``
+    beside it.
+    """
     (folder / "etc").mkdir(parents=True, exist_ok=True)
     program = folder / "px4"
     path = ":".join(part for part in sys.path if part)
     program.write_text(
-        f'#!/bin/sh\nexport STAND_IN="{fault}" PYTHONPATH="{path}"\nexec {sys.executable} {STAND_IN} "$@"\n', "utf-8"
+        f'#!/bin/sh\nexport STAND_IN="{fault}" PYTHONPATH="{path}"\nexec'
+        f' {sys.executable} {STAND_IN} "$@"\n',
+        "utf-8",
     )
     program.chmod(0o755)
     return program
 
 
 def scenario_of(
-    folder: Path, vehicle: str = "hummingbird_arm2_rotors", duration: float = 2.0, yaw: float = 0.0, swing: float = 0.0,
-    program: str = "", **options: Any,
+    folder: Path,
+    vehicle: str = "hummingbird_arm2_rotors",
+    duration: float = 2.0,
+    yaw: float = 0.0,
+    swing: float = 0.0,
+    program: str = "",
+    **options: Any,
 ) -> Scenario:
     """Scenario of a hover under PX4, with options of its record.
 
     Args:
-        swing: frequency (Hz) of a sine of 0.5 rad of the first joint about a lateral axis; 0 for none.
+        swing: frequency (Hz) of a sine of 0.5 rad of the first joint about a lateral
+            axis; 0 for none.
     """
     file = folder / "swing.toml"
     text = SCENARIO.format(vehicle=vehicle, duration=duration, yaw=yaw)
-    axes = [link.joint.axis for link in load_vehicle(vehicle).links if link.joint is not None] if swing else []
-    moved = next((place for place, axis in enumerate(axes) if abs(float(axis[1])) > 0.9), -1)
+    axes = (
+        [
+            link.joint.axis
+            for link in load_vehicle(vehicle).links
+            if link.joint is not None
+        ]
+        if swing
+        else []
+    )
+    moved = next(
+        (place for place, axis in enumerate(axes) if abs(float(axis[1])) > 0.9), -1
+    )
     for place in range(len(axes)):
-        signal = f'kind = "sine"\namplitude = 0.5\nfrequency_hz = {swing}\nstart = 1.0\n'
-        text += "[[reference.joints]]\n" + (signal if place == moved else 'kind = "constant"\nvalue = 0.0\n')
+        signal = (
+            f'kind = "sine"\namplitude = 0.5\nfrequency_hz = {swing}\nstart = 1.0\n'
+        )
+        text += "[[reference.joints]]\n" + (
+            signal if place == moved else 'kind = "constant"\nvalue = 0.0\n'
+        )
     lines = "".join(f"{name} = {toml(value)}\n" for name, value in options.items())
-    file.write_text(text.replace('autopilot = "px4"\n', 'autopilot = "px4"\n' + lines), "utf-8")
+    file.write_text(
+        text.replace('autopilot = "px4"\n', 'autopilot = "px4"\n' + lines), "utf-8"
+    )
     scenario = load_scenario(file)
     par = scenario.controller.par
     own = innermost(par)
-    own = dataclasses.replace(own, autopilot=dataclasses.replace(own.autopilot, program=program))
+    own = dataclasses.replace(
+        own, autopilot=dataclasses.replace(own.autopilot, program=program)
+    )
     started = with_innermost(par, own)
-    return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, par=started))
+    return dataclasses.replace(
+        scenario, controller=dataclasses.replace(scenario.controller, par=started)
+    )
 
 
 def free_instance() -> int:
@@ -88,7 +120,11 @@ def free_instance() -> int:
 def toml(value: Any) -> str:
     """Value as it stands in a TOML file."""
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{name} = {number}" for name, number in value.items()) + " }"
+        return (
+            "{ "
+            + ", ".join(f"{name} = {number}" for name, number in value.items())
+            + " }"
+        )
     return json.dumps(value)
 
 
@@ -99,7 +135,9 @@ def record_of(scenario: Scenario) -> PX4:
 
 
 class Fixed(Tape):
-    """Tape that gives answers of a function in the program's place, and keeps what was sent."""
+    """Tape that gives answers of a function in the program's place, and keeps what was
+    sent.
+    """
 
     def __init__(self, answer: Callable[[str], bytes]) -> None:
         super().__init__()
@@ -122,12 +160,24 @@ READINGS = {
 
 
 QUIET = (
-    NamedSensor(name="imu", sensor=Imu(gyro=Channel(resolution=2**-13), accelerometer=Channel(resolution=2**-10))),
-    NamedSensor(name="magnetometer", sensor=Magnetometer(field=Channel(sigma=0.001, resolution=2**-9))),
+    NamedSensor(
+        name="imu",
+        sensor=Imu(
+            gyro=Channel(resolution=2**-13), accelerometer=Channel(resolution=2**-10)
+        ),
+    ),
+    NamedSensor(
+        name="magnetometer",
+        sensor=Magnetometer(field=Channel(sigma=0.001, resolution=2**-9)),
+    ),
     NamedSensor(
         name="barometer",
-        sensor=Barometer(pressure=Channel(sigma=0.012, resolution=2**-6), temperature=Channel(resolution=2**-4)),
+        sensor=Barometer(
+            pressure=Channel(sigma=0.012, resolution=2**-6),
+            temperature=Channel(resolution=2**-4),
+        ),
     ),
     NamedSensor(name="gnss", sensor=Gnss()),
 )
-"""Sensors whose readings take little room in a transcript: an inertial unit without noise, and coarse steps."""
+"""Sensors whose readings take little room in a transcript: an inertial unit without
+noise, and coarse steps."""

@@ -1,6 +1,8 @@
-"""Record a session with PX4 for the tests: ``python record_px4.py FILE`` with PX4's program in SKYARM_PX4.
+"""Record a session with PX4 for the tests: ``python record_px4.py FILE`` with PX4's
+program in SKYARM_PX4.
 
-Of PX4's messages on the onboard port those that the link reads are left, which keeps the file small.
+Of PX4's messages on the onboard port those that the link reads are left, which keeps
+the file small.
 """
 
 from __future__ import annotations
@@ -18,7 +20,14 @@ from skyarm.links.autopilots import px4
 from skyarm.links.transcript import HEAD, MAGIC, RECEIVED
 from skyarm.simulate.session import open_session
 
-READ = ("HEARTBEAT", "LOCAL_POSITION_NED", "STATUSTEXT", "ESTIMATOR_STATUS", "PARAM_VALUE", "COMMAND_ACK")
+READ = (
+    "HEARTBEAT",
+    "LOCAL_POSITION_NED",
+    "STATUSTEXT",
+    "ESTIMATOR_STATUS",
+    "PARAM_VALUE",
+    "COMMAND_ACK",
+)
 
 SECONDS = 2.0
 """s of flight after the take-off."""
@@ -30,7 +39,10 @@ def main(target: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
         whole = Path(folder) / "whole.gz"
         flown = dataclasses.replace(
-            scenario_of(Path(folder), duration=SECONDS, climb=0.2, transcript=str(whole)), sensors=QUIET
+            scenario_of(
+                Path(folder), duration=SECONDS, climb=0.2, transcript=str(whole)
+            ),
+            sensors=QUIET,
         )
         log = open_session(flown).run()
         print(log.status, log.info["autopilot"])
@@ -41,15 +53,25 @@ def main(target: str) -> None:
         while at < len(data):
             time, what, name, size = HEAD.unpack_from(data, at)
             start = at + HEAD.size + name
-            channel, message, at = data[start - name : start], data[start : start + size], start + size
+            channel, message, at = (
+                data[start - name : start],
+                data[start : start + size],
+                start + size,
+            )
             if what == RECEIVED and channel == b"onboard":
                 parser = mavlink.Parser(datagrams=True)
-                message = b"".join(each for each in frames(message) if any(m.name in READ for m in parser.feed(each)))
+                message = b"".join(
+                    each
+                    for each in frames(message)
+                    if any(m.name in READ for m in parser.feed(each))
+                )
             file.write(HEAD.pack(time, what, name, len(message)) + channel + message)
 
 
 def frames(data: bytes) -> list[bytes]:
-    """Frames of MAVLink 2 in datagrams one after the other, which begin with a frame each."""
+    """Frames of MAVLink 2 in datagrams one after the other, which begin with a frame
+    each.
+    """
     found = []
     while data[:1] == b"\xfd":
         size = 12 + data[1] + (13 if data[2] & 1 else 0)

@@ -1,8 +1,10 @@
-"""Stand-in for PX4: a program that speaks its two MAVLink ports, estimates, arms, and flies by its parameters.
+"""Stand-in for PX4: a program that speaks its two MAVLink ports, estimates, arms, and
+flies by its parameters.
 
-It is written from the facts of the wire alone (forward right down, north east down) and shares nothing with the link
-but the MAVLink frames. ``STAND_IN`` in its environment is a fault and the simulated second from which on it acts:
-``die:14``. Run as PX4 is: ``stand_in_px4.py -d -i 0 -w FOLDER ETC``.
+It is written from the facts of the wire alone (forward right down, north east down) and
+shares nothing with the link but the MAVLink frames. ``STAND_IN`` in its environment is
+a fault and the simulated second from which on it acts: ``die:14``. Run as PX4 is:
+``stand_in_px4.py -d -i 0 -w FOLDER ETC``.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from skyarm.links import mavlink
 GRAVITY = np.array([0.0, 0.0, 9.81])
 EARTH = 6378137.0
 ORIGIN = np.array([3.0, -2.0, 1.0])
-"""Place of the first satellite reading in the local frame: an origin that is not ours."""
+"""Place of the first satellite reading in the local frame: an origin that is not
+ours."""
 
 OFFBOARD, HOLD = 6, 4
 
@@ -45,7 +48,9 @@ def turned(R: Any, w: Any) -> Any:
 
 
 class Mixer:
-    """Rotor signals of torque and thrust set points, by PX4's parameters and the scales of its mixer."""
+    """Rotor signals of torque and thrust set points, by PX4's parameters and the scales
+    of its mixer.
+    """
 
     def __init__(self, parameters: dict[str, float]) -> None:
         columns = []
@@ -53,24 +58,42 @@ class Mixer:
             place = np.array([parameters[f"CA_ROTOR{i}_P{c}"] for c in "XYZ"])
             axis = np.array([parameters[f"CA_ROTOR{i}_A{c}"] for c in "XYZ"])
             force = parameters[f"CA_ROTOR{i}_CT"] * axis
-            columns.append(np.concatenate([np.cross(place, force) - parameters[f"CA_ROTOR{i}_KM"] * force, force]))
+            columns.append(
+                np.concatenate(
+                    [
+                        np.cross(place, force) - parameters[f"CA_ROTOR{i}_KM"] * force,
+                        force,
+                    ]
+                )
+            )
         self.effect = np.array(columns).T
         mix = np.linalg.pinv(self.effect, rcond=1e-6)
-        sizes = [np.sqrt((mix[:, k] ** 2).sum() / (np.sum(np.abs(mix[:, k]) > 1e-3) / 2.0)) for k in (0, 1)]
+        sizes = [
+            np.sqrt((mix[:, k] ** 2).sum() / (np.sum(np.abs(mix[:, k]) > 1e-3) / 2.0))
+            for k in (0, 1)
+        ]
         mix[:, :2] /= max(sizes)
         mix[:, 2] /= mix[:, 2].max()
-        mix[:, 5] /= np.abs(mix[:, 5]).sum() / np.count_nonzero(np.abs(mix[:, 5]) > 1e-7)
+        mix[:, 5] /= np.abs(mix[:, 5]).sum() / np.count_nonzero(
+            np.abs(mix[:, 5]) > 1e-7
+        )
         self.mix, self.curve = mix, parameters["THR_MDL_FAC"]
 
     def signals(self, torque: Any, thrust: float) -> Any:
-        """Signals 0 to 1 of a torque set point (about -1 to 1) and a thrust set point (0 to 1)."""
+        """Signals 0 to 1 of a torque set point (about -1 to 1) and a thrust set point
+        (0 to 1).
+        """
         shares = np.clip(self.mix[:, :3] @ torque - self.mix[:, 5] * thrust, 0.0, 1.0)
         a, b = self.curve, 1.0 - self.curve
-        return (np.sqrt(b * b + 4.0 * a * shares) - b) / (2.0 * a) if a > 1e-6 else shares
+        return (
+            (np.sqrt(b * b + 4.0 * a * shares) - b) / (2.0 * a) if a > 1e-6 else shares
+        )
 
 
 class Pilot:
-    """Estimate of the state by dead reckoning with satellite corrections, and a cascade of controllers."""
+    """Estimate of the state by dead reckoning with satellite corrections, and a cascade
+    of controllers.
+    """
 
     def __init__(self, parameters: dict[str, float]) -> None:
         self.p, self.mixer = parameters, Mixer(parameters)
@@ -85,16 +108,29 @@ class Pilot:
         self.w = np.array([m["xgyro"], m["ygyro"], m["zgyro"]])
         if m["fields_updated"] & 0b111000000 and not armed:
             yaw = math.atan2(-m["ymag"], m["xmag"])
-            self.R = np.array([[math.cos(yaw), -math.sin(yaw), 0.0], [math.sin(yaw), math.cos(yaw), 0.0], [0, 0, 1.0]])
+            self.R = np.array(
+                [
+                    [math.cos(yaw), -math.sin(yaw), 0.0],
+                    [math.sin(yaw), math.cos(yaw), 0.0],
+                    [0, 0, 1.0],
+                ]
+            )
         if armed:
             self.R = turned(self.R, self.w * dt)
-            self.v = self.v + (self.R @ np.array([m["xacc"], m["yacc"], m["zacc"]]) + GRAVITY) * dt
+            self.v = (
+                self.v
+                + (self.R @ np.array([m["xacc"], m["yacc"], m["zacc"]]) + GRAVITY) * dt
+            )
             self.x = self.x + self.v * dt
         self.dt = dt
 
     def fix(self, m: mavlink.Message) -> None:
         """Take a satellite reading."""
-        place = (math.radians(m["lat"] * 1e-7), math.radians(m["lon"] * 1e-7), m["alt"] * 1e-3)
+        place = (
+            math.radians(m["lat"] * 1e-7),
+            math.radians(m["lon"] * 1e-7),
+            m["alt"] * 1e-3,
+        )
         self.home = self.home or place
         north = (place[0] - self.home[0]) * EARTH
         east = (place[1] - self.home[1]) * EARTH * math.cos(place[0])
@@ -109,8 +145,15 @@ class Pilot:
             return self.mixer.signals(np.zeros(3), 0.1)
         error = np.array([goal["x"], goal["y"], goal["z"]]) - self.x
         self.drift = np.clip(self.drift + 0.3 * error * self.dt, -2.0, 2.0)
-        wanted = np.array([goal["vx"], goal["vy"], goal["vz"]]) + np.clip(0.95 * error, -1.5, 1.5)
-        force = np.array([goal["afx"], goal["afy"], goal["afz"]]) + 1.8 * (wanted - self.v) + self.drift - GRAVITY
+        wanted = np.array([goal["vx"], goal["vy"], goal["vz"]]) + np.clip(
+            0.95 * error, -1.5, 1.5
+        )
+        force = (
+            np.array([goal["afx"], goal["afy"], goal["afz"]])
+            + 1.8 * (wanted - self.v)
+            + self.drift
+            - GRAVITY
+        )
         down = -force / np.linalg.norm(force)
         right = np.cross(down, [math.cos(goal["yaw"]), math.sin(goal["yaw"]), 0.0])
         right /= np.linalg.norm(right)
@@ -120,8 +163,12 @@ class Pilot:
         spin = np.array([p["MC_ROLL_P"], p["MC_PITCH_P"], 1.5]) * off - self.w
         self.bias = np.clip(self.bias + spin * self.dt, -0.5, 0.5)
         torque = np.array(
-            [p[f"MC_{a}RATE_P"] * s + p[f"MC_{a}RATE_I"] * b
-             for a, s, b in zip(("ROLL", "PITCH", "YAW"), spin, self.bias, strict=True)]
+            [
+                p[f"MC_{a}RATE_P"] * s + p[f"MC_{a}RATE_I"] * b
+                for a, s, b in zip(
+                    ("ROLL", "PITCH", "YAW"), spin, self.bias, strict=True
+                )
+            ]
         )
         lift = p["MPC_THR_HOVER"] * float(-force @ self.R[:, 2]) / 9.81
         return self.mixer.signals(torque, min(max(lift, 0.05), 1.0))
@@ -136,11 +183,21 @@ class StandIn:
         self.armed, self.mode, self.sub_mode, self.steps = False, HOLD, 0, 0
         self.goal: mavlink.Message | None = None
         prefix = "PX4_PARAM_"
-        self.pilot = Pilot({k[len(prefix) :]: float(v) for k, v in os.environ.items() if k.startswith(prefix)})
+        self.pilot = Pilot(
+            {
+                k[len(prefix) :]: float(v)
+                for k, v in os.environ.items()
+                if k.startswith(prefix)
+            }
+        )
         self.udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.udp.bind(("127.0.0.1", 14580 + instance))
         self.udp.setblocking(False)
-        self.parser, self.onboard, self.sequence = mavlink.Parser(), mavlink.Parser(datagrams=True), [0, 0]
+        self.parser, self.onboard, self.sequence = (
+            mavlink.Parser(),
+            mavlink.Parser(datagrams=True),
+            [0, 0],
+        )
         self.tcp = self.connect()
 
     def connect(self) -> socket.socket:
@@ -153,15 +210,26 @@ class StandIn:
 
     def frame(self, port: int, name: str, **fields: Any) -> bytes:
         self.sequence[port] += 1
-        return mavlink.pack(name, sequence=self.sequence[port] & 255, system=self.number + 1, component=1, **fields)
+        return mavlink.pack(
+            name,
+            sequence=self.sequence[port] & 255,
+            system=self.number + 1,
+            component=1,
+            **fields,
+        )
 
     def tell(self, name: str, **fields: Any) -> None:
         """Send a message over the onboard port."""
-        self.udp.sendto(self.frame(1, name, **fields), ("127.0.0.1", 14540 + self.number))
+        self.udp.sendto(
+            self.frame(1, name, **fields), ("127.0.0.1", 14540 + self.number)
+        )
 
     def run(self) -> None:
         """Answer until the simulator closes the connection."""
-        self.tcp.sendall(self.frame(0, "HEARTBEAT", autopilot=12) + self.frame(0, "COMMAND_LONG", command=511))
+        self.tcp.sendall(
+            self.frame(0, "HEARTBEAT", autopilot=12)
+            + self.frame(0, "COMMAND_LONG", command=511)
+        )
         while data := self.tcp.recv(65536):
             for message in self.parser.feed(data):
                 if message.name == "HIL_GPS":
@@ -183,7 +251,11 @@ class StandIn:
             self.armed = False
         if acts == "leave":
             self.mode = HOLD
-        signals = self.pilot.fly(self.goal) if self.armed else np.zeros(len(self.pilot.mixer.mix))
+        signals = (
+            self.pilot.fly(self.goal)
+            if self.armed
+            else np.zeros(len(self.pilot.mixer.mix))
+        )
         if self.steps % 250 == 6:
             busy = 128 * self.armed
             self.tell(
@@ -197,15 +269,21 @@ class StandIn:
             self.tell("ESTIMATOR_STATUS", flags=0b111111)
         if self.steps % 8 == 0:
             x, v = self.pilot.x, self.pilot.v
-            self.tell("LOCAL_POSITION_NED", x=x[0], y=x[1], z=x[2], vx=v[0], vy=v[1], vz=v[2])
+            self.tell(
+                "LOCAL_POSITION_NED", x=x[0], y=x[1], z=x[2], vx=v[0], vy=v[1], vz=v[2]
+            )
         self.answer(sensed["time_usec"], [*signals, *[0.0] * (16 - len(signals))], acts)
 
     def send_parameter(self, name: str) -> None:
-        """Send a parameter; a whole-numbered one has its bits in place of a float's, and is cut to 32 bits."""
+        """Send a parameter; a whole-numbered one has its bits in place of a float's,
+        and is cut to 32 bits.
+        """
         value, kind = np.float32(self.pilot.p[name]), 9
         if name.endswith("_COUNT"):
             value, kind = np.int32(value).view(np.float32), 6
-        self.tell("PARAM_VALUE", param_id=name, param_value=float(value), param_type=kind)
+        self.tell(
+            "PARAM_VALUE", param_id=name, param_value=float(value), param_type=kind
+        )
 
     def answer(self, stamp: int, controls: list[float], acts: str) -> None:
         """Answer with rotor signals, or act out a fault."""
@@ -213,19 +291,34 @@ class StandIn:
             self.end(acts)
         if acts in ("garbage", "text"):
             line = b"HTTP/1.1 400 Bad Request\r\n"
-            self.tcp.sendall(np.random.default_rng(1).bytes(9000) if acts == "garbage" else line * 400)
-        if acts in ("garbage", "text", "silent") or (acts == "seldom" and stamp % 12_000 >= 4_000):
+            self.tcp.sendall(
+                np.random.default_rng(1).bytes(9000)
+                if acts == "garbage"
+                else line * 400
+            )
+        if acts in ("garbage", "text", "silent") or (
+            acts == "seldom" and stamp % 12_000 >= 4_000
+        ):
             return
         if acts == "twice":
             with contextlib.suppress(ConnectionRefusedError):
-                socket.create_connection(("127.0.0.1", 4560 + self.number)).sendall(b"\xfd" * 300)
+                socket.create_connection(("127.0.0.1", 4560 + self.number)).sendall(
+                    b"\xfd" * 300
+                )
                 os._exit(4)
         controls[1] = {"nan": math.nan, "range": 1.5}.get(acts, controls[1])
         stamp += {"future": 1_000_000, "late": -4000}.get(acts, 0)
         flags = 0 if acts == "unlocked" else 1
         mode = 1 | 128 * self.armed
         self.tcp.sendall(
-            self.frame(0, "HIL_ACTUATOR_CONTROLS", time_usec=stamp, flags=flags, controls=controls, mode=mode)
+            self.frame(
+                0,
+                "HIL_ACTUATOR_CONTROLS",
+                time_usec=stamp,
+                flags=flags,
+                controls=controls,
+                mode=mode,
+            )
         )
 
     def end(self, acts: str) -> None:
@@ -250,17 +343,32 @@ class StandIn:
             except (BlockingIOError, ConnectionError):
                 return
             for m in self.onboard.feed(data):
-                if m.fields.get("target_system", self.number + 1) not in (0, self.number + 1):
+                if m.fields.get("target_system", self.number + 1) not in (
+                    0,
+                    self.number + 1,
+                ):
                     continue
                 if m.name == "PARAM_REQUEST_READ" and self.fault != "mute":
                     self.send_parameter(m["param_id"])
                 elif m.name == "SET_POSITION_TARGET_LOCAL_NED":
                     self.goal = m
-                elif m.name == "COMMAND_LONG" and m["command"] == 176 and self.goal is not None:
+                elif (
+                    m.name == "COMMAND_LONG"
+                    and m["command"] == 176
+                    and self.goal is not None
+                ):
                     self.mode, self.sub_mode = round(m["param2"]), round(m["param3"])
-                elif m.name == "COMMAND_LONG" and m["command"] == 400 and self.mode == OFFBOARD:
+                elif (
+                    m.name == "COMMAND_LONG"
+                    and m["command"] == 400
+                    and self.mode == OFFBOARD
+                ):
                     if self.fault == "refuse":
-                        self.tell("STATUSTEXT", severity=3, text="Arming denied: the stand-in will not")
+                        self.tell(
+                            "STATUSTEXT",
+                            severity=3,
+                            text="Arming denied: the stand-in will not",
+                        )
                     else:
                         self.armed = True
 

@@ -1,4 +1,6 @@
-"""ArduPilot's link against a stand-in for its protocol, and against the program itself where it is there."""
+"""ArduPilot's link against a stand-in for its protocol, and against the program itself
+where it is there.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,12 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.links import mavlink
 from skyarm.links.autopilots import ardupilot
-from skyarm.links.autopilots.ardupilot import SURPLUS, ArduPilot, ArduPilotLink, physics_line
+from skyarm.links.autopilots.ardupilot import (
+    SURPLUS,
+    ArduPilot,
+    ArduPilotLink,
+    physics_line,
+)
 from skyarm.links.autopilots.autopilot import BaseGoal, LinkError, SensedInstant
 from skyarm.links.autopilots.flight import planned_scenario
 from skyarm.links.transcript import SENT, WORDS, rows_of
@@ -37,10 +44,15 @@ SOURCE = str(Path(skyarm.__file__).parents[1])
 
 
 def programmed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
-    """Program that plays ArduPilot: function of a fault and its frame, which returns the file of its notes."""
+    """Program that plays ArduPilot: function of a fault and its frame, which returns
+    the file of its notes.
+    """
     program = folder / "arducopter"
     script = Path(ardupilot_stand_in.__file__)
-    program.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} {shlex.quote(str(script))} "$@"\n')
+    program.write_text(
+        f"#!/bin/sh\nexec {shlex.quote(sys.executable)} {shlex.quote(str(script))}"
+        ' "$@"\n'
+    )
     program.chmod(0o755)
     note = folder / "note.txt"
     monkeypatch.setenv("SKYARM_ARDUPILOT", str(program))
@@ -67,19 +79,29 @@ def flown(tmp_path_factory):
     folder = tmp_path_factory.mktemp("flown")
     with pytest.MonkeyPatch.context() as monkeypatch:
         note = programmed(folder, monkeypatch)()
-        with closing(open_session(scenario(transcript=str(folder / "tape.gz")))) as session:
+        with closing(
+            open_session(scenario(transcript=str(folder / "tape.gz")))
+        ) as session:
             log = session.run()
     assert log.status == "completed", log.info["cause"]
     assert is_gone(note)
     return log, folder / "tape.gz"
 
 
-def scenario(duration: float = 0.5, name: str = "case3", **options: object) -> skyarm.Scenario:
+def scenario(
+    duration: float = 0.5, name: str = "case3", **options: object
+) -> skyarm.Scenario:
     """Flight of the paper's vehicle under ArduPilot, with options of the autopilot."""
-    found = dataclasses.replace(skyarm.load_scenario(name, controller="ardupilot"), duration=duration)
+    found = dataclasses.replace(
+        skyarm.load_scenario(name, controller="ardupilot"), duration=duration
+    )
     par = found.controller.par
-    changed = dataclasses.replace(par.autopilot, **{"patience": 2.0, "preparation": 30.0, **options})
-    controller = dataclasses.replace(found.controller, par=dataclasses.replace(par, autopilot=changed))
+    changed = dataclasses.replace(
+        par.autopilot, **{"patience": 2.0, "preparation": 30.0, **options}
+    )
+    controller = dataclasses.replace(
+        found.controller, par=dataclasses.replace(par, autopilot=changed)
+    )
     return dataclasses.replace(found, controller=controller)
 
 
@@ -95,13 +117,21 @@ def is_gone(note: Path) -> bool:
 def arrays(log: skyarm.Log) -> dict[str, bytes]:
     """Bits of each array of a log."""
     found = {each.name: getattr(log, each.name) for each in dataclasses.fields(log)}
-    return {name: value.tobytes() for name, value in found.items() if isinstance(value, np.ndarray)}
+    return {
+        name: value.tobytes()
+        for name, value in found.items()
+        if isinstance(value, np.ndarray)
+    }
 
 
 def test_it_takes_off_hands_over_and_follows_the_base_set_points(flown):
     log, _ = flown
     assert log.info["autopilot"]["name"] == "ardupilot"
-    assert log.info["autopilot"]["answered"] == log.info["autopilot"]["steps"] > 800 * (0.5 + 2.0)
+    assert (
+        log.info["autopilot"]["answered"]
+        == log.info["autopilot"]["steps"]
+        > 800 * (0.5 + 2.0)
+    )
     assert np.abs(log.position - log.position_reference).max() < 0.15
     assert np.abs(log.rotor_commands).min() > 200.0
 
@@ -122,7 +152,9 @@ def test_it_starts_the_program_on_loopback_ports_of_its_own(stand_in):
     assert "--speedup" not in said
 
 
-def test_a_recorded_exchange_gives_the_flight_again_to_the_bit_without_a_program(flown, monkeypatch):
+def test_a_recorded_exchange_gives_the_flight_again_to_the_bit_without_a_program(
+    flown, monkeypatch
+):
     monkeypatch.delenv("SKYARM_ARDUPILOT", raising=False)
     first, tape = flown
     with closing(open_session(scenario(replayed=str(tape)))) as session:
@@ -131,14 +163,22 @@ def test_a_recorded_exchange_gives_the_flight_again_to_the_bit_without_a_program
     assert arrays(log) == arrays(first)
 
 
-def test_two_flights_are_equal_to_the_bit_and_so_are_their_exchanges(flown, stand_in, tmp_path):
+def test_two_flights_are_equal_to_the_bit_and_so_are_their_exchanges(
+    flown, stand_in, tmp_path
+):
     first, tape = flown
     stand_in()
-    with closing(open_session(scenario(transcript=str(tmp_path / "tape.gz")))) as session:
+    with closing(
+        open_session(scenario(transcript=str(tmp_path / "tape.gz")))
+    ) as session:
         assert arrays(session.run()) == arrays(first)
     rows, again = (list(rows_of(each))[1:] for each in (tape, tmp_path / "tape.gz"))
-    assert [row for row in rows if row[1] == "physics"] == [row for row in again if row[1] == "physics"]
-    assert [row for row in rows if row[0] == SENT] == [row for row in again if row[0] == SENT]
+    assert [row for row in rows if row[1] == "physics"] == [
+        row for row in again if row[1] == "physics"
+    ]
+    assert [row for row in rows if row[0] == SENT] == [
+        row for row in again if row[0] == SENT
+    ]
 
 
 def test_what_it_is_told_is_sent_before_the_answer_of_the_same_frame(flown):
@@ -163,10 +203,14 @@ def test_a_packet_with_32_pulse_widths_gives_the_same_flight(flown, stand_in):
 
 
 @pytest.mark.parametrize(("fault", "repeated"), [("repeat", 1), ("lost", 2)])
-def test_a_repeated_packet_is_answered_only_if_its_answer_was_lost(stand_in, fault, repeated):
+def test_a_repeated_packet_is_answered_only_if_its_answer_was_lost(
+    stand_in, fault, repeated
+):
     stand_in(fault)
     with closing(open_session(scenario(preparation=1.0))) as session:
-        assert session.ended.cause.startswith("ArduPilot does not hover at the start after 1 s")
+        assert session.ended.cause.startswith(
+            "ArduPilot does not hover at the start after 1 s"
+        )
         facts = session.log.info["autopilot"]
     assert facts["repeated"] == repeated
     assert facts["answered"] == facts["steps"] == 799
@@ -188,7 +232,9 @@ def test_a_repeated_packet_is_answered_only_if_its_answer_was_lost(stand_in, fau
 )
 def test_a_fault_ends_the_flight_as_a_result_of_one_line(stand_in, fault, words):
     note = stand_in(fault)
-    with closing(open_session(scenario(patience=1.0 if fault == "silence" else 5.0))) as session:
+    with closing(
+        open_session(scenario(patience=1.0 if fault == "silence" else 5.0))
+    ) as session:
         assert session.ended.status == "autopilot"
         assert words in session.ended.cause
         assert "\n" not in session.ended.cause
@@ -207,8 +253,12 @@ def test_disarming_in_flight_ends_it_with_the_autopilots_words(stand_in):
     assert is_gone(note)
 
 
-def test_a_pause_of_ours_stops_the_program_and_changes_nothing(flown, stand_in, monkeypatch):
-    """ArduPilot repeats a packet each second of the pause; the stand-in stops at a frame that is answered twice."""
+def test_a_pause_of_ours_stops_the_program_and_changes_nothing(
+    flown, stand_in, monkeypatch
+):
+    """ArduPilot repeats a packet each second of the pause; the stand-in stops at a
+    frame that is answered twice.
+    """
     monkeypatch.setattr(ardupilot, "REPEATED", 0.1)
     frame = flown[0].info["autopilot"]["answered"] - 200
     note, until = stand_in("impatient", frame), time.monotonic() + 20.0
@@ -235,19 +285,31 @@ def test_without_a_program_the_message_names_the_variable(monkeypatch):
 @pytest.mark.parametrize(
     ("name", "value", "seconds", "cause"),
     [
-        ("FOO", 1.0, 10.0, "controller.parameters.FOO = 1: must be a parameter that ArduPilot knows"),
+        (
+            "FOO",
+            1.0,
+            10.0,
+            "controller.parameters.FOO = 1: must be a parameter that ArduPilot knows",
+        ),
         (
             "LOG_DISARMED",
             0.75,
             10.0,
-            "controller.parameters.LOG_DISARMED = 0.75: must be what ArduPilot takes; it has 1",
+            (
+                "controller.parameters.LOG_DISARMED = 0.75: must be what ArduPilot"
+                " takes; it has 1"
+            ),
         ),
         ("MOT_THST_HOVER", 0.3, 4.0, "ArduPilot does not hover at the start after 4 s"),
     ],
 )
 def test_stated_parameters_are_those_that_it_has(stand_in, name, value, seconds, cause):
     note = stand_in()
-    with closing(open_session(scenario(preparation=seconds, climb=20.0, parameters=((name, value),)))) as session:
+    with closing(
+        open_session(
+            scenario(preparation=seconds, climb=20.0, parameters=((name, value),))
+        )
+    ) as session:
         assert session.ended.cause == cause
     assert is_gone(note)
 
@@ -271,7 +333,9 @@ IMU = (12.0, 0.1, -0.2, 0.3, 1.0, -2.0, 9.5)
 
 
 def test_the_line_has_the_state_in_axes_down_and_forward():
-    """Rotation by half a turn about x on both sides of the matrix, as SciPy multiplies it."""
+    """Rotation by half a turn about x on both sides of the matrix, as SciPy multiplies
+    it.
+    """
     found = json.loads(physics_line(12.5, IMU, STATE))
     flip = np.diag([1.0, -1.0, -1.0])
     assert found["timestamp"] == 12.5
@@ -285,11 +349,20 @@ def test_the_line_has_the_state_in_axes_down_and_forward():
 
 
 def test_every_key_is_the_first_place_of_its_letters():
-    """ArduPilot finds a section's and a key's letters wherever they come first, and reads behind the next two."""
+    """ArduPilot finds a section's and a key's letters wherever they come first, and
+    reads behind the next two.
+    """
     line = physics_line(3.25, IMU, STATE).decode().strip("\n")
     whole = json.loads(line)
-    keys = [("", "timestamp"), ("imu", "gyro"), ("imu", "accel_body"), ("", "position"), ("", "quaternion"),
-            ("", "velocity"), ("", "no_time_sync")]
+    keys = [
+        ("", "timestamp"),
+        ("imu", "gyro"),
+        ("imu", "accel_body"),
+        ("", "position"),
+        ("", "quaternion"),
+        ("", "velocity"),
+        ("", "no_time_sync"),
+    ]
     for section, key in keys:
         start = line.index(section) + len(section) + 1
         behind = line[line.index(key, start) + len(key) + 2 :]
@@ -306,9 +379,13 @@ def test_its_clock_keeps_ours_to_the_microsecond(rate):
         clock, last = 0, 0.0
         for step in range(begin + 1, begin + 10 * rate + 1):
             stamp = round(step / rate * 1e6) * 1e-6 * (1.0 + SURPLUS)
-            told = float(physics_line(stamp, IMU, STATE).partition(b",")[0].partition(b":")[2])
+            told = float(
+                physics_line(stamp, IMU, STATE).partition(b",")[0].partition(b":")[2]
+            )
             clock, last = int(clock + (told - last) * 1e6) if last else 0, told
-        assert clock == round((begin + 10 * rate) / rate * 1e6) - round((begin + 1) / rate * 1e6)
+        assert clock == round((begin + 10 * rate) / rate * 1e6) - round(
+            (begin + 1) / rate * 1e6
+        )
 
 
 # Fuzzed packets
@@ -320,7 +397,9 @@ class Tap:
     plays = True
 
     def __init__(self) -> None:
-        self.packets: list[bytes] = [struct.pack("<HHI16H", 18458, 1200, 0, *[1000] * 16)]
+        self.packets: list[bytes] = [
+            struct.pack("<HHI16H", 18458, 1200, 0, *[1000] * 16)
+        ]
         self.stream = b""
         self.sent: list[mavlink.Message] = []
 
@@ -337,21 +416,31 @@ class Tap:
 def test_a_packet_of_32_pulse_widths_is_taken_as_one_of_16():
     tap = Tap()
     link = ArduPilotLink(ArduPilot(), planned_scenario(scenario()), tap)
-    tap.packets = [struct.pack("<HHI32H", 29569, 1, 1, *[1100, 1200, 1300, 1400], *[1000] * 28)]
+    tap.packets = [
+        struct.pack("<HHI32H", 29569, 1, 1, *[1100, 1200, 1300, 1400], *[1000] * 28)
+    ]
     signals = link.exchange(
-        SensedInstant(1 / 800, {"imu": IMU}, STATE), BaseGoal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0)
+        SensedInstant(1 / 800, {"imu": IMU}, STATE),
+        BaseGoal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0),
     )
-    tap.packets = [struct.pack("<HHI16H", 18458, 1, 2, *[1100, 1200, 1300, 1400], *[1000] * 12)]
+    tap.packets = [
+        struct.pack("<HHI16H", 18458, 1, 2, *[1100, 1200, 1300, 1400], *[1000] * 12)
+    ]
     again = link.exchange(
-        SensedInstant(2 / 800, {"imu": IMU}, STATE), BaseGoal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0)
+        SensedInstant(2 / 800, {"imu": IMU}, STATE),
+        BaseGoal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0),
     )
     assert sorted(signals) == pytest.approx((0.1, 0.2, 0.3, 0.4))
     assert signals == again
 
 
-@pytest.mark.parametrize("packets", [2000, pytest.param(20_000, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize(
+    "packets", [2000, pytest.param(20_000, marks=pytest.mark.thorough)]
+)
 def test_fuzzed_packets_are_refused_or_taken(packets):
-    """The oracle for what must be taken: a valid packet of which a byte changed only in rate or pulse widths."""
+    """The oracle for what must be taken: a valid packet of which a byte changed only in
+    rate or pulse widths.
+    """
     rng = random.Random(20260)
     tap = Tap()
     link = ArduPilotLink(ArduPilot(), planned_scenario(scenario()), tap)
@@ -366,7 +455,9 @@ def test_fuzzed_packets_are_refused_or_taken(packets):
         tap.packets = [bytes(packet)]
         tap.stream = rng.randbytes(rng.randrange(200)) if step % 7 == 0 else b""
         try:
-            signals = link.exchange(SensedInstant(step / 800, {"imu": IMU}, STATE), goal)
+            signals = link.exchange(
+                SensedInstant(step / 800, {"imu": IMU}, STATE), goal
+            )
         except LinkError as error:
             assert "\n" not in str(error)
             frame = link.facts["answered"]
@@ -384,14 +475,26 @@ def test_fuzzed_packets_are_refused_or_taken(packets):
 
 
 class Talk:
-    """Link whose other side is played by hand: mode, arming, flags of the estimator, place (north, west, up)."""
+    """Link whose other side is played by hand: mode, arming, flags of the estimator,
+    place (north, west, up).
+    """
 
     def __init__(self) -> None:
         self.tap, self.step, self.frame = Tap(), 0, 0
-        self.link = ArduPilotLink(ArduPilot(climb=0.5), planned_scenario(scenario()), self.tap)
-        self.mode, self.armed, self.flags, self.shift, self.system = 0, False, 831, (2.0, -1.0, 3.0), 1
+        self.link = ArduPilotLink(
+            ArduPilot(climb=0.5), planned_scenario(scenario()), self.tap
+        )
+        self.mode, self.armed, self.flags, self.shift, self.system = (
+            0,
+            False,
+            831,
+            (2.0, -1.0, 3.0),
+            1,
+        )
 
-    def fly(self, seconds: float, place: tuple[float, float, float], goal: BaseGoal) -> list[mavlink.Message]:
+    def fly(
+        self, seconds: float, place: tuple[float, float, float], goal: BaseGoal
+    ) -> list[mavlink.Message]:
         """Messages that the link sends in some seconds at a true place."""
         self.tap.sent.clear()
         for _ in range(round(seconds * 800)):
@@ -400,16 +503,26 @@ class Talk:
             if self.step % 16 == 0:
                 x, y, z = (a + b for a, b in zip(place, self.shift, strict=True))
                 said = {
-                    "HEARTBEAT": {"autopilot": 3, "custom_mode": self.mode, "base_mode": 128 * self.armed},
+                    "HEARTBEAT": {
+                        "autopilot": 3,
+                        "custom_mode": self.mode,
+                        "base_mode": 128 * self.armed,
+                    },
                     "EKF_STATUS_REPORT": {"flags": self.flags},
                     "LOCAL_POSITION_NED": {"x": x, "y": -y, "z": -z},
                 }
                 self.tap.stream = b"".join(
-                    mavlink.pack(name, sequence=i, system=self.system, component=1, **fields)
+                    mavlink.pack(
+                        name, sequence=i, system=self.system, component=1, **fields
+                    )
                     for i, (name, fields) in enumerate(said.items())
                 )
-            self.tap.packets = [struct.pack("<HHI16H", 18458, 800, self.frame, *[1500] * 16)]
-            self.link.exchange(SensedInstant(self.step / 800, {"imu": IMU}, (*place, *STATE[3:])), goal)
+            self.tap.packets = [
+                struct.pack("<HHI16H", 18458, 800, self.frame, *[1500] * 16)
+            ]
+            self.link.exchange(
+                SensedInstant(self.step / 800, {"imu": IMU}, (*place, *STATE[3:])), goal
+            )
         return list(self.tap.sent)
 
 
@@ -435,17 +548,25 @@ def test_it_requests_mode_arming_and_take_off_one_by_one_and_then_sends_goals():
     talk.fly(0.6, STAND, GOAL)
     sent = talk.fly(6.0, STAND, GOAL)
     assert set(commands(sent)) == {22}
-    assert [message["param7"] for message in sent if message.name == "COMMAND_LONG"] == [0.5]
+    assert [
+        message["param7"] for message in sent if message.name == "COMMAND_LONG"
+    ] == [0.5]
     assert not talk.link.following
     sent = talk.fly(1.0, AIR, GOAL)
     assert talk.link.following
-    goals = [message for message in sent if message.name == "SET_POSITION_TARGET_LOCAL_NED"]
+    goals = [
+        message for message in sent if message.name == "SET_POSITION_TARGET_LOCAL_NED"
+    ]
     assert len(goals) == 50
     told, north_east_down = goals[-1], np.array([1.0, -1.0, -1.0])
     expected = north_east_down * (np.array(GOAL.position) + talk.shift)
     assert [told[axis] for axis in "xyz"] == pytest.approx(expected, rel=1e-6)
-    assert [told["v" + axis] for axis in "xyz"] == pytest.approx(north_east_down * GOAL.velocity, rel=1e-6)
-    assert [told["af" + axis] for axis in "xyz"] == pytest.approx(north_east_down * GOAL.acceleration, rel=1e-6)
+    assert [told["v" + axis] for axis in "xyz"] == pytest.approx(
+        north_east_down * GOAL.velocity, rel=1e-6
+    )
+    assert [told["af" + axis] for axis in "xyz"] == pytest.approx(
+        north_east_down * GOAL.acceleration, rel=1e-6
+    )
     assert told["yaw"] == pytest.approx(-0.7)
     assert (told["type_mask"], told["coordinate_frame"]) == (2048, 1)
     assert [message.name for message in sent].count("HEARTBEAT") == 1
@@ -471,7 +592,11 @@ def test_its_origin_is_the_mean_of_the_later_half_at_rest():
     for k in range(count):
         assert vehicle.origin is None
         if k >= 0.49 * count:
-            vehicle.place = (STAND[0] + 2.0 + 0.2 * (k % 2), STAND[1] - 1.0, STAND[2] + 3.0)
+            vehicle.place = (
+                STAND[0] + 2.0 + 0.2 * (k % 2),
+                STAND[1] - 1.0,
+                STAND[2] + 3.0,
+            )
         link._find_origin()
     np.testing.assert_allclose(vehicle.origin, (2.1, -1.0, 3.0), atol=0.2 / count)
 
@@ -513,15 +638,20 @@ def test_bytes_of_another_program_do_not_become_the_partner(stand_in, monkeypatc
     link._udp.settimeout(0.2)
     link._frame = -1
     packet = struct.pack("<HHI16H", 18458, 800, 0, *[1000] * 16)
-    with closing(link._udp), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as odd, \
-            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as right:
+    with (
+        closing(link._udp),
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as odd,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as right,
+    ):
         odd.sendto(b"hello", link._udp.getsockname())
         right.sendto(packet, link._udp.getsockname())
         assert link._next_packet() == packet
         assert link._peer == ("127.0.0.1", right.getsockname()[1])
 
 
-def test_a_failure_to_start_is_a_link_error_and_leaves_no_folder(stand_in, monkeypatch, tmp_path):
+def test_a_failure_to_start_is_a_link_error_and_leaves_no_folder(
+    stand_in, monkeypatch, tmp_path
+):
     stand_in()
 
     def full(*_: object, **__: object) -> None:
@@ -530,11 +660,16 @@ def test_a_failure_to_start_is_a_link_error_and_leaves_no_folder(stand_in, monke
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setattr(Path, "write_text", full)
     with closing(open_session(scenario())) as session:
-        assert session.ended.cause == "ArduPilot cannot be started: No space left on device"
+        assert (
+            session.ended.cause
+            == "ArduPilot cannot be started: No space left on device"
+        )
     assert not list(tmp_path.glob("skyarm_ardupilot_*"))
 
 
-@pytest.mark.parametrize(("flags", "system"), [(831 | 128, 1), (831 & ~16, 1), (831, 2)])
+@pytest.mark.parametrize(
+    ("flags", "system"), [(831 | 128, 1), (831 & ~16, 1), (831, 2)]
+)
 def test_it_waits_for_estimates_of_its_own_system(flags, system):
     """Flag 128: the position is taken as constant; 16: absolute position."""
     talk = Talk()
@@ -542,10 +677,14 @@ def test_it_waits_for_estimates_of_its_own_system(flags, system):
     assert set(commands(talk.fly(6.0, STAND, GOAL))) <= {511}
 
 
-def test_it_flies_at_another_heading_and_leaves_no_process_where_it_is_closed_early(stand_in):
+def test_it_flies_at_another_heading_and_leaves_no_process_where_it_is_closed_early(
+    stand_in,
+):
     """Yaw is counter-clockwise here, the heading of ``--home`` clockwise."""
     note = stand_in()
-    turned = dataclasses.replace(scenario(5.0), reference=hover((0.5, -0.25, 1.0), yaw=0.8, joints=(0.0, 0.0)))
+    turned = dataclasses.replace(
+        scenario(5.0), reference=hover((0.5, -0.25, 1.0), yaw=0.8, joints=(0.0, 0.0))
+    )
     session = open_session(turned)
     for _ in range(20):
         assert session.step()
@@ -556,7 +695,9 @@ def test_it_flies_at_another_heading_and_leaves_no_process_where_it_is_closed_ea
     assert is_gone(note)
     assert not session.step()
     words = note.read_text().splitlines()
-    assert float(words[words.index("--home") + 1].split(",")[3]) == pytest.approx(360.0 - math.degrees(0.8), abs=1e-4)
+    assert float(words[words.index("--home") + 1].split(",")[3]) == pytest.approx(
+        360.0 - math.degrees(0.8), abs=1e-4
+    )
     assert 2.0 * math.atan2(state[3], state[0]) == pytest.approx(0.8, abs=0.05)
 
 
@@ -576,31 +717,53 @@ def test_it_holds_its_place_in_real_time_for_a_program_outside(stand_in, monkeyp
 
 
 @pytest.mark.parametrize("outside", [False, True])
-def test_only_a_program_outside_changes_how_ardupilot_takes_thrust_rates_and_silence(outside, tmp_path, monkeypatch):
-    """GUID_OPTIONS 8: thrust of a set point is a thrust, not a climb rate; GUID_TIMEOUT: s until it levels."""
+def test_only_a_program_outside_changes_how_ardupilot_takes_thrust_rates_and_silence(
+    outside, tmp_path, monkeypatch
+):
+    """GUID_OPTIONS 8: thrust of a set point is a thrust, not a climb rate;
+    GUID_TIMEOUT: s until it levels.
+    """
     program, parameters = tmp_path / "arducopter", tmp_path / "parameters"
     copied = shlex.quote(str(parameters))
-    program.write_text(f'#!/bin/sh\nwhile [ "$1" != --defaults ]; do shift; done\ncp "$2" {copied}\n')
+    program.write_text(
+        f'#!/bin/sh\nwhile [ "$1" != --defaults ]; do shift; done\ncp "$2" {copied}\n'
+    )
     program.chmod(0o755)
     monkeypatch.setenv("SKYARM_ARDUPILOT", str(program))
     with suppress(LinkError):  # it ends before it answers
-        open_session(scenario(outside=outside, parameters=(("SCHED_LOOP_RATE", 300.0),))).close()
+        open_session(
+            scenario(outside=outside, parameters=(("SCHED_LOOP_RATE", 300.0),))
+        ).close()
     given = dict(line.split() for line in parameters.read_text().splitlines())
     assert given["SCHED_LOOP_RATE"] == "300"
-    wanted = {"GUID_OPTIONS": "8", "GUID_TIMEOUT": "0.2", "SERIAL1_PROTOCOL": "2", "ATC_ANGLE_BOOST": "0"}
-    wanted |= {"ATC_RAT_YAW_FLTE": "0"} | {f"ATC_ACCEL_{axis}_MAX": "0" for axis in "RPY"}
-    assert {name: given.get(name) for name in wanted} == (wanted if outside else dict.fromkeys(wanted))
+    wanted = {
+        "GUID_OPTIONS": "8",
+        "GUID_TIMEOUT": "0.2",
+        "SERIAL1_PROTOCOL": "2",
+        "ATC_ANGLE_BOOST": "0",
+    }
+    wanted |= {"ATC_RAT_YAW_FLTE": "0"} | {
+        f"ATC_ACCEL_{axis}_MAX": "0" for axis in "RPY"
+    }
+    assert {name: given.get(name) for name in wanted} == (
+        wanted if outside else dict.fromkeys(wanted)
+    )
 
 
 # The program itself
 
 
 @pytest.mark.thorough
-@pytest.mark.skipif("SKYARM_ARDUPILOT" not in os.environ, reason="needs ArduPilot's program, named by SKYARM_ARDUPILOT")
+@pytest.mark.skipif(
+    "SKYARM_ARDUPILOT" not in os.environ,
+    reason="needs ArduPilot's program, named by SKYARM_ARDUPILOT",
+)
 def test_two_flights_of_the_program_itself_are_equal_to_the_bit():
     logs = []
     for _ in range(2):
-        with closing(open_session(scenario(5.0, patience=20.0, preparation=150.0))) as session:
+        with closing(
+            open_session(scenario(5.0, patience=20.0, preparation=150.0))
+        ) as session:
             logs.append(session.run())
     assert [log.status for log in logs] == ["completed"] * 2
     assert arrays(logs[0]) == arrays(logs[1])

@@ -1,4 +1,6 @@
-"""Betaflight's link under fuzzed packets: motors over UDP, answers of MSP and of the command line over TCP."""
+"""Betaflight's link under fuzzed packets: motors over UDP, answers of MSP and of the
+command line over TCP.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,12 @@ import pytest
 from skyarm.links.autopilots import betaflight, betaflight_process
 from skyarm.links.autopilots.autopilot import BaseGoal, LinkError, SensedInstant
 from skyarm.links.autopilots.betaflight import Betaflight, BetaflightLink
-from skyarm.links.autopilots.betaflight_process import LONGEST_ANSWER, VERSION_ANSWER, await_boot, set_up
+from skyarm.links.autopilots.betaflight_process import (
+    LONGEST_ANSWER,
+    VERSION_ANSWER,
+    await_boot,
+    set_up,
+)
 from skyarm.links.autopilots.betaflight_settings import MOTORS
 from skyarm.links.autopilots.flight import planned_scenario
 from skyarm.links.transcript import Tape
@@ -30,7 +37,9 @@ GOAL = BaseGoal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0)
 
 
 class Wire(Tape):
-    """Tape of a link whose motors come from its socket, and whose states and channels go nowhere."""
+    """Tape of a link whose motors come from its socket, and whose states and channels
+    go nowhere.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -48,7 +57,9 @@ class Wire(Tape):
 def link() -> Iterator[BetaflightLink]:
     """Link without a program, with a port of its own, at rest."""
     made = BetaflightLink(
-        Betaflight(patience=1e3), planned_scenario(load_scenario("case3", controller="betaflight")), Wire()
+        Betaflight(patience=1e3),
+        planned_scenario(load_scenario("case3", controller="betaflight")),
+        Wire(),
     )
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as made._motors:
         made._motors.bind(("127.0.0.1", 0))
@@ -56,7 +67,9 @@ def link() -> Iterator[BetaflightLink]:
 
 
 def motors(rng: random.Random) -> tuple[bytes, list[float] | None]:
-    """Datagram at the port of the motors, and the signals that it means; None for one that is none."""
+    """Datagram at the port of the motors, and the signals that it means; None for one
+    that is none.
+    """
     kind, pulses = rng.randrange(6), [rng.uniform(1000.0, 2000.0) for _ in range(16)]
     if kind == 0:
         return rng.randbytes(rng.randrange(200)), None
@@ -69,16 +82,24 @@ def motors(rng: random.Random) -> tuple[bytes, list[float] | None]:
     packet = struct.pack("<HH16f", 4, rng.randrange(65536), *pulses)
     if kind == 4 and rng.random() < 0.5:
         packet = (
-            packet[: rng.randrange(MOTORS.size)] if rng.random() < 0.5 else packet + rng.randbytes(rng.randint(1, 9))
+            packet[: rng.randrange(MOTORS.size)]
+            if rng.random() < 0.5
+            else packet + rng.randbytes(rng.randint(1, 9))
         )
-    if len(packet) != MOTORS.size or not all(abs(each) < float("inf") for each in pulses[:4]):
+    if len(packet) != MOTORS.size or not all(
+        abs(each) < float("inf") for each in pulses[:4]
+    ):
         return packet, None
     return packet, [min(max((each - 1000.0) * 1e-3, 0.0), 1.0) for each in pulses[:4]]
 
 
 @pytest.mark.parametrize("packets", QUICKLY)
-def test_fuzzed_motors_end_as_one_line_or_are_passed_over(link: BetaflightLink, packets: int) -> None:
-    """The oracle: signals are those of the last whole message of the program, and change by nothing else."""
+def test_fuzzed_motors_end_as_one_line_or_are_passed_over(
+    link: BetaflightLink, packets: int
+) -> None:
+    """The oracle: signals are those of the last whole message of the program, and
+    change by nothing else.
+    """
     rng, kept, refused, taken = random.Random(4), [0.0] * 4, 0, 0
     place = link._motors.getsockname()
     with (
@@ -91,7 +112,10 @@ def test_fuzzed_motors_end_as_one_line_or_are_passed_over(link: BetaflightLink, 
             if rng.random() < 0.2:
                 odd.sendto(motors(rng)[0], place)
             peer.sendto(packet, place)
-            readings = {"imu": (0.0,) * 6 + (9.8,), "pose": (step * 0.004, 0.0, 0.0, -5.0, 1.0, 0.0, 0.0, 0.0)}
+            readings = {
+                "imu": (0.0,) * 6 + (9.8,),
+                "pose": (step * 0.004, 0.0, 0.0, -5.0, 1.0, 0.0, 0.0, 0.0),
+            }
             try:
                 signals = link.exchange(SensedInstant(step * 0.004, readings, ()), GOAL)
             except LinkError as error:
@@ -133,17 +157,33 @@ def test_an_answer_of_a_busy_machine_is_waited_for(link: BetaflightLink) -> None
 
 
 def answers(rng: random.Random) -> bytes:
-    """Bytes of a console: text, escapes, prompts in the wrong place, floods, MSP with any length and checksum."""
+    """Bytes of a console: text, escapes, prompts in the wrong place, floods, MSP with
+    any length and checksum.
+    """
     pieces = (
-        b"\r\n# ", b"# ", b"\r\n#", b"\x1b[31m", b"###ERROR", b"Invalid", b"$M>", b"$M<\x00\x01\x01", b"$X>",
-        VERSION_ANSWER, rng.randbytes(rng.randrange(64)), b"x" * rng.randrange(3000),
+        b"\r\n# ",
+        b"# ",
+        b"\r\n#",
+        b"\x1b[31m",
+        b"###ERROR",
+        b"Invalid",
+        b"$M>",
+        b"$M<\x00\x01\x01",
+        b"$X>",
+        VERSION_ANSWER,
+        rng.randbytes(rng.randrange(64)),
+        b"x" * rng.randrange(3000),
         b"$M>\xff\x01" + rng.randbytes(rng.randrange(300)),
     )
-    return b"".join(rng.choice(pieces) for _ in range(rng.randrange(8))) + rng.choice((b"", b"\r\n# "))
+    return b"".join(rng.choice(pieces) for _ in range(rng.randrange(8))) + rng.choice(
+        (b"", b"\r\n# ")
+    )
 
 
 class Console:
-    """Socket of a console whose answers are made up; after the last one it is closed, silent or breaks off."""
+    """Socket of a console whose answers are made up; after the last one it is closed,
+    silent or breaks off.
+    """
 
     def __init__(self, said: Iterator[bytes], end: Exception | None) -> None:
         self._said, self._end = said, end
@@ -170,7 +210,12 @@ class Console:
         return b"" if found is None else found[:size]
 
 
-ENDS = (None, TimeoutError("timed out"), ConnectionResetError("reset by peer"), BrokenPipeError("broken pipe"))
+ENDS = (
+    None,
+    TimeoutError("timed out"),
+    ConnectionResetError("reset by peer"),
+    BrokenPipeError("broken pipe"),
+)
 
 
 @pytest.fixture
@@ -206,7 +251,13 @@ TASKS = {
 }
 
 
-def ask(task: str, said: list[bytes], end: Exception | None, program: Program, monkeypatch: pytest.MonkeyPatch) -> str:
+def ask(
+    task: str,
+    said: list[bytes],
+    end: Exception | None,
+    program: Program,
+    monkeypatch: pytest.MonkeyPatch,
+) -> str:
     """Cause for which a task fails at a console; empty if it does not."""
     console = Console(iter(said), end)
     monkeypatch.setattr(betaflight_process, "connect_console", lambda *_: console)
@@ -230,7 +281,9 @@ def test_fuzzed_answers_of_the_console_end_as_one_line(
         causes.append(ask(task, said, rng.choice(ENDS), program, monkeypatch))
     assert all(cause.isprintable() for cause in causes)
     assert causes.count("") > len(causes) // 50
-    assert len({" ".join(cause.split()[:4]) for cause in causes}) > (4 if task == "set_up" else 1)
+    assert len({" ".join(cause.split()[:4]) for cause in causes}) > (
+        4 if task == "set_up" else 1
+    )
 
 
 @pytest.mark.parametrize("task", TASKS)
@@ -252,7 +305,9 @@ def test_a_console_without_a_prompt_is_given_up_and_fills_no_memory(
     assert 100 < int(cause.split()[-2]) < 300
 
 
-def test_settings_are_saved_only_if_the_program_ends_by_itself(clock: None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_settings_are_saved_only_if_the_program_ends_by_itself(
+    clock: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     prompts = [b"\r\n# "] * 2
     assert ask("set_up", prompts, None, Program(9, 0), monkeypatch) == ""
     killed = ask("set_up", prompts, None, Program(9, -9), monkeypatch)

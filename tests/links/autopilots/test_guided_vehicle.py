@@ -1,4 +1,6 @@
-"""A vehicle under guidance: origin of its frame, set points in its axes, obedience, with the frames that it sends."""
+"""A vehicle under guidance: origin of its frame, set points in its axes, obedience,
+with the frames that it sends.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ class Sent(list[mavlink.Message]):
         self += self._parser.feed(frame)
 
 
-def guided(kind: int = PX4, mode: int = OFFBOARD, armed: bool = True) -> tuple[GuidedVehicle, Sent]:
+def guided(
+    kind: int = PX4, mode: int = OFFBOARD, armed: bool = True
+) -> tuple[GuidedVehicle, Sent]:
     """Vehicle that has beaten once, as system 7, and what is sent to it."""
     sent = Sent()
     vehicle = GuidedVehicle(kind, sent)
@@ -31,7 +35,13 @@ def guided(kind: int = PX4, mode: int = OFFBOARD, armed: bool = True) -> tuple[G
     return vehicle, sent
 
 
-def say(vehicle: GuidedVehicle, name: str, system: int = 7, component: int = 1, **fields: object) -> bool:
+def say(
+    vehicle: GuidedVehicle,
+    name: str,
+    system: int = 7,
+    component: int = 1,
+    **fields: object,
+) -> bool:
     """Give the vehicle's side a message; whether it was taken."""
     frame = mavlink.pack(name, sequence=0, system=system, component=component, **fields)  # type: ignore[arg-type]
     (message,) = mavlink.Parser().feed(frame)
@@ -61,11 +71,21 @@ def test_its_rise_is_none_before_its_origin_is_known() -> None:
 def test_a_set_point_is_north_east_down_about_its_origin() -> None:
     vehicle, sent = guided()
     vehicle.origin = (10.0, 20.0, 30.0)
-    vehicle.send_goal(1.25, BaseGoal((0.5, -0.3, 1.5), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7))
+    vehicle.send_goal(
+        1.25, BaseGoal((0.5, -0.3, 1.5), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7)
+    )
     (told,) = sent
-    place = [told[f] for f in ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw")]
-    assert place == pytest.approx([10.5, -19.7, -31.5, 0.1, -0.2, -0.3, 0.4, -0.5, -0.6, -0.7], rel=1e-6)
-    assert (told["time_boot_ms"], told["type_mask"], told["coordinate_frame"]) == (1250, 2048, 1)
+    place = [
+        told[f] for f in ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw")
+    ]
+    assert place == pytest.approx(
+        [10.5, -19.7, -31.5, 0.1, -0.2, -0.3, 0.4, -0.5, -0.6, -0.7], rel=1e-6
+    )
+    assert (told["time_boot_ms"], told["type_mask"], told["coordinate_frame"]) == (
+        1250,
+        2048,
+        1,
+    )
     assert (told["target_system"], told["target_component"]) == (7, 1)
 
 
@@ -80,10 +100,17 @@ def test_a_set_point_that_mavlink_cannot_carry_is_a_link_error() -> None:
     ("kind", "obeys", "holds", "words"),
     [
         (PX4, OFFBOARD, HOLD, "PX4 left offboard mode for its mode 4: why not"),
-        (ARDUPILOT, GUIDED, BRAKE, "ArduPilot left guided mode for its mode 17: why not"),
+        (
+            ARDUPILOT,
+            GUIDED,
+            BRAKE,
+            "ArduPilot left guided mode for its mode 17: why not",
+        ),
     ],
 )
-def test_it_may_leave_our_mode_for_three_seconds(kind: int, obeys: int, holds: int, words: str) -> None:
+def test_it_may_leave_our_mode_for_three_seconds(
+    kind: int, obeys: int, holds: int, words: str
+) -> None:
     vehicle, _ = guided(kind, obeys)
     assert (vehicle.obeys, vehicle.holds) == (True, False)
     vehicle.require_obedience(True, 0.5)
@@ -107,7 +134,10 @@ def test_a_part_of_a_mode_is_another_mode() -> None:
     assert (vehicle.obeys, vehicle.holds) == (False, False)
 
 
-@pytest.mark.parametrize(("said", "words"), [("", "PX4 disarmed in flight"), ("oh", "PX4 disarmed in flight: oh")])
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [("", "PX4 disarmed in flight"), ("oh", "PX4 disarmed in flight: oh")],
+)
 def test_a_disarmed_vehicle_does_not_fly(said: str, words: str) -> None:
     vehicle, _ = guided()
     vehicle.said = said
@@ -139,7 +169,9 @@ def test_stated_parameters_are_asked_for_once_a_second_until_they_have_come() ->
     assert not sent
 
 
-def test_many_parameters_are_requested_few_at_a_time_and_timed_from_the_last_answer() -> None:
+def test_many_parameters_are_requested_few_at_a_time_and_timed_from_the_last_answer() -> (
+    None
+):
     names = [f"P{k}" for k in range(20)]
     vehicle, sent = stating(*((name, 1.0) for name in names))
     for k in range(12):  # 0.5 s each, 6 s in all
@@ -154,7 +186,13 @@ def test_many_parameters_are_requested_few_at_a_time_and_timed_from_the_last_ans
     vehicle, sent = stating(*((name, 1.0) for name in names))
     assert vehicle.has_parameters(0.0, 1.0) is False
     for message in sent:
-        say(vehicle, "PARAM_VALUE", param_id=message["param_id"], param_value=1.0, param_type=9)
+        say(
+            vehicle,
+            "PARAM_VALUE",
+            param_id=message["param_id"],
+            param_value=1.0,
+            param_type=9,
+        )
     sent.clear()
     assert vehicle.has_parameters(0.01, 1.0) is False
     assert [m["param_id"] for m in sent] == names[8:16]  # at once
@@ -166,14 +204,24 @@ def test_without_stated_parameters_nothing_is_asked() -> None:
     assert not sent
 
 
-def test_a_stated_parameter_that_it_takes_otherwise_or_does_not_know_ends_the_flight() -> None:
+def test_a_stated_parameter_that_it_takes_otherwise_or_does_not_know_ends_the_flight() -> (
+    None
+):
     vehicle, _ = stating(("A", 1.5))
     vehicle.has_parameters(0.0, 5.0)
     say(vehicle, "PARAM_VALUE", param_id="A", param_value=1.25, param_type=9)
-    with pytest.raises(LinkError, match=r"^controller\.parameters\.A = 1\.5: must be what PX4 takes; it has 1\.25$"):
+    with pytest.raises(
+        LinkError,
+        match=(
+            r"^controller\.parameters\.A = 1\.5: must be what PX4 takes; it has 1\.25$"
+        ),
+    ):
         vehicle.has_parameters(1.0, 5.0)
     vehicle, _ = stating(("A", 1.5))
     vehicle.has_parameters(3.0, 5.0)
     assert vehicle.has_parameters(8.0, 5.0) is False
-    with pytest.raises(LinkError, match=r"^controller\.parameters\.A = 1\.5: must be a parameter that PX4 knows$"):
+    with pytest.raises(
+        LinkError,
+        match=r"^controller\.parameters\.A = 1\.5: must be a parameter that PX4 knows$",
+    ):
         vehicle.has_parameters(8.1, 5.0)

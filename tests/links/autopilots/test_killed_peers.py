@@ -1,4 +1,6 @@
-"""Programs of autopilots that are killed, frozen or asked to end in a flight: an end in one line, and nothing left."""
+"""Programs of autopilots that are killed, frozen or asked to end in a flight: an end in
+one line, and nothing left.
+"""
 
 from __future__ import annotations
 

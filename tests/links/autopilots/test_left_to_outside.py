@@ -1,4 +1,6 @@
-"""An autopilot that is left to a program outside: it holds the start, in real time, and its ports are free for that."""
+"""An autopilot that is left to a program outside: it holds the start, in real time, and
+its ports are free for that.
+"""
 
 from __future__ import annotations
 
@@ -32,17 +34,27 @@ def outside(name: str, **options: object) -> Scenario:
     scenario = load_scenario("case3", controller=name)
     par = scenario.controller.par
     record = dataclasses.replace(par.autopilot, outside=True, **options)
-    controller = dataclasses.replace(scenario.controller, par=dataclasses.replace(par, autopilot=record))
+    controller = dataclasses.replace(
+        scenario.controller, par=dataclasses.replace(par, autopilot=record)
+    )
     return dataclasses.replace(scenario, controller=controller)
 
 
-def test_it_flies_in_real_time_with_a_free_onboard_port_and_set_points_move_its_arm(tmp_path: Path) -> None:
-    """Commands of 20 mN m for half a second, then silence: the arm's own law brings the joint back."""
+def test_it_flies_in_real_time_with_a_free_onboard_port_and_set_points_move_its_arm(
+    tmp_path: Path,
+) -> None:
+    """Commands of 20 mN m for half a second, then silence: the arm's own law brings the
+    joint back.
+    """
     number = free_instance()
     with begun(tmp_path, instance=number, duration=2.0, outside=True) as session:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", 14540 + number))  # until the hand-over it is ours
-        arm, stop, seen = UdpJoints("127.0.0.1", 14640 + number, 2), threading.Event(), []
+        arm, stop, seen = (
+            UdpJoints("127.0.0.1", 14640 + number, 2),
+            threading.Event(),
+            [],
+        )
 
         def command() -> None:
             begin = time.monotonic()
@@ -71,9 +83,17 @@ def test_it_flies_in_real_time_with_a_free_onboard_port_and_set_points_move_its_
 
 
 @pytest.mark.thorough
-def test_motors_that_another_program_commands_are_answered_seldom(tmp_path: Path) -> None:
+def test_motors_that_another_program_commands_are_answered_seldom(
+    tmp_path: Path,
+) -> None:
     """PX4 then answers new commands only: time goes on without it, after one halt."""
-    with begun(tmp_path, fault="seldom:12", instance=free_instance(), duration=3.0, outside=True) as session:
+    with begun(
+        tmp_path,
+        fault="seldom:12",
+        instance=free_instance(),
+        duration=3.0,
+        outside=True,
+    ) as session:
         begin = time.monotonic()
         log = session.run()
         assert log.status == "completed"
@@ -86,7 +106,9 @@ def test_motors_that_another_program_commands_are_answered_seldom(tmp_path: Path
 
 @pytest.mark.parametrize("name", ["betaflight"])
 def test_other_autopilots_refuse_in_one_line(name: str) -> None:
-    with pytest.raises(ScenarioError, match=r"controller.outside: must be left out for"):
+    with pytest.raises(
+        ScenarioError, match=r"controller.outside: must be left out for"
+    ):
         planned_scenario(outside(name))
     ended = skyarm("run", "case3", "--autopilot", f"{name}:outside")
     assert ended.code == 2
@@ -95,7 +117,10 @@ def test_other_autopilots_refuse_in_one_line(name: str) -> None:
 
 
 def test_a_transcript_of_it_is_refused() -> None:
-    with pytest.raises(ScenarioError, match=r"controller.transcript: must be left out where a program outside"):
+    with pytest.raises(
+        ScenarioError,
+        match=r"controller.transcript: must be left out where a program outside",
+    ):
         planned_scenario(outside("px4", transcript="flight.tape"))
 
 

@@ -1,4 +1,6 @@
-"""Programs of autopilots as child processes: found, started, and ended with us however we end."""
+"""Programs of autopilots as child processes: found, started, and ended with us however
+we end.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,10 @@ open_session(load_scenario(sys.argv[1])).run()
 def alive(pid: int) -> bool:
     """True for a process that runs and is no zombie."""
     try:
-        return Path(f"/proc/{pid}/stat").read_text("ascii").rpartition(")")[2].split()[0] != "Z"
+        return (
+            Path(f"/proc/{pid}/stat").read_text("ascii").rpartition(")")[2].split()[0]
+            != "Z"
+        )
     except OSError:
         return False
 
@@ -58,7 +63,9 @@ def group_of(pid: int) -> list[int]:
 def test_a_child_is_the_program_itself_and_ends_with_its_guard(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     folder.mkdir()
-    child = Child(["/bin/sh", "-c", "echo $$ $NUMBER; sleep 100"], folder, {"NUMBER": "7"})
+    child = Child(
+        ["/bin/sh", "-c", "echo $$ $NUMBER; sleep 100"], folder, {"NUMBER": "7"}
+    )
     for _ in range(100):
         if child.output:
             break
@@ -74,10 +81,14 @@ def test_a_child_is_the_program_itself_and_ends_with_its_guard(tmp_path: Path) -
     assert not child.running
 
 
-def test_a_program_that_ends_says_its_last_words_without_colours(tmp_path: Path) -> None:
+def test_a_program_that_ends_says_its_last_words_without_colours(
+    tmp_path: Path,
+) -> None:
     folder = tmp_path / "run"
     folder.mkdir()
-    child = Child(["/bin/sh", "-c", r"printf 'one\ntwo\n\033[31mthree\033[0m\nfour\n'"], folder)
+    child = Child(
+        ["/bin/sh", "-c", r"printf 'one\ntwo\n\033[31mthree\033[0m\nfour\n'"], folder
+    )
     child._process.wait(10)
     assert not child.running
     assert child.last_words == "two | three | four"
@@ -86,10 +97,15 @@ def test_a_program_that_ends_says_its_last_words_without_colours(tmp_path: Path)
     assert wait_until_gone(guards) == []
 
 
-def test_last_words_name_a_line_once_and_the_last_ones_at_the_end(tmp_path: Path) -> None:
+def test_last_words_name_a_line_once_and_the_last_ones_at_the_end(
+    tmp_path: Path,
+) -> None:
     folder = tmp_path / "run"
     folder.mkdir()
-    script = r"echo 'Frame: HEXA'; for k in 1 2 3; do echo 'Loaded defaults'; done; echo Killed; echo 'Loaded defaults'"
+    script = (
+        r"echo 'Frame: HEXA'; for k in 1 2 3; do echo 'Loaded defaults'; done; echo"
+        r" Killed; echo 'Loaded defaults'"
+    )
     child = Child(["/bin/sh", "-c", script], folder)
     child._process.wait(10)
     assert child.last_words == "Frame: HEXA | Killed | Loaded defaults"
@@ -105,7 +121,9 @@ def test_last_words_name_a_line_once_and_the_last_ones_at_the_end(tmp_path: Path
         ("sleep 100", ""),
     ],
 )
-def test_a_program_s_ending_is_its_words_or_its_code(tmp_path: Path, script: str, words: str) -> None:
+def test_a_program_s_ending_is_its_words_or_its_code(
+    tmp_path: Path, script: str, words: str
+) -> None:
     folder = tmp_path / "run"
     folder.mkdir()
     child = Child(["/bin/sh", "-c", script], folder)
@@ -134,7 +152,10 @@ def test_the_program_is_the_stated_one_or_that_of_the_environment(
     assert find_program(PX4()) == program
     monkeypatch.setenv("SKYARM_PX4", str(tmp_path / "absent"))
     assert find_program(PX4(program=str(program))) == program
-    with pytest.raises(ScenarioError, match=r"SKYARM_PX4 = .*: must be an executable file, PX4's program"):
+    with pytest.raises(
+        ScenarioError,
+        match=r"SKYARM_PX4 = .*: must be an executable file, PX4's program",
+    ):
         find_program(PX4())
     monkeypatch.delenv("SKYARM_PX4")
     monkeypatch.setenv("PATH", str(tmp_path))
@@ -160,9 +181,16 @@ def test_the_folder_etc_is_found_through_a_link(tmp_path: Path) -> None:
     assert find_etc(tmp_path / "px4") == tmp_path / "build" / "etc"
 
 
-def test_a_child_gets_none_of_our_variables_of_a_beginning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_child_gets_none_of_our_variables_of_a_beginning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("PX4_PARAM_OF_MINE", "1")
-    child = Child(["/bin/sh", "-c", "env"], make_folder(PX4()), {"PX4_SIM_MODEL": "x"}, without="PX4_")
+    child = Child(
+        ["/bin/sh", "-c", "env"],
+        make_folder(PX4()),
+        {"PX4_SIM_MODEL": "x"},
+        without="PX4_",
+    )
     try:
         for _ in range(100):
             if not child.running:
@@ -175,7 +203,10 @@ def test_a_child_gets_none_of_our_variables_of_a_beginning(tmp_path: Path, monke
 
 
 def test_of_much_output_the_end_is_read(tmp_path: Path) -> None:
-    child = Child(["/bin/sh", "-c", "head -c 1000000 /dev/zero | tr '\\0' x; echo; echo bye"], make_folder(PX4()))
+    child = Child(
+        ["/bin/sh", "-c", "head -c 1000000 /dev/zero | tr '\\0' x; echo; echo bye"],
+        make_folder(PX4()),
+    )
     try:
         for _ in range(200):
             if not child.running:
@@ -190,17 +221,31 @@ def test_of_much_output_the_end_is_read(tmp_path: Path) -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="reads processes from /proc")
 @pytest.mark.parametrize(
     "number",
-    [signal.SIGKILL, *(pytest.param(each, marks=pytest.mark.thorough) for each in (signal.SIGINT, signal.SIGTERM))],
+    [
+        signal.SIGKILL,
+        *(
+            pytest.param(each, marks=pytest.mark.thorough)
+            for each in (signal.SIGINT, signal.SIGTERM)
+        ),
+    ],
 )
 def test_no_process_outlives_us(tmp_path: Path, number: int) -> None:
     program = make_program(tmp_path)
     pids = tmp_path / "pids"
-    program.write_text(program.read_text("utf-8").replace("exec", f"echo $$ >> {pids}\nexec"), "utf-8")
+    program.write_text(
+        program.read_text("utf-8").replace("exec", f"echo $$ >> {pids}\nexec"), "utf-8"
+    )
     scenario_of(tmp_path, duration=300.0)
-    environment = {**os.environ, "PYTHONPATH": ":".join(p for p in sys.path if p), "TMPDIR": str(tmp_path)}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": ":".join(p for p in sys.path if p),
+        "TMPDIR": str(tmp_path),
+    }
     environment["SKYARM_PX4"] = str(program)
     flight = subprocess.Popen(
-        [sys.executable, "-c", FLIGHT, str(tmp_path / "swing.toml")], env=environment, stderr=subprocess.DEVNULL
+        [sys.executable, "-c", FLIGHT, str(tmp_path / "swing.toml")],
+        env=environment,
+        stderr=subprocess.DEVNULL,
     )
     try:
         for _ in range(400):

@@ -1,4 +1,6 @@
-"""PX4 itself, where its program is: hover with the arm swinging on six vehicles, Case 3, repeatability, its end."""
+"""PX4 itself, where its program is: hover with the arm swinging on six vehicles, Case
+3, repeatability, its end.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +21,17 @@ from skyarm.simulate.session import open_session
 
 pytestmark = [
     pytest.mark.thorough,
-    pytest.mark.skipif(not os.environ.get("SKYARM_PX4"), reason="SKYARM_PX4 does not name PX4's program"),
+    pytest.mark.skipif(
+        not os.environ.get("SKYARM_PX4"),
+        reason="SKYARM_PX4 does not name PX4's program",
+    ),
 ]
 
 
 def require_calm(log: Log) -> None:
-    """Require a flight to its end in which PX4 answered every step, in its mode, without a failsafe."""
+    """Require a flight to its end in which PX4 answered every step, in its mode,
+    without a failsafe.
+    """
     facts = log.info["autopilot"]
     assert log.status == "completed", log.info["cause"]
     assert facts["steps"] - facts["answered"] < 40  # its start script's
@@ -40,15 +47,20 @@ HOVER_ERROR = {
     # the arm's weight over so small an inertia turns it by 18 degrees
     "crazyflie_arm1": 0.5,
 }
-"""Largest distance from the set point with the arm swinging, m: half as much again as was measured."""
+"""Largest distance from the set point with the arm swinging, m: half as much again as
+was measured."""
 
 
 @pytest.mark.parametrize("frequency", [0.5, 1.0])
 @pytest.mark.parametrize("vehicle", HOVER_ERROR)
-def test_px4_hovers_for_a_minute_while_the_arm_swings(tmp_path: Path, vehicle: str, frequency: float) -> None:
+def test_px4_hovers_for_a_minute_while_the_arm_swings(
+    tmp_path: Path, vehicle: str, frequency: float
+) -> None:
     log = open_session(scenario_of(tmp_path, vehicle, 60.0, swing=frequency)).run()
     require_calm(log)
-    error = np.linalg.norm(log.position - log.position_reference, axis=1)[log.time > 5.0]
+    error = np.linalg.norm(log.position - log.position_reference, axis=1)[
+        log.time > 5.0
+    ]
     assert error.max() < HOVER_ERROR[vehicle]
 
 
@@ -63,12 +75,20 @@ def test_flights_of_case_3_differ_by_centimetres() -> None:
 
 
 @pytest.mark.parametrize("vehicle", ["hexarotor_arm6", "octo_coaxial_two_arms"])
-def test_px4_flies_a_circle_of_a_metre_at_a_metre_a_second(tmp_path: Path, vehicle: str) -> None:
+def test_px4_flies_a_circle_of_a_metre_at_a_metre_a_second(
+    tmp_path: Path, vehicle: str
+) -> None:
     joints = (0.0,) * load_vehicle(vehicle).n
-    path = circle(radius=1.0, frequency_hz=0.5 / np.pi, center=(0.0, 0.0, 2.0), joints=joints)
-    log = open_session(dataclasses.replace(scenario_of(tmp_path, vehicle, 25.0), reference=path)).run()
+    path = circle(
+        radius=1.0, frequency_hz=0.5 / np.pi, center=(0.0, 0.0, 2.0), joints=joints
+    )
+    log = open_session(
+        dataclasses.replace(scenario_of(tmp_path, vehicle, 25.0), reference=path)
+    ).run()
     require_calm(log)
-    error = np.linalg.norm(log.position - log.position_reference, axis=1)[log.time > 10.0]
+    error = np.linalg.norm(log.position - log.position_reference, axis=1)[
+        log.time > 10.0
+    ]
     assert error.mean() < 0.11
 
 
@@ -76,7 +96,9 @@ def test_another_instance_takes_commands_too(tmp_path: Path) -> None:
     require_calm(open_session(scenario_of(tmp_path, duration=2.0, instance=4)).run())
 
 
-def test_a_recorded_flight_is_flown_again_to_the_bit_without_px4(tmp_path: Path) -> None:
+def test_a_recorded_flight_is_flown_again_to_the_bit_without_px4(
+    tmp_path: Path,
+) -> None:
     file = str(tmp_path / "flight.gz")
     live = open_session(scenario_of(tmp_path, duration=5.0, transcript=file)).run()
     again = open_session(scenario_of(tmp_path, duration=5.0, replayed=file)).run()
@@ -87,7 +109,10 @@ def test_a_recorded_flight_is_flown_again_to_the_bit_without_px4(tmp_path: Path)
 
 def test_a_parameter_that_px4_does_not_have_ends_the_flight(tmp_path: Path) -> None:
     session = open_session(scenario_of(tmp_path, parameters={"NO_SUCH_PARAM": 1.0}))
-    assert session.log.info["cause"] == "controller.parameters.NO_SUCH_PARAM = 1: must be a parameter that PX4 knows"
+    assert (
+        session.log.info["cause"]
+        == "controller.parameters.NO_SUCH_PARAM = 1: must be a parameter that PX4 knows"
+    )
 
 
 def test_closing_the_session_ends_px4(tmp_path: Path) -> None:

@@ -1,9 +1,10 @@
-"""Cuts of the link in flight: the law is killed or frozen at random times beside a real PX4, and the vehicle watched.
+"""Cuts of the link in flight: the law is killed or frozen at random times beside a real
+PX4, and the vehicle watched.
 
     python tests/links/outside/cut_links.py COUNT [INSTANCE]
 
-The simulator with PX4 is one process, the law another, as users start them. Needs SKYARM_PX4, the path of PX4's
-program.
+The simulator with PX4 is one process, the law another, as users start them. Needs
+SKYARM_PX4, the path of PX4's program.
 """
 
 from __future__ import annotations
@@ -55,9 +56,11 @@ def cut_links(count: int, instance: int = 0, seed: int = 1) -> dict[str, object]
     """Cut the link so many times in one flight; numbers of what the vehicle did.
 
     Returns:
-        ``cuts``: how many. ``codes``: exit codes of frozen laws. ``status``: of the simulator's flight.
-        ``excursion_m``, ``sink_m``: median and largest distance, and loss of height, from the place of a cut within
-        three seconds. ``left``: processes that still run.
+        ``cuts``: how many. ``codes``: exit codes of frozen laws. ``status``: of the
+        simulator's flight.
+        ``excursion_m``, ``sink_m``: median and largest distance, and loss of height,
+        from the place of a cut within three seconds. ``left``: processes that still
+        run.
     """
     rng, times, codes = random.Random(seed), [], []
     with tempfile.TemporaryDirectory() as name:
@@ -72,7 +75,10 @@ def cut_links(count: int, instance: int = 0, seed: int = 1) -> dict[str, object]
                     times.append(time.time())
                     code = cut(law, freeze=freeze)
                     codes += [code] if freeze else []
-                    print(f"cut {len(times)}: {'frozen' if freeze else 'killed'}", flush=True)
+                    print(
+                        f"cut {len(times)}: {'frozen' if freeze else 'killed'}",
+                        flush=True,
+                    )
                     time.sleep(1.5)
                 time.sleep(2.0)
                 pids = descendants(process.pid)
@@ -91,7 +97,9 @@ def cut_links(count: int, instance: int = 0, seed: int = 1) -> dict[str, object]
         "cuts": len(times),
         "codes": codes,
         "status": status,
-        "excursion_m": [round(float(found), 3) for found in (np.median(apart), max(apart))],
+        "excursion_m": [
+            round(float(found), 3) for found in (np.median(apart), max(apart))
+        ],
         "sink_m": [round(float(found), 3) for found in (np.median(sunk), max(sunk))],
         "left": [name for pid in pids if (name := command_of(pid))],
     }

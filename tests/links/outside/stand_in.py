@@ -1,6 +1,8 @@
-"""Stand-in for an autopilot: a thread that flies a point of unit mass by body rates and thrust, and talks MAVLink.
+"""Stand-in for an autopilot: a thread that flies a point of unit mass by body rates and
+thrust, and talks MAVLink.
 
-It shares no code with the law's side but the framing of messages: attitude by NumPy matrices in north, east, down.
+It shares no code with the law's side but the framing of messages: attitude by NumPy
+matrices in north, east, down.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ def free_port() -> int:
 
 
 def version_1(frame: bytes) -> bytes | None:
-    """Frame of MAVLink 1 with the message of one of MAVLink 2; None for a number that it has no room for."""
+    """Frame of MAVLink 1 with the message of one of MAVLink 2; None for a number that
+    it has no room for.
+    """
     definition = DEFINITIONS_BY_NUMBER[int.from_bytes(frame[7:10], "little")]
     if definition.number > 255:
         return None
@@ -39,12 +43,19 @@ def version_1(frame: bytes) -> bytes | None:
 
 def quaternion_of(R: np.ndarray) -> list[float]:
     """Quaternion w x y z of a rotation matrix, by its eigenvector."""
-    K = np.array([
-        [R[0, 0] + R[1, 1] + R[2, 2], R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]],
-        [0, R[0, 0] - R[1, 1] - R[2, 2], R[1, 0] + R[0, 1], R[0, 2] + R[2, 0]],
-        [0, 0, R[1, 1] - R[0, 0] - R[2, 2], R[2, 1] + R[1, 2]],
-        [0, 0, 0, R[2, 2] - R[0, 0] - R[1, 1]],
-    ])
+    K = np.array(
+        [
+            [
+                R[0, 0] + R[1, 1] + R[2, 2],
+                R[2, 1] - R[1, 2],
+                R[0, 2] - R[2, 0],
+                R[1, 0] - R[0, 1],
+            ],
+            [0, R[0, 0] - R[1, 1] - R[2, 2], R[1, 0] + R[0, 1], R[0, 2] + R[2, 0]],
+            [0, 0, R[1, 1] - R[0, 0] - R[2, 2], R[2, 1] + R[1, 2]],
+            [0, 0, 0, R[2, 2] - R[0, 0] - R[1, 1]],
+        ]
+    )
     values, vectors = np.linalg.eigh(K, UPLO="U")
     w, x, y, z = vectors[:, values.argmax()]
     return [float(c) for c in (w, x, y, z)]
@@ -62,18 +73,24 @@ def turned(R: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 
 @dataclass
 class StandIn:
-    """PX4 that hovers in hold mode, obeys set points in offboard mode, and fails as it is told.
+    """PX4 that hovers in hold mode, obeys set points in offboard mode, and fails as it
+    is told.
 
     Attributes:
-        port: of the law's side. hover: thrust of hover. bandwidth: of the rate loop, rad/s.
-        silent_at, leaves_at, disarms_at, nan_at, back_at: s after it entered offboard mode at which it falls silent,
-            changes to hold, disarms, sends NaN, or sets its clock back by 100 s, or on by 1000 s.
+        port: of the law's side. hover: thrust of hover. bandwidth: of the rate loop,
+            rad/s.
+        silent_at, leaves_at, disarms_at, nan_at, back_at: s after it entered offboard
+            mode at which it falls silent, changes to hold, disarms, sends NaN, or sets
+            its clock back by 100 s, or on by 1000 s.
         mute: it does not say whether a mode was entered, nor beats in offboard mode.
         numbers: values of parameters, in place of its own.
-        forceless_at: s after it entered offboard mode from which it sends no accelerometer; -inf for never.
+        forceless_at: s after it entered offboard mode from which it sends no
+            accelerometer; -inf for never.
         old: it sends MAVLink 1, "first" until it hears MAVLink 2, or "always".
-        refuses: set points are never taken. armed, landed: as it says. odometry: else attitude and position apart.
-        secrets: parameters that it does not send. offboard: another program commands it.
+        refuses: set points are never taken. armed, landed: as it says. odometry: else
+            attitude and position apart.
+        secrets: parameters that it does not send. offboard: another program commands
+            it.
         place, heading: where it hovers, north east down, rad.
     """
 
@@ -126,7 +143,9 @@ class StandIn:
         self._socket.close()
 
     def _send(self, name: str, **fields: object) -> None:
-        frame = mavlink.pack(name, sequence=self._sequence, system=7, component=1, **fields)
+        frame = mavlink.pack(
+            name, sequence=self._sequence, system=7, component=1, **fields
+        )
         self._sequence += 1
         if self.old and (frame := version_1(frame)) is None:
             return
@@ -145,7 +164,9 @@ class StandIn:
             self._integrate(dt)
             since = now - self._since if self.offboard else -1.0
             if since < self.silent_at:
-                shift = 1000.0 * (since >= self.ahead_at) - 100.0 * (since >= self.back_at)
+                shift = 1000.0 * (since >= self.ahead_at) - 100.0 * (
+                    since >= self.back_at
+                )
                 self._report(steps, now + shift, since)
             if since >= self.leaves_at:
                 self.offboard, self._since = False, np.inf
@@ -171,15 +192,41 @@ class StandIn:
         attitude = quaternion_of(self.R)
         if self.odometry:
             self._send(
-                "ODOMETRY", time_usec=round(now * 1e6), frame_id=1, child_frame_id=1, x=x, y=y, z=z, q=attitude,
-                vx=vx, vy=vy, vz=vz, rollspeed=p, pitchspeed=q, yawspeed=r,
+                "ODOMETRY",
+                time_usec=round(now * 1e6),
+                frame_id=1,
+                child_frame_id=1,
+                x=x,
+                y=y,
+                z=z,
+                q=attitude,
+                vx=vx,
+                vy=vy,
+                vz=vz,
+                rollspeed=p,
+                pitchspeed=q,
+                yawspeed=r,
             )
         elif steps % 5 == 0:
-            self._send("LOCAL_POSITION_NED", time_boot_ms=round(now * 1e3), x=x, y=y, z=z, vx=vx, vy=vy, vz=vz)
+            self._send(
+                "LOCAL_POSITION_NED",
+                time_boot_ms=round(now * 1e3),
+                x=x,
+                y=y,
+                z=z,
+                vx=vx,
+                vy=vy,
+                vz=vz,
+            )
         if self.attitudes or not self.odometry:
             names = dict(zip(("q1", "q2", "q3", "q4"), attitude, strict=True))
             self._send(
-                "ATTITUDE_QUATERNION", time_boot_ms=round(now * 1e3), rollspeed=p, pitchspeed=q, yawspeed=r, **names
+                "ATTITUDE_QUATERNION",
+                time_boot_ms=round(now * 1e3),
+                rollspeed=p,
+                pitchspeed=q,
+                yawspeed=r,
+                **names,
             )
         if since < self.forceless_at:
             share = self.thrust / self.hover if self.offboard else 1.0
@@ -187,7 +234,13 @@ class StandIn:
         if steps % 25 == 0 and not (self.mute and self.offboard):
             armed = self.armed and since < self.disarms_at
             mode = PX4_OFFBOARD if self.offboard else PX4_HOLD
-            self._send("HEARTBEAT", type=2, autopilot=self.autopilot, base_mode=128 * armed, custom_mode=mode)
+            self._send(
+                "HEARTBEAT",
+                type=2,
+                autopilot=self.autopilot,
+                base_mode=128 * armed,
+                custom_mode=mode,
+            )
             self._send("EXTENDED_SYS_STATE", landed_state=1 if self.landed else 2)
 
     def _read(self, now: float) -> None:
@@ -200,17 +253,28 @@ class StandIn:
         self.seen.append(m.name)
         self.old = "" if self.old == "first" else self.old
         if m.name == "SET_ATTITUDE_TARGET":
-            self.rates = np.array([m["body_roll_rate"], m["body_pitch_rate"], m["body_yaw_rate"]])
+            self.rates = np.array(
+                [m["body_roll_rate"], m["body_pitch_rate"], m["body_yaw_rate"]]
+            )
             self.thrust = m["thrust"]
             self.setpoints.append(now)
         elif m.name == "TIMESYNC" and not m["tc1"]:
             self._send("TIMESYNC", tc1=round(now * 1e9), ts1=m["ts1"])
         elif m.name == "PARAM_REQUEST_READ":
             values = {"K": 1.0, "P": 0.15, "I": 0.2, "D": 0.003, "M": 0.3}
-            value = self.hover if "HOVER" in m["param_id"] else values.get(m["param_id"][-1], 0.0)
+            value = (
+                self.hover
+                if "HOVER" in m["param_id"]
+                else values.get(m["param_id"][-1], 0.0)
+            )
             value = self.numbers.get(m["param_id"], value)
             if m["param_id"] not in self.secrets:
-                self._send("PARAM_VALUE", param_id=m["param_id"], param_value=value, param_type=9)
+                self._send(
+                    "PARAM_VALUE",
+                    param_id=m["param_id"],
+                    param_value=value,
+                    param_type=9,
+                )
         elif m.name == "COMMAND_LONG" and m["command"] == 176:
             wants = m["param2"] == 6
             self.asked.append("offboard" if wants else "hold")

@@ -1,4 +1,6 @@
-"""PX4 by uXRCE-DDS: flights of a law that commands motors, by a stand-in whose types and encoder are another hand's."""
+"""PX4 by uXRCE-DDS: flights of a law that commands motors, by a stand-in whose types
+and encoder are another hand's.
+"""
 
 import dataclasses
 import math
@@ -56,7 +58,9 @@ def flown(scenario, settings=SETTINGS, space="", **faults):
     """Log of a flight with a stand-in, and the stand-in."""
     link = open_link(f"dds://{DOMAIN}{space}")
     try:
-        with DdsStandIn(0, vehicle=scenario.plant.vehicle, domain=DOMAIN, space=space, **faults) as peer:
+        with DdsStandIn(
+            0, vehicle=scenario.plant.vehicle, domain=DOMAIN, space=space, **faults
+        ) as peer:
             log = OffboardFlight(scenario, link, NoJoints(), settings).run()
             time.sleep(0.3)
     finally:
@@ -66,7 +70,9 @@ def flown(scenario, settings=SETTINGS, space="", **faults):
 
 @pytest.mark.parametrize(("space", "mixed"), [("", False), ("/px4_1", True)])
 def test_the_law_turns_the_motors_and_flies_its_reference(scenario, space, mixed):
-    """The stand-in's own path, in north, east, down, is the reference turned by its heading."""
+    """The stand-in's own path, in north, east, down, is the reference turned by its
+    heading.
+    """
     log, peer = flown(scenario(3.0), space=space, mixed=mixed)
     assert (log.status, log.info["cause"]) == ("completed", "")
     moved = np.array(peer.path[-1]) - peer.place
@@ -74,12 +80,20 @@ def test_the_law_turns_the_motors_and_flies_its_reference(scenario, space, mixed
     c, s = math.cos(peer.heading), math.sin(peer.heading)
     assert moved == pytest.approx([c * x + s * y, s * x - c * y, -z], abs=0.12)
     assert peer.modes == ["offboard", "hold"]
-    assert peer.seen.count("actuator_motors") == peer.seen.count("offboard_control_mode") > 100
-    assert np.linalg.norm(log.position - log.position_reference, axis=1)[-50:].max() < 0.1
+    assert (
+        peer.seen.count("actuator_motors")
+        == peer.seen.count("offboard_control_mode")
+        > 100
+    )
+    assert (
+        np.linalg.norm(log.position - log.position_reference, axis=1)[-50:].max() < 0.1
+    )
 
 
 def test_each_set_point_says_that_motors_are_set_and_when(scenario):
-    """Times are of the autopilot's clock, so that one that was held up on its way is too old for it."""
+    """Times are of the autopilot's clock, so that one that was held up on its way is
+    too old for it.
+    """
     log, peer = flown(scenario(0.6), zero=1.8e9)
     assert log.status == "completed"
     apart = np.diff(peer.stamps) * 1e-6
@@ -107,12 +121,26 @@ def test_a_fault_ends_the_flight_with_its_log(scenario, fault, status, cause):
     ("state", "settings", "words"),
     [
         ({"refuses": True}, {}, r"PX4 does not take set points \(result 1\)"),
-        ({"armed": False}, {"patience": 1.5}, "the vehicle was not armed, in the air and slow"),
-        ({"landed": True}, {"patience": 1.5}, "the vehicle was not armed, in the air and slow"),
-        ({}, {"rate_bandwidth": (18.0, 18.0, 18.0)}, "--rate-bandwidth: must be left out for motors"),
+        (
+            {"armed": False},
+            {"patience": 1.5},
+            "the vehicle was not armed, in the air and slow",
+        ),
+        (
+            {"landed": True},
+            {"patience": 1.5},
+            "the vehicle was not armed, in the air and slow",
+        ),
+        (
+            {},
+            {"rate_bandwidth": (18.0, 18.0, 18.0)},
+            "--rate-bandwidth: must be left out for motors",
+        ),
     ],
 )
-def test_a_vehicle_that_cannot_be_taken_over_is_left_alone(scenario, state, settings, words):
+def test_a_vehicle_that_cannot_be_taken_over_is_left_alone(
+    scenario, state, settings, words
+):
     with pytest.raises(OffboardError, match=words):
         flown(scenario(), dataclasses.replace(SETTINGS, **settings), **state)
 
@@ -134,7 +162,11 @@ def test_two_vehicles_on_the_same_topics_are_refused(scenario, joined):
 def test_bytes_that_are_no_message_are_counted(monkeypatch):
     link = DdsLink(f"dds://{DOMAIN}")
     try:
-        monkeypatch.setattr(type(link._node), "take", lambda self, topic: [b"", b"\0\1\0\0" + bytes(7), b"\7" * 40])
+        monkeypatch.setattr(
+            type(link._node),
+            "take",
+            lambda self, topic: [b"", b"\0\1\0\0" + bytes(7), b"\7" * 40],
+        )
         link.wait(0.0)
         assert link.lost == 3 * 6
         assert (link.state, link.modes) == (None, None)
@@ -146,14 +178,20 @@ def test_rotors_without_a_highest_speed_have_no_share(scenario):
     vehicle = scenario().plant.vehicle
     endless = dataclasses.replace(vehicle.rotors[1], max_speed=math.inf)
     rotors = (vehicle.rotors[0], endless, *vehicle.rotors[2:])
-    with pytest.raises(RecordError, match=r"model.vehicle.rotors\[1\].max_speed = inf: must be finite"):
+    with pytest.raises(
+        RecordError, match=r"model.vehicle.rotors\[1\].max_speed = inf: must be finite"
+    ):
         require_full_thrust(dataclasses.replace(vehicle, rotors=rotors))
 
 
 def test_more_rotors_than_a_set_point_has_motors_are_refused(scenario):
     vehicle = scenario().plant.vehicle
-    rotors = tuple(dataclasses.replace(vehicle.rotors[0], name=f"r{i}") for i in range(13))
-    with pytest.raises(RecordError, match=r"model\.vehicle\.rotors = 13: must be at most 12"):
+    rotors = tuple(
+        dataclasses.replace(vehicle.rotors[0], name=f"r{i}") for i in range(13)
+    )
+    with pytest.raises(
+        RecordError, match=r"model\.vehicle\.rotors = 13: must be at most 12"
+    ):
         require_full_thrust(dataclasses.replace(vehicle, rotors=rotors))
 
 
@@ -162,11 +200,15 @@ def test_shares_are_those_of_thrust(scenario):
     model = scenario().controller.par.model
     most = model.vehicle.rotors[0].max_speed
     command = Command(rotor_speeds=(most, 0.5 * most, 0.0, 2.0 * most), efforts=())
-    _, found = MotorSettings(period=0.01).set_point(model, Vec3(0.0, 0.0, 0.0), None, None, command)
+    _, found = MotorSettings(period=0.01).set_point(
+        model, Vec3(0.0, 0.0, 0.0), None, None, command
+    )
     assert found.thrusts == pytest.approx((1.0, 0.25, 0.0, 1.0))
 
 
-@pytest.mark.parametrize(("url", "found"), [("dds://0", (0, "")), ("dds://17/px4_1", (17, "/px4_1"))])
+@pytest.mark.parametrize(
+    ("url", "found"), [("dds://0", (0, "")), ("dds://17/px4_1", (17, "/px4_1"))]
+)
 def test_a_link_names_domain_and_namespace(url, found):
     assert parse_domain(url) == found
 
@@ -190,7 +232,10 @@ def test_other_links_are_one_line(url, tmp_path):
     (tmp_path / "step.toml").write_text(SCENARIO.format(duration=0.5))
     ended = skyarm("fly", str(tmp_path / "step.toml"), "--link", url)
     assert ended.code == 2
-    assert f"--link = {url!r}: must be dds://DOMAIN or dds://DOMAIN/NAMESPACE, with a domain from 0 to 232" in ended.err
+    assert (
+        f"--link = {url!r}: must be dds://DOMAIN or dds://DOMAIN/NAMESPACE, with a"
+        " domain from 0 to 232" in ended.err
+    )
     assert ended.err.count("\n") == 1
 
 
@@ -199,16 +244,24 @@ def test_the_command_flies_by_dds(tmp_path, monkeypatch, joined):
     (tmp_path / "step.toml").write_text(SCENARIO.format(duration=0.5))
     vehicle = load_scenario("step.toml").plant.vehicle
     with DdsStandIn(0, vehicle=vehicle, domain=DOMAIN) as peer:
-        ended = skyarm("fly", "step.toml", "--link", f"dds://{DOMAIN}", "--patience", "5")
+        ended = skyarm(
+            "fly", "step.toml", "--link", f"dds://{DOMAIN}", "--patience", "5"
+        )
     assert ended.code == 0, ended.err
     assert peer.modes == ["offboard", "hold"]
 
 
 @pytest.mark.parametrize("more", [10, 7])
-def test_the_mode_of_px4_is_read_whichever_fields_its_version_has_behind_it(more: int) -> None:
-    """Bytes laid out by hand: v1.18 (px4_msgs, release/1.18) has one flag and the source less than v1.17."""
+def test_the_mode_of_px4_is_read_whichever_fields_its_version_has_behind_it(
+    more: int,
+) -> None:
+    """Bytes laid out by hand: v1.18 (px4_msgs, release/1.18) has one flag and the
+    source less than v1.17.
+    """
     flags = [True, False, False, False, True] + [False] * more
     data = b"\0\1\0\0" + struct.pack(f"<Q{len(flags)}?", 1_000_000, *flags)
     found = decode("px4_msgs/VehicleControlMode", DEFINITIONS, data)
     assert found["timestamp"] == 1_000_000
-    assert [bool(each) for name, each in found.items() if name != "timestamp"] == flags[:5]
+    assert [bool(each) for name, each in found.items() if name != "timestamp"] == flags[
+        :5
+    ]

@@ -1,4 +1,6 @@
-"""Port to DYNAMIXEL servos, on a stand-in for the maker's SDK that keeps a control table for each servo."""
+"""Port to DYNAMIXEL servos, on a stand-in for the maker's SDK that keeps a control
+table for each servo.
+"""
 
 import dataclasses
 import math
@@ -17,7 +19,9 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 
 
 def stand_in(tables, *, opens=True, answers=(1, 2), models=(1020, 1020)):
-    """Module with the names of the SDK that are used: each servo is a table of bytes by address."""
+    """Module with the names of the SDK that are used: each servo is a table of bytes by
+    address.
+    """
     sdk = types.ModuleType("dynamixel_sdk")
 
     class PortHandler:
@@ -60,10 +64,16 @@ def stand_in(tables, *, opens=True, answers=(1, 2), models=(1020, 1020)):
             return 0
 
         def isAvailable(self, number, address, length):
-            return number in answers and address >= self.start and address + length <= self.start + self.length
+            return (
+                number in answers
+                and address >= self.start
+                and address + length <= self.start + self.length
+            )
 
         def getData(self, number, address, length):
-            return int.from_bytes(bytes(tables[number][address + k] for k in range(length)), "little")
+            return int.from_bytes(
+                bytes(tables[number][address + k] for k in range(length)), "little"
+            )
 
     class GroupSyncWrite:
         def __init__(self, port, handler, start, length):
@@ -95,7 +105,9 @@ def put(table, address, value, size):
 
 
 def get(table, address, size):
-    value = int.from_bytes(bytes(table.get(address + k, 0) for k in range(size)), "little")
+    value = int.from_bytes(
+        bytes(table.get(address + k, 0) for k in range(size)), "little"
+    )
     return value - (1 << 8 * size) if value >> 8 * size - 1 else value
 
 
@@ -131,7 +143,9 @@ def test_angles_and_rates_of_the_control_table(sdk, tables):
     try:
         found = settle(arm.read)
         assert found.joints == pytest.approx((0.5 * math.pi, -2.0 * math.pi))
-        assert found.joint_rates == pytest.approx((0.0, -100 * 0.229 * 2.0 * math.pi / 60.0))
+        assert found.joint_rates == pytest.approx(
+            (0.0, -100 * 0.229 * 2.0 * math.pi / 60.0)
+        )
         assert (sdk.device, sdk.baud) == ("/dev/x", 1_000_000)
     finally:
         arm.close()
@@ -149,24 +163,45 @@ def test_positions_go_out_in_the_order_of_the_joints(sdk, tables):
         arm.close()
 
 
-@pytest.mark.parametrize(("model", "counts"), [(1200, 500), (1240, 500), (1710, 500), (1040, 373), (1310, 186)])
-def test_servos_count_their_current_in_units_of_their_model(model, counts, tables, monkeypatch):
-    """XL330, XC330, XM335 (1 mA), XH430-V (1.34 mA), XW540 (2.69 mA) beside XM430, of the e-Manual's control tables."""
-    monkeypatch.setitem(sys.modules, "dynamixel_sdk", stand_in(tables, models=(model, 1020)))
+@pytest.mark.parametrize(
+    ("model", "counts"),
+    [(1200, 500), (1240, 500), (1710, 500), (1040, 373), (1310, 186)],
+)
+def test_servos_count_their_current_in_units_of_their_model(
+    model, counts, tables, monkeypatch
+):
+    """XL330, XC330, XM335 (1 mA), XH430-V (1.34 mA), XW540 (2.69 mA) beside XM430, of
+    the e-Manual's control tables.
+    """
+    monkeypatch.setitem(
+        sys.modules, "dynamixel_sdk", stand_in(tables, models=(model, 1020))
+    )
     arm = DynamixelJoints(ServoBus(device="/dev/x", ids=(1, 2), torque=2.0, most=1.0))
     try:
         arm.send((-1.0, 9.0), 0.0)
         settle(lambda: get(tables[2], 102, 2) != 0)
-        assert (get(tables[1], 102, 2), get(tables[2], 102, 2)) == (-counts, round(1.0 / 2.69e-3))
+        assert (get(tables[1], 102, 2), get(tables[2], 102, 2)) == (
+            -counts,
+            round(1.0 / 2.69e-3),
+        )
     finally:
         arm.close()
 
 
 @pytest.mark.parametrize("model", [1700, 1060, 321])
-def test_a_servo_whose_unit_of_current_is_unknown_takes_no_torque(model, tables, monkeypatch):
-    """XC335, XL430 without a current mode, MX-106: nothing turns, and positions still go."""
-    monkeypatch.setitem(sys.modules, "dynamixel_sdk", stand_in(tables, models=(model, 1020)))
-    with pytest.raises(JointPortError, match=rf"servo 1 on '/dev/x': model {model} counts no known current; without"):
+def test_a_servo_whose_unit_of_current_is_unknown_takes_no_torque(
+    model, tables, monkeypatch
+):
+    """XC335, XL430 without a current mode, MX-106: nothing turns, and positions still
+    go.
+    """
+    monkeypatch.setitem(
+        sys.modules, "dynamixel_sdk", stand_in(tables, models=(model, 1020))
+    )
+    with pytest.raises(
+        JointPortError,
+        match=rf"servo 1 on '/dev/x': model {model} counts no known current; without",
+    ):
         DynamixelJoints(ServoBus(device="/dev/x", ids=(1, 2), torque=2.0))
     assert tables[1][64] == 0
     DynamixelJoints(ServoBus(device="/dev/x", ids=(1, 2))).close()
@@ -207,7 +242,9 @@ def test_a_released_arm_holds_its_place(sdk, tables):
 
 
 def test_setpoints_that_are_not_renewed_are_not_sent_on(sdk, tables):
-    """Our own thread feeds the servos' watchdog, so that it does not see a law that stands still."""
+    """Our own thread feeds the servos' watchdog, so that it does not see a law that
+    stands still.
+    """
     arm = DynamixelJoints(ServoBus(device="/dev/x", ids=(1, 2), torque=2.0))
     try:
         arm.send((0.5, 0.5), 0.0)
@@ -220,7 +257,9 @@ def test_setpoints_that_are_not_renewed_are_not_sent_on(sdk, tables):
         sdk.writes.clear()
         arm.send((0.5, 0.5), 0.0)
         settle(lambda: get(tables[1], 102, 2) != 0)
-        assert sdk.writes == [(k, at, value) for k in (1, 2) for at, value in ((64, 0), (11, 0), (64, 1))]
+        assert sdk.writes == [
+            (k, at, value) for k in (1, 2) for at, value in ((64, 0), (11, 0), (64, 1))
+        ]
     finally:
         arm.close()
 
@@ -263,9 +302,14 @@ def test_a_bus_at_another_speed_is_closed_again(sdk, monkeypatch):
     assert sdk.closed
 
 
-@pytest.mark.parametrize(("field", "value"), [("torque", 0.0), ("torque", -1.0), ("torque", math.nan), ("most", 0.0)])
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("torque", 0.0), ("torque", -1.0), ("torque", math.nan), ("most", 0.0)],
+)
 def test_a_bus_without_sense_is_one_line(field, value):
-    with pytest.raises(JointPortError, match=f"--joints.{field} = {value}: must be") as error:
+    with pytest.raises(
+        JointPortError, match=f"--joints.{field} = {value}: must be"
+    ) as error:
         ServoBus(device="/dev/x", ids=(1,), **{field: value})
     assert "\n" not in str(error.value)
 
@@ -273,7 +317,9 @@ def test_a_bus_without_sense_is_one_line(field, value):
 def test_a_servo_that_does_not_answer_is_one_line(tables, monkeypatch):
     sdk = stand_in(tables, answers=(1,))
     monkeypatch.setitem(sys.modules, "dynamixel_sdk", sdk)
-    with pytest.raises(JointPortError, match="--joints: servo 2 on '/dev/x' does not answer"):
+    with pytest.raises(
+        JointPortError, match="--joints: servo 2 on '/dev/x' does not answer"
+    ):
         DynamixelJoints(ServoBus(device="/dev/x", ids=(1, 2)))
     assert sdk.closed
 
@@ -286,12 +332,17 @@ def test_a_port_that_does_not_open_is_one_line(tables, monkeypatch):
 
 def test_without_the_sdk_the_message_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "dynamixel_sdk", None)
-    with pytest.raises(JointPortError, match=r"dynamixel_sdk: is missing; .*extra 'dynamixel'"):
+    with pytest.raises(
+        JointPortError, match=r"dynamixel_sdk: is missing; .*extra 'dynamixel'"
+    ):
         DynamixelJoints(ServoBus(device="/dev/x", ids=(1,)))
 
 
 def test_an_address_opens_the_bus(sdk, tables):
-    arm = open_joints("dynamixel:/dev/ttyUSB0?ids=1,2&torque=1.8&baud=57600", load_vehicle("hummingbird_arm2"))
+    arm = open_joints(
+        "dynamixel:/dev/ttyUSB0?ids=1,2&torque=1.8&baud=57600",
+        load_vehicle("hummingbird_arm2"),
+    )
     arm.close()
     assert (sdk.device, sdk.baud) == ("/dev/ttyUSB0", 57600)
 
@@ -300,6 +351,8 @@ def test_an_address_without_options_has_those_of_the_record(sdk, tables, monkeyp
     found = []
     monkeypatch.setattr(joint_links, "DynamixelJoints", found.append)
     for options in ("ids=1,2&torque=1.8", "ids=1,2&torque=1.8&baud=57600&most=0.7"):
-        open_joints(f"dynamixel:/dev/ttyUSB0?{options}", load_vehicle("hummingbird_arm2"))
+        open_joints(
+            f"dynamixel:/dev/ttyUSB0?{options}", load_vehicle("hummingbird_arm2")
+        )
     plain = ServoBus(device="/dev/ttyUSB0", ids=(1, 2), torque=1.8)
     assert found == [plain, dataclasses.replace(plain, baud=57600, most=0.7)]

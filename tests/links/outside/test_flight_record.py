@@ -35,7 +35,14 @@ def test_a_missed_period_has_the_row_before_it():
     log = record([0, 1, 4, 5]).log(SCENARIO, None, {"missed": 2})
     assert log.time == pytest.approx(np.arange(6) / 200.0)
     assert log.position[:, 0].tolist() == [0.0, 1.0, 1.0, 1.0, 4.0, 5.0]
-    assert log.rotor_commands[:, 2].tolist() == [100.0, 101.0, 101.0, 101.0, 104.0, 105.0]
+    assert log.rotor_commands[:, 2].tolist() == [
+        100.0,
+        101.0,
+        101.0,
+        101.0,
+        104.0,
+        105.0,
+    ]
     assert log.efforts[:, 0].tolist() == [0.0, 1.0, 1.0, 1.0, 4.0, 5.0]
     assert log.info["outside"] == {"missed": 2}
     assert log.status == "completed"
@@ -49,7 +56,9 @@ def test_a_flight_that_never_began_has_an_empty_log(tmp_path):
 
 def test_references_stand_beside_the_estimates():
     log = record(range(1400)).log(SCENARIO, None, {})
-    assert log.position_reference[-1] == pytest.approx([*map(float, SCENARIO.reference.at(1399 / 200.0).position)])
+    assert log.position_reference[-1] == pytest.approx(
+        [*map(float, SCENARIO.reference.at(1399 / 200.0).position)]
+    )
 
 
 def test_a_scenario_with_an_estimator_leaves_a_log():

@@ -1,4 +1,6 @@
-"""Command ``skyarm fly``: words, results and exit codes, beside a stand-in for an autopilot."""
+"""Command ``skyarm fly``: words, results and exit codes, beside a stand-in for an
+autopilot.
+"""
 
 import json
 import signal
@@ -29,8 +31,15 @@ def fly(*more, **faults):
     port = free_port()
     with StandIn(port, **{"hover": 0.37} | faults) as peer:
         ended = skyarm(
-            "fly", "step.toml", "--link", f"mavlink://127.0.0.1:{port}", "--rate-bandwidth", "18,18,18",
-            "--patience", "5", *more,
+            "fly",
+            "step.toml",
+            "--link",
+            f"mavlink://127.0.0.1:{port}",
+            "--rate-bandwidth",
+            "18,18,18",
+            "--patience",
+            "5",
+            *more,
         )
     return ended, peer
 
@@ -78,14 +87,29 @@ def test_the_local_frame_can_be_the_world():
 
 
 def test_a_signal_hands_back_and_keeps_the_log(folder):
-    """The command itself, by its entry point: what ends it is no KeyboardInterrupt there."""
+    """The command itself, by its entry point: what ends it is no KeyboardInterrupt
+    there.
+    """
     port = free_port()
-    words = ("fly", "step.toml", "--link", f"mavlink://127.0.0.1:{port}", "--rate-bandwidth", "18,18,18")
+    words = (
+        "fly",
+        "step.toml",
+        "--link",
+        f"mavlink://127.0.0.1:{port}",
+        "--rate-bandwidth",
+        "18,18,18",
+    )
     with StandIn(port, hover=0.37) as peer:
         command = [sys.executable, "-m", "skyarm", *words, "--duration", "60"]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as child:
             until = time.monotonic() + 60.0
-            while "offboard" not in peer.modes and time.monotonic() < until and child.poll() is None:
+            while (
+                "offboard" not in peer.modes
+                and time.monotonic() < until
+                and child.poll() is None
+            ):
                 time.sleep(0.05)
             time.sleep(0.5)
             child.send_signal(signal.SIGINT)
@@ -110,15 +134,27 @@ def test_an_earlier_flight_is_kept():
     [
         (("--link", "udp:1"), "--link = 'udp:1': must be mavlink://HOST:PORT"),
         (("--link", "mavlink://127.0.0.1:1x"), "must be mavlink://HOST:PORT"),
-        (("--link", "mavlink://127.0.0.1:9", "--world", "there"), "--world = 'there': must be here or local"),
+        (
+            ("--link", "mavlink://127.0.0.1:9", "--world", "there"),
+            "--world = 'there': must be here or local",
+        ),
         (
             ("--link", "mavlink://127.0.0.1:9", "--rate-bandwidth", "18"),
             "--rate-bandwidth = '18': must be three numbers",
         ),
-        (("--link", "mavlink://127.0.0.1:9", "--rate-bandwidth", "18,nan,1"), "must be three numbers"),
+        (
+            ("--link", "mavlink://127.0.0.1:9", "--rate-bandwidth", "18,nan,1"),
+            "must be three numbers",
+        ),
         (("--link", "mavlink://127.0.0.1:9", "--leash", "-1"), "leash = -1.0"),
-        (("--link", "mavlink://127.0.0.1:9", "--leash", "nan"), "leash = nan: must be a finite number"),
-        (("--link", "mavlink://127.0.0.1:9", "--patience", "inf"), "patience = inf: must be a finite number"),
+        (
+            ("--link", "mavlink://127.0.0.1:9", "--leash", "nan"),
+            "leash = nan: must be a finite number",
+        ),
+        (
+            ("--link", "mavlink://127.0.0.1:9", "--patience", "inf"),
+            "patience = inf: must be a finite number",
+        ),
         (("--link", "mavlink://127.0.0.1:9", "--laws", "px4"), "must be a law"),
     ],
 )
@@ -132,11 +168,21 @@ def test_wrong_words_are_one_line(words, line):
 def test_an_arm_needs_its_port():
     ended = skyarm("fly", "case3", "--link", f"mavlink://127.0.0.1:{free_port()}")
     assert ended.code == 2
-    assert "--joints: is missing, must be given for the 2 joints of 'hummingbird_arm2'" in ended.err
+    assert (
+        "--joints: is missing, must be given for the 2 joints of 'hummingbird_arm2'"
+        in ended.err
+    )
 
 
 def test_nobody_there_is_one_line_and_no_folder():
-    ended = skyarm("fly", "step.toml", "--link", f"mavlink://127.0.0.1:{free_port()}", "--patience", "0.3")
+    ended = skyarm(
+        "fly",
+        "step.toml",
+        "--link",
+        f"mavlink://127.0.0.1:{free_port()}",
+        "--patience",
+        "0.3",
+    )
     assert ended.code == 2
     assert "no autopilot of PX4 or ArduPilot was heard within 0.3 s" in ended.err
     assert not Path("out").exists()

@@ -1,4 +1,6 @@
-"""Flights of a law by a stand-in for an autopilot: take-over, tracking, hand-back, and every way to lose the link."""
+"""Flights of a law by a stand-in for an autopilot: take-over, tracking, hand-back, and
+every way to lose the link.
+"""
 
 import contextlib
 import dataclasses
@@ -15,9 +17,19 @@ import pytest
 from links.outside.stand_in import StandIn, free_port
 from skyarm import load_scenario
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.links.joint_port import JointPortError, JointReading, JointServer, NoJoints, UdpJoints
+from skyarm.links.joint_port import (
+    JointPortError,
+    JointReading,
+    JointServer,
+    NoJoints,
+    UdpJoints,
+)
 from skyarm.links.outside import offboard
-from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, require_outside
+from skyarm.links.outside.offboard import (
+    OffboardFlight,
+    OffboardSettings,
+    require_outside,
+)
 from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
 from skyarm.links.outside.outside_law import OutsideLaw
 from skyarm.scenario.scenario_record import Change, ScenarioError, with_words
@@ -81,7 +93,9 @@ def flown(scenario, settings=SETTINGS, **faults):
 
 
 def test_the_law_flies_its_reference_from_where_the_vehicle_is(scenario):
-    """The stand-in's own path, in north, east, down, is the reference turned by its heading."""
+    """The stand-in's own path, in north, east, down, is the reference turned by its
+    heading.
+    """
     planned = scenario(2.0)
     log, peer = flown(planned)
     assert (log.status, log.info["cause"]) == ("completed", "")
@@ -109,15 +123,23 @@ def test_the_law_holds_the_first_reference_until_tracking_starts(scenario):
 
 
 def test_the_law_follows_its_reference_from_the_start_of_tracking_on(scenario):
-    at_once, later = flown(scenario(1.5))[1], flown(with_words(scenario(1.5), tracking_start=0.5))[1]
-    ways = [np.linalg.norm(np.array(peer.path[-1]) - peer.place) for peer in (at_once, later)]
+    at_once, later = (
+        flown(scenario(1.5))[1],
+        flown(with_words(scenario(1.5), tracking_start=0.5))[1],
+    )
+    ways = [
+        np.linalg.norm(np.array(peer.path[-1]) - peer.place)
+        for peer in (at_once, later)
+    ]
     assert ways[1] > 0.5 * ways[0] > 0.05
 
 
 def test_set_points_go_only_beside_heartbeats_and_end_with_the_flight(scenario):
     log, peer = flown(scenario(0.6))
     assert log.status == "completed"
-    assert {"HEARTBEAT", "TIMESYNC", "SET_ATTITUDE_TARGET", "COMMAND_LONG"} <= {*peer.seen}
+    assert {"HEARTBEAT", "TIMESYNC", "SET_ATTITUDE_TARGET", "COMMAND_LONG"} <= {
+        *peer.seen
+    }
     last = len(peer.seen) - 1 - peer.seen[::-1].index("SET_ATTITUDE_TARGET")
     # hold is asked for after the last set point
     assert "COMMAND_LONG" in peer.seen[last:]
@@ -130,12 +152,22 @@ def test_set_points_go_only_beside_heartbeats_and_end_with_the_flight(scenario):
     [
         ({"silent_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.5 s"),
         pytest.param(
-            {"nan_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.5 s", marks=pytest.mark.thorough
+            {"nan_at": 0.5},
+            "link_lost",
+            "no estimate from the autopilot for 0.5 s",
+            marks=pytest.mark.thorough,
         ),
         pytest.param(
-            {"back_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.5 s", marks=pytest.mark.thorough
+            {"back_at": 0.5},
+            "link_lost",
+            "no estimate from the autopilot for 0.5 s",
+            marks=pytest.mark.thorough,
         ),
-        ({"ahead_at": 0.5}, "link_lost", "the autopilot's clock went on by 1e+03 s between two estimates"),
+        (
+            {"ahead_at": 0.5},
+            "link_lost",
+            "the autopilot's clock went on by 1e+03 s between two estimates",
+        ),
         ({"leaves_at": 0.6}, "taken_back", "PX4 left the mode that takes set points"),
         ({"disarms_at": 0.6}, "taken_back", "PX4 is no longer armed"),
     ],
@@ -153,7 +185,9 @@ def test_a_fault_ends_the_flight_with_its_log(scenario, fault, status, cause):
     assert peer.setpoints[-1] - peer.setpoints[0] < 2.0
 
 
-def test_a_vehicle_that_its_pilot_has_just_taken_is_not_asked_to_hold(scenario, monkeypatch):
+def test_a_vehicle_that_its_pilot_has_just_taken_is_not_asked_to_hold(
+    scenario, monkeypatch
+):
     """The flight ends before it has noticed the pilot's mode."""
     monkeypatch.setattr(offboard, "MODE_KNOWN", 60.0)
     log, peer = flown(scenario(0.8), leaves_at=0.72)
@@ -162,10 +196,16 @@ def test_a_vehicle_that_its_pilot_has_just_taken_is_not_asked_to_hold(scenario, 
 
 
 def test_a_mode_that_is_entered_without_an_answer_is_handed_back(scenario, monkeypatch):
-    """It may follow the request at any time, so the vehicle is ours from the request on."""
+    """It may follow the request at any time, so the vehicle is ours from the request
+    on.
+    """
     monkeypatch.setattr(offboard, "TAKE_OVER", 0.4)
     peers = []
-    monkeypatch.setattr(StandIn, "__enter__", lambda self, enter=StandIn.__enter__: peers.append(self) or enter(self))
+    monkeypatch.setattr(
+        StandIn,
+        "__enter__",
+        lambda self, enter=StandIn.__enter__: peers.append(self) or enter(self),
+    )
     with pytest.raises(OffboardError, match="does not take set points"):
         flown(scenario(), mute=True)
     assert peers[0].asked[:1] == ["offboard"]
@@ -173,23 +213,33 @@ def test_a_mode_that_is_entered_without_an_answer_is_handed_back(scenario, monke
 
 
 def test_a_law_that_needs_an_accelerometer_flies_only_with_one(tmp_path):
-    (tmp_path / "indi.toml").write_text(SCENARIO.format(duration=1.0).replace("rotors_sim_position", "indi"))
+    (tmp_path / "indi.toml").write_text(
+        SCENARIO.format(duration=1.0).replace("rotors_sim_position", "indi")
+    )
     planned = load_scenario(str(tmp_path / "indi.toml"))
     log, _ = flown(planned)
     assert log.status == "completed"
     log, peer = flown(planned, forceless_at=0.3)
-    assert (log.status, log.info["cause"]) == ("link_lost", "no accelerometer reading from the autopilot for 0.5 s")
+    assert (log.status, log.info["cause"]) == (
+        "link_lost",
+        "no accelerometer reading from the autopilot for 0.5 s",
+    )
     assert peer.modes == ["offboard", "hold"]
     words = (
-        r"law 'indi' needs an accelerometer: raise the rate .* HIGHRES_IMU, or fly another law; no reading came within"
+        r"law 'indi' needs an accelerometer: raise the rate .* HIGHRES_IMU, or fly"
+        r" another law; no reading came within"
     )
     with pytest.raises(OffboardError, match=words) as error:
-        flown(planned, dataclasses.replace(SETTINGS, patience=0.4), forceless_at=-np.inf)
+        flown(
+            planned, dataclasses.replace(SETTINGS, patience=0.4), forceless_at=-np.inf
+        )
     assert "\n" not in str(error.value)
 
 
 def test_an_autopilot_that_waits_for_mavlink_2_is_flown(scenario):
-    """It begins in MAVLink 1, as PX4 does, and sends the message of its estimator only in MAVLink 2."""
+    """It begins in MAVLink 1, as PX4 does, and sends the message of its estimator only
+    in MAVLink 2.
+    """
     log, peer = flown(scenario(0.3), old="first")
     assert (log.status, peer.old) == ("completed", "")
 
@@ -269,7 +319,10 @@ def test_ctrl_c_hands_back(scenario, monkeypatch):
 
     monkeypatch.setattr(OffboardFlight, "_answer", stop)
     log, peer = flown(scenario(5.0))
-    assert (log.status, log.info["cause"]) == ("stopped", "stopped by Ctrl-C or a signal")
+    assert (log.status, log.info["cause"]) == (
+        "stopped",
+        "stopped by Ctrl-C or a signal",
+    )
     assert peer.modes == ["offboard", "hold"]
 
 
@@ -277,12 +330,39 @@ def test_ctrl_c_hands_back(scenario, monkeypatch):
     ("state", "words"),
     [
         ({"refuses": True}, "PX4 does not take set points"),
-        ({"armed": False}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.4 s"),
-        ({"offboard": True}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.4 s"),
-        ({"landed": True}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.4 s"),
-        ({"secrets": ("MPC_THR_HOVER",)}, "PX4 does not send its parameter MPC_THR_HOVER"),
+        (
+            {"armed": False},
+            (
+                "the vehicle was not armed, in the air and slow, in a mode of its own,"
+                " within 0.4 s"
+            ),
+        ),
+        (
+            {"offboard": True},
+            (
+                "the vehicle was not armed, in the air and slow, in a mode of its own,"
+                " within 0.4 s"
+            ),
+        ),
+        (
+            {"landed": True},
+            (
+                "the vehicle was not armed, in the air and slow, in a mode of its own,"
+                " within 0.4 s"
+            ),
+        ),
+        (
+            {"secrets": ("MPC_THR_HOVER",)},
+            "PX4 does not send its parameter MPC_THR_HOVER",
+        ),
         ({"hover": 0.01}, "PX4's MPC_THR_HOVER = 0.01: must be from 0.05 to 0.95"),
-        ({"autopilot": 3}, "ArduPilot's GUID_OPTIONS = 0: must include 8, so that thrust is not a climb rate"),
+        (
+            {"autopilot": 3},
+            (
+                "ArduPilot's GUID_OPTIONS = 0: must include 8, so that thrust is not a"
+                " climb rate"
+            ),
+        ),
         ({"autopilot": 8}, "no autopilot of PX4 or ArduPilot was heard"),
     ],
 )
@@ -296,21 +376,45 @@ def test_a_vehicle_that_cannot_be_taken_over_is_left_alone(scenario, state, word
 @pytest.mark.parametrize(
     ("autopilot", "wide", "numbers", "words"),
     [
-        (12, None, {"MC_YAW_TQ_CUTOFF": 2.0}, "PX4's MC_YAW_TQ_CUTOFF = 2: must be 0 or at least 8 Hz"),
-        (12, (18.0, 18.0, 6.0), {"MC_YAW_TQ_CUTOFF": 2.0}, "PX4's MC_YAW_TQ_CUTOFF = 2: must be 0 or at least 8 Hz"),
-        (3, (18.0, 18.0, 6.0), {"ATC_RAT_YAW_FLTE": 2.5}, "ArduPilot's ATC_RAT_YAW_FLTE = 2.5: must be 0 or at"),
+        (
+            12,
+            None,
+            {"MC_YAW_TQ_CUTOFF": 2.0},
+            "PX4's MC_YAW_TQ_CUTOFF = 2: must be 0 or at least 8 Hz",
+        ),
+        (
+            12,
+            (18.0, 18.0, 6.0),
+            {"MC_YAW_TQ_CUTOFF": 2.0},
+            "PX4's MC_YAW_TQ_CUTOFF = 2: must be 0 or at least 8 Hz",
+        ),
+        (
+            3,
+            (18.0, 18.0, 6.0),
+            {"ATC_RAT_YAW_FLTE": 2.5},
+            "ArduPilot's ATC_RAT_YAW_FLTE = 2.5: must be 0 or at",
+        ),
         (3, None, {}, "--rate-bandwidth: must be given for ArduPilot"),
     ],
 )
-def test_an_autopilot_whose_rate_loop_cannot_be_inverted_is_left_alone(scenario, autopilot, wide, numbers, words):
+def test_an_autopilot_whose_rate_loop_cannot_be_inverted_is_left_alone(
+    scenario, autopilot, wide, numbers, words
+):
     settings = dataclasses.replace(SETTINGS, rate_bandwidth=wide)
     with pytest.raises(OffboardError, match=words):
-        flown(scenario(), settings, autopilot=autopilot, numbers={"GUID_OPTIONS": 8.0, **numbers})
+        flown(
+            scenario(),
+            settings,
+            autopilot=autopilot,
+            numbers={"GUID_OPTIONS": 8.0, **numbers},
+        )
 
 
 def test_a_port_that_reads_another_number_of_joints_is_named(scenario, monkeypatch):
     monkeypatch.setattr(NoJoints, "read", lambda self: JointReading(0.0, (0.1,), ()))
-    with pytest.raises(JointPortError, match="--joints: 1 angles and 0 rates: must be 0 of each"):
+    with pytest.raises(
+        JointPortError, match="--joints: 1 angles and 0 rates: must be 0 of each"
+    ):
         flown(scenario())
 
 
@@ -345,7 +449,12 @@ def test_px4s_gains_are_read_where_no_bandwidth_is_given(scenario):
     with StandIn(port) as peer:
         link = OffboardLink(f"mavlink://127.0.0.1:{port}")
         try:
-            OffboardFlight(scenario(0.3), link, NoJoints(), dataclasses.replace(SETTINGS, rate_bandwidth=None)).run()
+            OffboardFlight(
+                scenario(0.3),
+                link,
+                NoJoints(),
+                dataclasses.replace(SETTINGS, rate_bandwidth=None),
+            ).run()
         finally:
             link.close()
         assert link.parameters["MC_ROLLRATE_P"] == pytest.approx(0.15)
@@ -366,7 +475,10 @@ def test_a_silent_arm_ends_the_flight(scenario, tmp_path):
     thread = threading.Thread(target=serve, daemon=True)
     thread.start()
     port = free_port()
-    arm, link = UdpJoints("127.0.0.1", server.port, 2), OffboardLink(f"mavlink://127.0.0.1:{port}")
+    arm, link = (
+        UdpJoints("127.0.0.1", server.port, 2),
+        OffboardLink(f"mavlink://127.0.0.1:{port}"),
+    )
     try:
         with StandIn(port) as peer:
             log = OffboardFlight(planned, link, arm, SETTINGS).run()
@@ -375,7 +487,10 @@ def test_a_silent_arm_ends_the_flight(scenario, tmp_path):
         thread.join()
         for each in (arm, link, server):
             each.close()
-    assert (log.status, log.info["cause"]) == ("link_lost", "no joint reading for 0.5 s")
+    assert (log.status, log.info["cause"]) == (
+        "link_lost",
+        "no joint reading for 0.5 s",
+    )
     assert peer.modes == ["offboard", "hold"]
 
 
@@ -394,19 +509,38 @@ def test_a_scenario_that_needs_a_simulator_is_refused(name, controller, words):
 
 @pytest.mark.parametrize(
     ("path", "refused"),
-    [("model.payload.mass", True), ("controller.gains.position.z", True), ("plant.base.mass", False)],
+    [
+        ("model.payload.mass", True),
+        ("controller.gains.position.z", True),
+        ("plant.base.mass", False),
+    ],
 )
-def test_changes_of_law_and_model_in_flight_are_refused_those_of_the_plant_are_not(path, refused):
-    scenario = dataclasses.replace(load_scenario("case3"), changes=(Change(at=1.0, path=path, value=0.9),))
+def test_changes_of_law_and_model_in_flight_are_refused_those_of_the_plant_are_not(
+    path, refused
+):
+    scenario = dataclasses.replace(
+        load_scenario("case3"), changes=(Change(at=1.0, path=path, value=0.9),)
+    )
     if not refused:
         return require_outside(scenario)
-    with pytest.raises(ScenarioError, match=f"changes: {path} at 1 s: must be left out"):
+    with pytest.raises(
+        ScenarioError, match=f"changes: {path} at 1 s: must be left out"
+    ):
         require_outside(scenario)
 
 
 def test_a_law_that_reads_a_force_sensor_is_refused():
-    begun, soft = load_scenario("case3"), {"mass": [1.0] * 3, "damping": [10.0] * 3, "stiffness": [0.0] * 3}
-    law = make_centroidal(begun.controller.par.model, mode="tip", admittance=soft, force_sensor=True)
+    begun, soft = (
+        load_scenario("case3"),
+        {
+            "mass": [1.0] * 3,
+            "damping": [10.0] * 3,
+            "stiffness": [0.0] * 3,
+        },
+    )
+    law = make_centroidal(
+        begun.controller.par.model, mode="tip", admittance=soft, force_sensor=True
+    )
     with pytest.raises(ScenarioError, match="must leave force_sensor out"):
         require_outside(begun.with_controller(law))
 
@@ -422,7 +556,9 @@ def test_a_flight_holds_no_port_after_its_end(scenario):
 
 
 class LateJoints(NoJoints):
-    """Joint port whose first reading comes some reads after the autopilot's first heartbeat."""
+    """Joint port whose first reading comes some reads after the autopilot's first
+    heartbeat.
+    """
 
     def __init__(self, link, reads):
         self.link, self.left = link, reads
@@ -432,14 +568,22 @@ class LateJoints(NoJoints):
         return super().read() if self.left < 0 else None
 
 
-@pytest.mark.parametrize(("reads", "silent"), [(5, "--link: the autopilot's estimator"), (10**9, "--joints: the arm")])
+@pytest.mark.parametrize(
+    ("reads", "silent"),
+    [(5, "--link: the autopilot's estimator"), (10**9, "--joints: the arm")],
+)
 def test_the_silent_one_of_estimator_and_arm_is_named(scenario, reads, silent):
-    """The arm is not blamed for an estimator that says nothing after the arm's first reading came late."""
+    """The arm is not blamed for an estimator that says nothing after the arm's first
+    reading came late.
+    """
     port = free_port()
     link = OffboardLink(f"mavlink://127.0.0.1:{port}")
     try:
         flight = OffboardFlight(scenario(1.0), link, LateJoints(link, reads), SETTINGS)
-        with StandIn(port, hover=0.37, nan_at=-np.inf), pytest.raises(OffboardError, match=f"^{silent} sent nothing"):
+        with (
+            StandIn(port, hover=0.37, nan_at=-np.inf),
+            pytest.raises(OffboardError, match=f"^{silent} sent nothing"),
+        ):
             flight.run()
     finally:
         link.close()

@@ -1,4 +1,6 @@
-"""MAVLink of a law to an autopilot: addresses, who is heard, what is believed, and what goes out."""
+"""MAVLink of a law to an autopilot: addresses, who is heard, what is believed, and what
+goes out.
+"""
 
 import math
 import random
@@ -12,7 +14,12 @@ from links.outside.stand_in import version_1
 from skyarm.algebra import Vec3
 from skyarm.links import mavlink
 from skyarm.links.outside import offboard_link
-from skyarm.links.outside.offboard_link import MODES, OffboardError, OffboardLink, parse_link
+from skyarm.links.outside.offboard_link import (
+    MODES,
+    OffboardError,
+    OffboardLink,
+    parse_link,
+)
 from skyarm.links.outside.rate_commands import RateCommand
 
 QUATERNION = (0.5, 0.5, -0.5, 0.5)
@@ -30,18 +37,43 @@ class Peer:
 
     def say(self, name, component=1, **fields):
         self.sequence += 1
-        frame = mavlink.pack(name, sequence=self.sequence, system=self.system, component=component, **fields)
+        frame = mavlink.pack(
+            name,
+            sequence=self.sequence,
+            system=self.system,
+            component=component,
+            **fields,
+        )
         self.socket.sendto(frame, self.to)
         self.link.wait(0.2)
 
     def heartbeat(self, **fields):
         self.say(
-            "HEARTBEAT", **{"autopilot": 12, "type": 2, "base_mode": 128, "custom_mode": 4 << 16 | 3 << 24} | fields
+            "HEARTBEAT",
+            **{
+                "autopilot": 12,
+                "type": 2,
+                "base_mode": 128,
+                "custom_mode": 4 << 16 | 3 << 24,
+            }
+            | fields,
         )
 
     def odometry(self, at, **fields):
-        words = {"q": QUATERNION, "x": 1.0, "y": 2.0, "z": 3.0, "vx": 4.0, "vy": 5.0, "vz": 6.0, "frame_id": 1}
-        self.say("ODOMETRY", **words | {"time_usec": round(1e6 * at), "child_frame_id": 1} | fields)
+        words = {
+            "q": QUATERNION,
+            "x": 1.0,
+            "y": 2.0,
+            "z": 3.0,
+            "vx": 4.0,
+            "vy": 5.0,
+            "vz": 6.0,
+            "frame_id": 1,
+        }
+        self.say(
+            "ODOMETRY",
+            **words | {"time_usec": round(1e6 * at), "child_frame_id": 1} | fields,
+        )
 
     def heard(self):
         return self.parser.feed(self.socket.recv(4096))[0]
@@ -88,13 +120,20 @@ def test_another_address_is_refused_in_one_line(url):
 
 def test_both_kinds_of_address():
     assert parse_link("mavlink://127.0.0.1:14540") == ("mavlink", "127.0.0.1", 14540)
-    assert parse_link("mavlink-out://10.0.0.2:14580") == ("mavlink-out", "10.0.0.2", 14580)
+    assert parse_link("mavlink-out://10.0.0.2:14580") == (
+        "mavlink-out",
+        "10.0.0.2",
+        14580,
+    )
 
 
 def test_a_taken_port_is_one_line(link):
     port = link._socket.getsockname()[1]
     begun = time.monotonic()
-    with pytest.raises(OffboardError, match=f"--link = 'mavlink://127.0.0.1:{port}': Address already in use"):
+    with pytest.raises(
+        OffboardError,
+        match=f"--link = 'mavlink://127.0.0.1:{port}': Address already in use",
+    ):
         OffboardLink(f"mavlink://127.0.0.1:{port}", patience=0.3)
     assert 0.2 < time.monotonic() - begun < 2.0
 
@@ -119,7 +158,9 @@ def test_a_link_that_calls_hears_only_whom_it_calls():
     ):
         other.bind(("127.0.0.1", 0))
         link = OffboardLink(f"mavlink-out://127.0.0.1:{other.getsockname()[1]}")
-        frame = mavlink.pack("HEARTBEAT", sequence=1, system=3, component=1, autopilot=12, type=2)
+        frame = mavlink.pack(
+            "HEARTBEAT", sequence=1, system=3, component=1, autopilot=12, type=2
+        )
         try:
             link.beat()
             own = link._socket.getsockname()
@@ -157,7 +198,11 @@ def test_an_estimate_comes_in_our_axes(link, peer):
     assert link.armed
     peer.odometry(5.0, rollspeed=0.1, pitchspeed=0.2, yawspeed=0.3)
     state = link.take()
-    assert (state.time, [*state.position], [*state.velocity]) == (5.0, [1.0, -2.0, -3.0], [4.0, -5.0, -6.0])
+    assert (state.time, [*state.position], [*state.velocity]) == (
+        5.0,
+        [1.0, -2.0, -3.0],
+        [4.0, -5.0, -6.0],
+    )
     assert [*state.rate] == pytest.approx([0.1, -0.2, -0.3])
     assert [*state.quaternion] == pytest.approx([0.5, 0.5, 0.5, -0.5])
     assert state.specific_force is None
@@ -168,11 +213,13 @@ def test_a_velocity_in_body_axes_is_turned(link, peer):
     peer.heartbeat()
     peer.odometry(5.0, child_frame_id=12)
     w, x, y, z = QUATERNION
-    R = np.array([  # of the wire, body to north, east, down
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])
+    R = np.array(
+        [  # of the wire, body to north, east, down
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
     north, east, down = R @ [4.0, 5.0, 6.0]
     assert [*link.take().velocity] == pytest.approx([north, -east, -down])
 
@@ -185,7 +232,9 @@ def test_an_attitude_carries_the_place_on(link, peer):
     peer.say("ATTITUDE_QUATERNION", time_boot_ms=5008, rollspeed=1.0, **names)
     state = link.take()
     assert state.time == pytest.approx(5.008)
-    assert [*state.position] == pytest.approx([1.0 + 4.0 * 0.008, -2.0 - 5.0 * 0.008, -3.0 - 6.0 * 0.008])
+    assert [*state.position] == pytest.approx(
+        [1.0 + 4.0 * 0.008, -2.0 - 5.0 * 0.008, -3.0 - 6.0 * 0.008]
+    )
     assert state.rate.x == 1.0
     peer.odometry(5.012)  # only a place, while attitudes come
     assert link.take() is None
@@ -209,7 +258,13 @@ def test_the_accelerometer_goes_with_the_next_estimate(link, peer):
 
 @pytest.mark.parametrize(
     "fields",
-    [{"x": math.nan}, {"vy": math.inf}, {"q": (0.0,) * 4}, {"q": (2.0, 0.0, 0.0, 0.0)}, {"rollspeed": math.nan}],
+    [
+        {"x": math.nan},
+        {"vy": math.inf},
+        {"q": (0.0,) * 4},
+        {"q": (2.0, 0.0, 0.0, 0.0)},
+        {"rollspeed": math.nan},
+    ],
 )
 def test_numbers_that_are_no_state_are_not_taken(link, peer, fields):
     peer.heartbeat()
@@ -227,7 +282,10 @@ def test_an_older_estimate_is_not_taken(link, peer):
     assert link.take() is None
 
 
-@pytest.mark.parametrize(("attitude", "taken"), [((0.6, 0.0, 0.8, 0.0), True), ((0.5, 0.5, 0.5, -0.6), False)])
+@pytest.mark.parametrize(
+    ("attitude", "taken"),
+    [((0.6, 0.0, 0.8, 0.0), True), ((0.5, 0.5, 0.5, -0.6), False)],
+)
 def test_a_quaternion_has_unit_length(link, peer, attitude, taken):
     peer.heartbeat()
     peer.odometry(2.0, q=attitude)
@@ -244,7 +302,12 @@ def test_an_estimate_of_the_same_instant_is_the_same(link, peer):
 
 
 def test_a_wait_that_is_over_reads_what_has_come(link, peer):
-    peer.socket.sendto(mavlink.pack("HEARTBEAT", sequence=0, system=3, component=1, autopilot=12, type=2), peer.to)
+    peer.socket.sendto(
+        mavlink.pack(
+            "HEARTBEAT", sequence=0, system=3, component=1, autopilot=12, type=2
+        ),
+        peer.to,
+    )
     link.wait(-1.0)
     assert link.modes is MODES[12]
 
@@ -252,7 +315,9 @@ def test_a_wait_that_is_over_reads_what_has_come(link, peer):
 def test_an_autopilot_that_begins_in_mavlink_1_is_answered_in_mavlink_2(link, peer):
     """PX4 and ArduPilot change to version 2 once they hear it, and wait for it."""
     assert link.hint == ""
-    beat = mavlink.pack("HEARTBEAT", sequence=0, system=3, autopilot=12, type=2, base_mode=128)
+    beat = mavlink.pack(
+        "HEARTBEAT", sequence=0, system=3, autopilot=12, type=2, base_mode=128
+    )
     peer.socket.sendto(version_1(beat), peer.to)
     link.wait(0.2)
     assert (link.has_autopilot, link.system, link.armed) == (True, 3, True)
@@ -285,17 +350,30 @@ def test_a_set_point_has_rates_and_thrust_in_the_wires_axes(link, peer):
     peer.heartbeat()
     link.send(RateCommand(rates=Vec3(0.1, 0.2, 0.3), thrust=0.4))
     found = peer.heard()
-    assert (found.name, found["type_mask"], found["target_system"], found.system) == ("SET_ATTITUDE_TARGET", 128, 3, 3)
+    assert (found.name, found["type_mask"], found["target_system"], found.system) == (
+        "SET_ATTITUDE_TARGET",
+        128,
+        3,
+        3,
+    )
     rates = [found[f"body_{axis}_rate"] for axis in ("roll", "pitch", "yaw")]
     assert [*rates, found["thrust"]] == pytest.approx([0.1, -0.2, -0.3, 0.4])
 
 
-@pytest.mark.parametrize(("number", "outside", "hold"), [(12, (6, 0), (4, 3)), (3, (4, 0), (17, 0))])
-def test_modes_are_asked_for_by_the_autopilots_numbers(link, peer, number, outside, hold):
+@pytest.mark.parametrize(
+    ("number", "outside", "hold"), [(12, (6, 0), (4, 3)), (3, (4, 0), (17, 0))]
+)
+def test_modes_are_asked_for_by_the_autopilots_numbers(
+    link, peer, number, outside, hold
+):
     peer.heartbeat(autopilot=number)
     link.request_outside()
     found = peer.heard()
-    assert (found["command"], found["param1"], found["param2"], found["param3"]) == (176, 1.0, *outside)
+    assert (found["command"], found["param1"], found["param2"], found["param3"]) == (
+        176,
+        1.0,
+        *outside,
+    )
     link.request_hold()
     found = peer.heard()
     assert (found["param2"], found["param3"]) == hold
@@ -325,7 +403,10 @@ def test_an_answer_to_the_mode_says_whether_it_was_taken(link, peer):
     assert link.accepted
 
 
-@pytest.mark.parametrize("other", [{"target_system": 255}, {"target_component": 190}, {"target_component": 0}])
+@pytest.mark.parametrize(
+    "other",
+    [{"target_system": 255}, {"target_component": 190}, {"target_component": 0}],
+)
 def test_an_answer_to_another_program_is_none_to_us(link, peer, other):
     """A ground station asks for modes, too."""
     peer.heartbeat()
@@ -379,7 +460,9 @@ def test_streams_are_asked_for_by_interval(link, peer):
 def test_ardupilot_is_asked_for_no_rate_that_it_refuses(link, peer):
     peer.heartbeat(autopilot=3)
     link.request_estimates(200.0)
-    asked = {found["param1"]: found["param2"] for found in (peer.heard() for _ in range(6))}
+    asked = {
+        found["param1"]: found["param2"] for found in (peer.heard() for _ in range(6))
+    }
     assert asked[31.0] == asked[32.0] == 4000.0
 
 
@@ -388,12 +471,22 @@ def test_garbage_leaves_the_link_as_it_was(link, peer):
     peer.odometry(5.0)
     first = link.take()
     rng = random.Random(1)
-    good = mavlink.pack("ODOMETRY", sequence=1, system=3, time_usec=6_000_000, q=QUATERNION, child_frame_id=1)
+    good = mavlink.pack(
+        "ODOMETRY",
+        sequence=1,
+        system=3,
+        time_usec=6_000_000,
+        q=QUATERNION,
+        child_frame_id=1,
+    )
     for _ in range(2000):
         damaged = bytearray(good)
         for _ in range(rng.choice((1, 2, 3))):
             damaged[rng.randrange(len(damaged))] ^= rng.randint(1, 255)
-        peer.socket.sendto(rng.choice([bytes(damaged), rng.randbytes(rng.randint(0, 300))]), link._socket.getsockname())
+        peer.socket.sendto(
+            rng.choice([bytes(damaged), rng.randbytes(rng.randint(0, 300))]),
+            link._socket.getsockname(),
+        )
         link.wait(0.0)
     link.wait(0.2)
     assert link.state == first

@@ -1,4 +1,6 @@
-"""A law in one process, simulator and a real PX4 in another: it flies its circle, and a cut link loses no vehicle."""
+"""A law in one process, simulator and a real PX4 in another: it flies its circle, and a
+cut link loses no vehicle.
+"""
 
 import os
 
@@ -8,7 +10,10 @@ from cut_links import cut_links
 
 pytestmark = [
     pytest.mark.thorough,
-    pytest.mark.skipif(not os.environ.get("SKYARM_PX4"), reason="SKYARM_PX4 does not name PX4's program"),
+    pytest.mark.skipif(
+        not os.environ.get("SKYARM_PX4"),
+        reason="SKYARM_PX4 does not name PX4's program",
+    ),
 ]
 
 

@@ -1,4 +1,6 @@
-"""Axes of the wire and ours, and the world of a scenario in an autopilot's local frame."""
+"""Axes of the wire and ours, and the world of a scenario in an autopilot's local
+frame.
+"""
 
 import math
 
@@ -48,10 +50,16 @@ def test_a_scenario_begins_where_the_vehicle_is():
     seen = frame.measurement(at, ARM, 7.0)
     assert [*seen.position] == pytest.approx([1.0, 2.0, 3.0])
     assert yaw_of(seen.quaternion) == pytest.approx(0.4)
-    assert (seen.time, seen.joints, seen.joint_rates) == (7.0, ARM.joints, ARM.joint_rates)
+    assert (seen.time, seen.joints, seen.joint_rates) == (
+        7.0,
+        ARM.joints,
+        ARM.joint_rates,
+    )
     assert seen.rate == at.rate
     # the turn is about the vertical: the angle to it stays
-    assert matrix(seen.quaternion)[2] == pytest.approx(matrix(at.quaternion)[2], abs=1e-12)
+    assert matrix(seen.quaternion)[2] == pytest.approx(
+        matrix(at.quaternion)[2], abs=1e-12
+    )
 
 
 def test_motion_in_the_local_frame_turns_into_the_world():
@@ -63,7 +71,9 @@ def test_motion_in_the_local_frame_turns_into_the_world():
     seen = frame.measurement(moved, ARM, 0.0)
     assert [*seen.position] == pytest.approx((R @ [0.3, -0.2, 0.1]).tolist())
     assert [*seen.velocity] == pytest.approx((R @ [*at.velocity]).tolist())
-    assert matrix(seen.quaternion) == pytest.approx(R @ matrix(at.quaternion), abs=1e-12)
+    assert matrix(seen.quaternion) == pytest.approx(
+        R @ matrix(at.quaternion), abs=1e-12
+    )
 
 
 def test_the_local_frame_is_the_world_unless_it_is_moved():
@@ -74,7 +84,13 @@ def test_the_local_frame_is_the_world_unless_it_is_moved():
 
 
 def test_no_specific_force_is_made_up_where_none_is_sent():
-    """Three zeros are no reading to every law; gravity in their place would be a sensor that always agrees."""
-    assert [*WorldFrame().measurement(state(5), ARM, 0.0).specific_force] == [0.0, 0.0, 0.0]
+    """Three zeros are no reading to every law; gravity in their place would be a sensor
+    that always agrees.
+    """
+    assert [*WorldFrame().measurement(state(5), ARM, 0.0).specific_force] == [
+        0.0,
+        0.0,
+        0.0,
+    ]
     told = state(5, specific_force=Vec3(1.0, 2.0, 3.0))
     assert [*WorldFrame().measurement(told, ARM, 0.0).specific_force] == [1.0, 2.0, 3.0]

@@ -74,14 +74,25 @@ def test_an_infinite_pace_waits_for_nothing(clock):
 
 
 def test_a_flight_takes_its_time_and_its_numbers_are_those_of_run(clock):
-    scenario, node, seen = package.load_scenario("case3_wind", duration=SHORT), MemoryNode(), []
-    live = fly_live(scenario, node, advance=lambda *counts: seen.append(counts), warn=pytest.fail)
+    scenario, node, seen = (
+        package.load_scenario("case3_wind", duration=SHORT),
+        MemoryNode(),
+        [],
+    )
+    live = fly_live(
+        scenario, node, advance=lambda *counts: seen.append(counts), warn=pytest.fail
+    )
     assert clock.now == pytest.approx(100.0 + SHORT - 0.005)
     plain = package.run(scenario)
     for name in ("position", "rotor_commands", "joints", "time"):
         assert np.array_equal(live.log[name], plain[name])
     assert live.log.status == "completed"
-    assert (live.commanded, live.goals, live.interrupted, live.lines) == (0, 0, None, [])
+    assert (live.commanded, live.goals, live.interrupted, live.lines) == (
+        0,
+        0,
+        None,
+        [],
+    )
     assert seen[-1] == (100, 100)
     assert node.closed
 
@@ -105,7 +116,12 @@ def interrupt(_node: Ending) -> None:
 
 def test_ctrl_c_keeps_what_was_flown():
     node = Ending(interrupt)
-    live = fly_live(package.load_scenario("case3", duration=SHORT), node, pace=math.inf, warn=pytest.fail)
+    live = fly_live(
+        package.load_scenario("case3", duration=SHORT),
+        node,
+        pace=math.inf,
+        warn=pytest.fail,
+    )
     assert isinstance(live.interrupted, KeyboardInterrupt)
     assert (live.log.status, live.log.time.size) == ("running", 20)
     assert node.closed
@@ -117,7 +133,12 @@ def test_an_error_closes_the_node_and_goes_on():
 
     node = Ending(fail)
     with pytest.raises(OSError, match="gone"):
-        fly_live(package.load_scenario("case3", duration=SHORT), node, pace=math.inf, warn=pytest.fail)
+        fly_live(
+            package.load_scenario("case3", duration=SHORT),
+            node,
+            pace=math.inf,
+            warn=pytest.fail,
+        )
     assert node.closed
 
 
@@ -127,34 +148,70 @@ def test_a_topic_that_cannot_be_written_ends_the_flight_and_keeps_its_log():
 
     told: list[str] = []
     node = Ending(fail)
-    live = fly_live(package.load_scenario("case3", duration=SHORT), node, pace=math.inf, warn=told.append)
-    assert told == ["ROS 2 topic /clock: cannot be written (out of resources); the flight ends after 0.1 s"]
-    assert (live.log.status, live.log.time.size, live.interrupted) == ("running", 20, None)
+    live = fly_live(
+        package.load_scenario("case3", duration=SHORT),
+        node,
+        pace=math.inf,
+        warn=told.append,
+    )
+    assert told == [
+        "ROS 2 topic /clock: cannot be written (out of resources); the flight ends"
+        " after 0.1 s"
+    ]
+    assert (live.log.status, live.log.time.size, live.interrupted) == (
+        "running",
+        20,
+        None,
+    )
     assert node.closed
 
 
 def test_a_reference_that_takes_no_goals_says_so_once():
     told: list[str] = []
     changes = (package.Change(at=0.1, path="reference.z.value", value=1.1),)
-    scenario = dataclasses.replace(package.load_scenario("case3", duration=SHORT), changes=changes)
+    scenario = dataclasses.replace(
+        package.load_scenario("case3", duration=SHORT), changes=changes
+    )
     live = fly_live(scenario, MemoryNode(), pace=math.inf, warn=told.append)
     assert len(told) == 1
-    assert told[0].startswith("no goals are taken on /skyarm/goal and /skyarm/joint_goal, since of the reference it")
+    assert told[0].startswith(
+        "no goals are taken on /skyarm/goal and /skyarm/joint_goal, since of the"
+        " reference it"
+    )
     assert np.array_equal(live.log.position, package.run(scenario).position)
 
 
 def test_the_command_flies_with_topics_and_closes_its_node(tmp_path, monkeypatch):
     nodes = memory_nodes(monkeypatch)
-    done = skyarm("run", "case3", "--duration", "0.5", "--ros", "2", "--pace", "0", "--json", "--log",
-                  str(tmp_path / "flight.npz"))
+    done = skyarm(
+        "run",
+        "case3",
+        "--duration",
+        "0.5",
+        "--ros",
+        "2",
+        "--pace",
+        "0",
+        "--json",
+        "--log",
+        str(tmp_path / "flight.npz"),
+    )
     assert (done.code, done.err) == (0, "")
-    assert json.loads(done.out)["ros"] == {"version": 2, "commanded": 0, "goals": 0, "late_s": 0.0}
+    assert json.loads(done.out)["ros"] == {
+        "version": 2,
+        "commanded": 0,
+        "goals": 0,
+        "late_s": 0.0,
+    }
     (node,) = nodes
     assert node.kinds["/odom"] == "nav_msgs/Odometry"
     assert "/skyarm/command" in node.heard
     assert node.closed
     flown = package.load_log(tmp_path / "flight.npz")
-    assert np.array_equal(flown.position, package.run(package.load_scenario("case3", duration=0.5)).position)
+    assert np.array_equal(
+        flown.position,
+        package.run(package.load_scenario("case3", duration=0.5)).position,
+    )
 
 
 @pytest.mark.parametrize(
@@ -162,15 +219,23 @@ def test_the_command_flies_with_topics_and_closes_its_node(tmp_path, monkeypatch
     [
         (("--ros", "3"), "--ros = 3: must be 2;"),
         (("--pace", "2"), "--pace: must be left out without --ros"),
-        (("--ros", "2", "--pace", "-1"), "--pace = -1: must be a finite number, 0 or above"),
+        (
+            ("--ros", "2", "--pace", "-1"),
+            "--pace = -1: must be a finite number, 0 or above",
+        ),
         (("--ros", "2", "--pace", "inf"), "--pace = inf: must be a finite number"),
         (
             ("--ros", "1"),
-            "--ros = 1: must be 2; ROS 1 ended in May 2025, and ros1_bridge connects its nodes to --ros 2",
+            (
+                "--ros = 1: must be 2; ROS 1 ended in May 2025, and ros1_bridge"
+                " connects its nodes to --ros 2"
+            ),
         ),
     ],
 )
-def test_what_cannot_be_is_one_line_and_writes_nothing(tmp_path, monkeypatch, words, said):
+def test_what_cannot_be_is_one_line_and_writes_nothing(
+    tmp_path, monkeypatch, words, said
+):
     monkeypatch.chdir(tmp_path)
     refused(skyarm("run", "case3", "--duration", "0.5", *words), said)
     assert not any(tmp_path.iterdir())
@@ -179,4 +244,7 @@ def test_what_cannot_be_is_one_line_and_writes_nothing(tmp_path, monkeypatch, wo
 def test_ros_2_without_its_library_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "cyclonedds", None)
     monkeypatch.setitem(sys.modules, "cyclonedds.core", None)
-    refused(skyarm("run", "case3", "--duration", "0.5", "--ros", "2"), "cyclonedds: is missing; ROS 2 needs the extra")
+    refused(
+        skyarm("run", "case3", "--duration", "0.5", "--ros", "2"),
+        "cyclonedds: is missing; ROS 2 needs the extra",
+    )

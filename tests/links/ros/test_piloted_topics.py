@@ -1,4 +1,6 @@
-"""Live topics of a flight under an autopilot: goals are its set points; commands are none of ROS's."""
+"""Live topics of a flight under an autopilot: goals are its set points; commands are
+none of ROS's.
+"""
 
 from __future__ import annotations
 
@@ -24,16 +26,32 @@ class Steering(MemoryNode):
     def send(self, topic: str, data: bytes) -> None:
         super().send(topic, data)
         if topic == "/clock" and len(self.sent[topic]) == 10:
-            pose = {"position": {"x": 0.2, "y": 0.0, "z": 1.1}, "orientation": {"w": 1.0}}
-            self.inbox[GOAL] = [encode("geometry_msgs/PoseStamped", DEFINITIONS, {"pose": pose}, 1)[0].tobytes()]
+            pose = {
+                "position": {"x": 0.2, "y": 0.0, "z": 1.1},
+                "orientation": {"w": 1.0},
+            }
+            self.inbox[GOAL] = [
+                encode("geometry_msgs/PoseStamped", DEFINITIONS, {"pose": pose}, 1)[
+                    0
+                ].tobytes()
+            ]
             numbers = {"data": np.zeros(6)}
-            self.inbox[COMMAND] = [encode("std_msgs/Float64MultiArray", DEFINITIONS, numbers, 1)[0].tobytes()]
+            self.inbox[COMMAND] = [
+                encode("std_msgs/Float64MultiArray", DEFINITIONS, numbers, 1)[
+                    0
+                ].tobytes()
+            ]
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="the stand-in is started by a shell")
+@pytest.mark.skipif(
+    sys.platform == "win32", reason="the stand-in is started by a shell"
+)
 def test_an_autopilot_follows_goals_and_takes_no_commands(tmp_path, monkeypatch):
     program, script = tmp_path / "arducopter", Path(ardupilot_stand_in.__file__)
-    program.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} {shlex.quote(str(script))} "$@"\n')
+    program.write_text(
+        f"#!/bin/sh\nexec {shlex.quote(sys.executable)} {shlex.quote(str(script))}"
+        ' "$@"\n'
+    )
     program.chmod(0o755)
     monkeypatch.setenv("SKYARM_ARDUPILOT", str(program))
     monkeypatch.setenv("PYTHONPATH", str(Path(skyarm.__file__).parents[1]))

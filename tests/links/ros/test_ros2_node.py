@@ -1,4 +1,6 @@
-"""A node of ROS 2 against cyclonedds's own types and encoder, and against Fast DDS where it is."""
+"""A node of ROS 2 against cyclonedds's own types and encoder, and against Fast DDS
+where it is.
+"""
 
 import errno
 import os
@@ -83,17 +85,31 @@ def node():
 
 
 def test_messages_go_both_ways_through_types_of_another_hand(node):
-    """In one process and domain: the other participant has types and an encoder that are not ours."""
+    """In one process and domain: the other participant has types and an encoder that
+    are not ours.
+    """
     other = DomainParticipant(DOMAIN)
-    topics = [Topic(other, f"rt/{name}", Numbers) for name in ("skyarm/applied", "skyarm/command")]
-    reader = DataReader(other, topics[0], qos=Qos(Policy.Reliability.Reliable(1000), Policy.History.KeepAll))
+    topics = [
+        Topic(other, f"rt/{name}", Numbers)
+        for name in ("skyarm/applied", "skyarm/command")
+    ]
+    reader = DataReader(
+        other,
+        topics[0],
+        qos=Qos(Policy.Reliability.Reliable(1000), Policy.History.KeepAll),
+    )
     writer = DataWriter(other, topics[1])
     node.advertise("/skyarm/applied", NUMBERS)
     node.subscribe("/skyarm/command", NUMBERS)
     wait_until(lambda: node.subscribers("/skyarm/applied") == 1)
-    values = {"data": np.array([1.5, -2.5]), "layout": {"dim": [{"label": "rotors", "size": 2}], "data_offset": 1}}
+    values = {
+        "data": np.array([1.5, -2.5]),
+        "layout": {"dim": [{"label": "rotors", "size": 2}], "data_offset": 1},
+    }
     for _ in range(20):
-        node.send("/skyarm/applied", encode(NUMBERS, DEFINITIONS, values, 1)[0].tobytes())
+        node.send(
+            "/skyarm/applied", encode(NUMBERS, DEFINITIONS, values, 1)[0].tobytes()
+        )
     found: list[Numbers] = []
     wait_until(lambda: found.extend(reader.take(100)) or len(found) == 20)
     assert found[-1] == Numbers(Layout([Dimension("rotors", 2, 0)], 1), [1.5, -2.5])
@@ -112,7 +128,10 @@ def test_messages_go_both_ways_through_types_of_another_hand(node):
 def test_a_latched_message_goes_to_whoever_comes_later(node):
     node.advertise("/tf_static", NUMBERS, latched=True)
     for value in (1.0, 2.0):
-        node.send("/tf_static", encode(NUMBERS, DEFINITIONS, {"data": np.array([value])}, 1)[0].tobytes())
+        node.send(
+            "/tf_static",
+            encode(NUMBERS, DEFINITIONS, {"data": np.array([value])}, 1)[0].tobytes(),
+        )
     other = DomainParticipant(DOMAIN)
     qos = Qos(Policy.Reliability.Reliable(1000), Policy.Durability.TransientLocal)
     reader = DataReader(other, Topic(other, "rt/tf_static", Numbers), qos=qos)
@@ -135,12 +154,33 @@ def test_every_type_has_the_name_and_the_bytes_of_ros_2(node, kind):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="sockets are listed by Linux")
 def test_sockets_receive_from_loopback_only(node):
-    own = {os.readlink(f"/proc/self/fd/{each}")[8:-1] for each in os.listdir("/proc/self/fd") if is_socket(each)}
-    rows = [line.split() for line in Path("/proc/self/net/udp").read_text("utf-8").splitlines()[1:]]
-    ports = {int(row[1].partition(":")[2], 16): row[1].partition(":")[0] for row in rows if row[9] in own}
-    listening = {port: address for port, address in ports.items() if 7400 + 250 * DOMAIN <= port < 7650 + 250 * DOMAIN}
+    own = {
+        os.readlink(f"/proc/self/fd/{each}")[8:-1]
+        for each in os.listdir("/proc/self/fd")
+        if is_socket(each)
+    }
+    rows = [
+        line.split()
+        for line in Path("/proc/self/net/udp").read_text("utf-8").splitlines()[1:]
+    ]
+    ports = {
+        int(row[1].partition(":")[2], 16): row[1].partition(":")[0]
+        for row in rows
+        if row[9] in own
+    }
+    listening = {
+        port: address
+        for port, address in ports.items()
+        if 7400 + 250 * DOMAIN <= port < 7650 + 250 * DOMAIN
+    }
     assert listening
-    shown = subprocess.run(["ss", "-uln"], capture_output=True, text=True, check=False).stdout if which("ss") else ""
+    shown = (
+        subprocess.run(
+            ["ss", "-uln"], capture_output=True, text=True, check=False
+        ).stdout
+        if which("ss")
+        else ""
+    )
     for port in listening if shown else ():
         assert f"%lo:{port}" in shown or f"127.0.0.1:{port}" in shown
 
@@ -155,11 +195,23 @@ def test_sockets_that_cannot_be_kept_to_loopback_are_refused_in_one_line(monkeyp
     before = set(os.listdir("/proc/self/fd"))
     monkeypatch.setattr("skyarm.links.ros.ros2_node.socket.socket", Refusing)
     with pytest.raises(
-        RosError, match=r"^ROS 2: its sockets cannot be kept .* \(Operation not permitted\); .*CYCLONE"
+        RosError,
+        match=(
+            r"^ROS 2: its sockets cannot be kept .* \(Operation not permitted\);"
+            r" .*CYCLONE"
+        ),
     ) as refused:
         Ros2Node(DOMAIN)
     assert refused.tb  # holds the node, whose sockets are closed all the same
-    wait_until(lambda: not [each for each in set(os.listdir("/proc/self/fd")) - before if is_socket(each)])
+    wait_until(
+        lambda: (
+            not [
+                each
+                for each in set(os.listdir("/proc/self/fd")) - before
+                if is_socket(each)
+            ]
+        )
+    )
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="sockets are bound on Linux")
@@ -193,25 +245,50 @@ def test_nodes_come_and_go():
 @pytest.mark.parametrize("text", ["x", "-1", "233", "1.5"])
 def test_a_domain_that_cannot_be_is_one_line(monkeypatch, text):
     monkeypatch.setenv("ROS_DOMAIN_ID", text)
-    with pytest.raises(RosError, match=r"ROS_DOMAIN_ID = .*: must be a whole number from 0 to 232"):
+    with pytest.raises(
+        RosError, match=r"ROS_DOMAIN_ID = .*: must be a whole number from 0 to 232"
+    ):
         open_node(2)
 
 
 def test_a_configuration_of_the_users_takes_the_place_of_ours(monkeypatch):
-    monkeypatch.setenv("CYCLONEDDS_URI", "<CycloneDDS><Domain><Nonsense/></Domain></CycloneDDS>")
+    monkeypatch.setenv(
+        "CYCLONEDDS_URI", "<CycloneDDS><Domain><Nonsense/></Domain></CycloneDDS>"
+    )
     with pytest.raises(RosError, match="cannot be joined"):
         Ros2Node(DOMAIN + 1)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.thorough), signal.SIGTERM])
-def test_a_signal_is_one_line_keeps_the_log_and_leaves_the_domain(node, tmp_path, number):
-    """The other participant has a type of its own; one that were not told would take 10 s to miss the node."""
-    reader = DataReader(participant := DomainParticipant(DOMAIN), Topic(participant, "rt/clock", Clock))
-    words = [sys.executable, "-m", "skyarm", "run", "case3", "--duration", "60", "--ros", "2", "--quiet"]
+@pytest.mark.parametrize(
+    "number", [pytest.param(signal.SIGINT, marks=pytest.mark.thorough), signal.SIGTERM]
+)
+def test_a_signal_is_one_line_keeps_the_log_and_leaves_the_domain(
+    node, tmp_path, number
+):
+    """The other participant has a type of its own; one that were not told would take 10
+    s to miss the node.
+    """
+    reader = DataReader(
+        participant := DomainParticipant(DOMAIN), Topic(participant, "rt/clock", Clock)
+    )
+    words = [
+        sys.executable,
+        "-m",
+        "skyarm",
+        "run",
+        "case3",
+        "--duration",
+        "60",
+        "--ros",
+        "2",
+        "--quiet",
+    ]
     around = {**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)}
     heard: list[Clock] = []
-    with subprocess.Popen(words, cwd=tmp_path, env=around, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        words, cwd=tmp_path, env=around, stderr=subprocess.PIPE, text=True
+    ) as process:
 
         def flies() -> bool:
             assert process.poll() is None
@@ -234,13 +311,20 @@ def test_a_signal_is_one_line_keeps_the_log_and_leaves_the_domain(node, tmp_path
 
 
 def idl(definitions) -> str:
-    """Types in the language of OMG's IDL, as ROS 2 names them, in an order in which each follows what it is made of."""
+    """Types in the language of OMG's IDL, as ROS 2 names them, in an order in which
+    each follows what it is made of.
+    """
     done: list[str] = []
 
     def text(kind: str) -> str:
         found, rows = "", []
         for name, of, length in fields(definitions[kind]):
-            one = {"float64": "double", "float32": "float", "int32": "long", "uint32": "unsigned long"}.get(of, of)
+            one = {
+                "float64": "double",
+                "float32": "float",
+                "int32": "long",
+                "uint32": "unsigned long",
+            }.get(of, of)
             if of in definitions:
                 if of not in done:
                     found += text(of)
@@ -255,13 +339,20 @@ def idl(definitions) -> str:
         done.append(kind)
         package, name = kind.split("/")
         struct = f"struct {name}_ {{ {' '.join(rows)} }};"
-        return f"{found}module {package} {{ module msg {{ module dds_ {{ {struct} }}; }}; }};\n"
+        return (
+            f"{found}module {package} {{ module msg {{ module dds_ {{ {struct} }}; }};"
+            " };\n"
+        )
 
     return "".join(text(kind) for kind in definitions if kind not in done)
 
 
 HEARD = (
-    "nav_msgs/Odometry", "sensor_msgs/JointState", "tf2_msgs/TFMessage", "rosgraph_msgs/Clock", NUMBERS,
+    "nav_msgs/Odometry",
+    "sensor_msgs/JointState",
+    "tf2_msgs/TFMessage",
+    "rosgraph_msgs/Clock",
+    NUMBERS,
     "geometry_msgs/PoseStamped",
 )
 
@@ -273,7 +364,8 @@ def needed(kind: str) -> set[str]:
 
 @pytest.mark.thorough
 @pytest.mark.skipif(
-    not (which("fastddsgen") and which("g++")), reason="needs Fast DDS (Debian: libfastrtps-dev, fastddsgen)"
+    not (which("fastddsgen") and which("g++")),
+    reason="needs Fast DDS (Debian: libfastrtps-dev, fastddsgen)",
 )
 def test_fast_dds_sees_a_flight_and_gives_it_goals_and_commands(tmp_path):
     wanted = set().union(*map(needed, HEARD))
@@ -282,13 +374,43 @@ def test_fast_dds_sees_a_flight_and_gives_it_goals_and_commands(tmp_path):
     peer = Path(__file__).with_name("fast_dds_peer.cpp")
     for words in (
         ["fastddsgen", "-replace", "Live.idl"],
-        ["g++", "-O0", "-I.", "-o", "peer", str(peer), "Live.cxx", "LivePubSubTypes.cxx", "-lfastrtps", "-lfastcdr"],
+        [
+            "g++",
+            "-O0",
+            "-I.",
+            "-o",
+            "peer",
+            str(peer),
+            "Live.cxx",
+            "LivePubSubTypes.cxx",
+            "-lfastrtps",
+            "-lfastcdr",
+        ],
     ):
-        subprocess.run(words, cwd=tmp_path, check=True, capture_output=True, timeout=300)
-    given = [str(DOMAIN), "4.5", "0.5", "-0.3", "1.4", "joint1", "0.2", *(["430"] * 4), "0", "0"]
+        subprocess.run(
+            words, cwd=tmp_path, check=True, capture_output=True, timeout=300
+        )
+    given = [
+        str(DOMAIN),
+        "4.5",
+        "0.5",
+        "-0.3",
+        "1.4",
+        "joint1",
+        "0.2",
+        *(["430"] * 4),
+        "0",
+        "0",
+    ]
     told: list[str] = []
-    with subprocess.Popen(["./peer", *given], cwd=tmp_path, stdout=subprocess.PIPE, text=True) as process:
-        live = fly_live(skyarm.load_scenario("case3", duration=5.9), Ros2Node(DOMAIN), warn=told.append)
+    with subprocess.Popen(
+        ["./peer", *given], cwd=tmp_path, stdout=subprocess.PIPE, text=True
+    ) as process:
+        live = fly_live(
+            skyarm.load_scenario("case3", duration=5.9),
+            Ros2Node(DOMAIN),
+            warn=told.append,
+        )
         answer, _ = process.communicate(timeout=30)
     counts, pose, first, second, frames = answer.splitlines()
     heard = dict(zip(counts.split()[::2], map(int, counts.split()[1::2]), strict=True))
@@ -300,7 +422,9 @@ def test_fast_dds_sees_a_flight_and_gives_it_goals_and_commands(tmp_path):
     last = round(float(frames.split()[-2]) * 200)
     log = live.log
     assert pose == "world base_link {:.9f} {:.9f} {:.9f}".format(*log.position[last])
-    assert [first, second] == [f"joint{i + 1} {log.joints[last, i]:.9f}" for i in range(2)]
+    assert [first, second] == [
+        f"joint{i + 1} {log.joints[last, i]:.9f}" for i in range(2)
+    ]
     assert live.goals >= 1
     assert live.commanded >= 60
     assert (log.rotor_commands == 430.0).all(axis=1).sum() == live.commanded

@@ -1,4 +1,6 @@
-"""A session with live topics: what is sent is what a log of it holds; commands, goals, and what is refused."""
+"""A session with live topics: what is sent is what a log of it holds; commands, goals,
+and what is refused.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +15,21 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.dynamics.actuators import Command
 from skyarm.links.ros import RosLink, live_session
-from skyarm.links.ros.goals import FARTHEST, base_goal, changes_to, check_reach, joint_goal
-from skyarm.links.ros.ros_link import APPLIED, COMMAND, GOAL, JOINT_GOAL, ROTORS, command_of
+from skyarm.links.ros.goals import (
+    FARTHEST,
+    base_goal,
+    changes_to,
+    check_reach,
+    joint_goal,
+)
+from skyarm.links.ros.ros_link import (
+    APPLIED,
+    COMMAND,
+    GOAL,
+    JOINT_GOAL,
+    ROTORS,
+    command_of,
+)
 from skyarm.log.ros.message_bytes import MessageError, decode, encode
 from skyarm.log.ros.messages import DEFINITIONS, FLIGHT
 from skyarm.log.ros.topics import CLOCK, FlightTopics
@@ -22,17 +37,29 @@ from skyarm.simulate.session import Session
 from support.flights import estimated
 from support.peers import MemoryNode
 
-POSE, JOINTS, NUMBERS = "geometry_msgs/PoseStamped", "sensor_msgs/JointState", "std_msgs/Float64MultiArray"
+POSE, JOINTS, NUMBERS = (
+    "geometry_msgs/PoseStamped",
+    "sensor_msgs/JointState",
+    "std_msgs/Float64MultiArray",
+)
 
 
 @cache
 def scenario(name: str = "case3", duration: float = 0.6):
-    return estimated(duration=duration) if name == "estimated" else skyarm.load_scenario(name, duration=duration)
+    return (
+        estimated(duration=duration)
+        if name == "estimated"
+        else skyarm.load_scenario(name, duration=duration)
+    )
 
 
 def linked(name: str = "case3", duration: float = 0.6):
     node, told = MemoryNode(), list[str]()
-    return RosLink(live_session(scenario(name, duration))[0], node, warn=told.append), node, told
+    return (
+        RosLink(live_session(scenario(name, duration))[0], node, warn=told.append),
+        node,
+        told,
+    )
 
 
 def flown(link: RosLink, periods: int) -> None:
@@ -93,12 +120,21 @@ def test_clock_rotors_and_applied_commands_are_the_logs():
     link, node, _ = linked()
     flown(link, 40)
     log = link.session.log
-    clocks = [decode("rosgraph_msgs/Clock", DEFINITIONS, each)["clock"] for each in node.sent[CLOCK]]
-    assert [each["sec"] + 1e-9 * each["nanosec"] for each in clocks] == pytest.approx(log.time, abs=1e-9)
+    clocks = [
+        decode("rosgraph_msgs/Clock", DEFINITIONS, each)["clock"]
+        for each in node.sent[CLOCK]
+    ]
+    assert [each["sec"] + 1e-9 * each["nanosec"] for each in clocks] == pytest.approx(
+        log.time, abs=1e-9
+    )
     turning = [decode(JOINTS, DEFINITIONS, each) for each in node.sent[ROTORS]]
     assert np.array_equal([each["velocity"] for each in turning], log.rotor_speeds)
-    assert turning[0]["name"] == [rotor.name for rotor in link.session.scenario.plant.vehicle.rotors]
-    applied = [decode(NUMBERS, DEFINITIONS, each)["data"] for each in node.sent[APPLIED]]
+    assert turning[0]["name"] == [
+        rotor.name for rotor in link.session.scenario.plant.vehicle.rotors
+    ]
+    applied = [
+        decode(NUMBERS, DEFINITIONS, each)["data"] for each in node.sent[APPLIED]
+    ]
     assert np.array_equal(applied, np.hstack([log.rotor_commands, log.efforts]))
 
 
@@ -155,7 +191,9 @@ def test_a_command_of_tilting_rotors_may_leave_their_angles_out():
     vehicle = skyarm.load_vehicle("voliro_like")
     turning, angles = [1.0 + k for k in range(6)], [0.1 * k for k in range(6)]
     speeds, arm = tuple(turning), tuple(0.5 for _ in range(vehicle.n))
-    assert command_of([*turning, *arm], vehicle) == Command(rotor_speeds=speeds, efforts=arm)
+    assert command_of([*turning, *arm], vehicle) == Command(
+        rotor_speeds=speeds, efforts=arm
+    )
     found = command_of([*turning, *arm, *angles], vehicle)
     assert found == Command(rotor_speeds=speeds, efforts=arm, tilts=tuple(angles))
     with pytest.raises(MessageError, match="6 tilts"):
@@ -182,8 +220,21 @@ def test_the_heading_of_a_goal_is_that_of_its_rotation(seed):
     """Of any length: scipy's first angle of ZYX."""
     x, y, z, w = np.random.default_rng(seed).normal(size=4)
     expected = Rotation.from_quat([x, y, z, w]).as_euler("ZYX")[0]
-    position, orientation = {"x": 1.0, "y": 2.0, "z": 3.0}, {"x": x, "y": y, "z": z, "w": w}
-    goal = base_goal({"header": {"frame_id": "/world"}, "pose": {"position": position, "orientation": orientation}})
+    position, orientation = (
+        {"x": 1.0, "y": 2.0, "z": 3.0},
+        {
+            "x": x,
+            "y": y,
+            "z": z,
+            "w": w,
+        },
+    )
+    goal = base_goal(
+        {
+            "header": {"frame_id": "/world"},
+            "pose": {"position": position, "orientation": orientation},
+        }
+    )
     assert goal == {**position, "yaw": pytest.approx(expected, abs=1e-12)}
 
 
@@ -197,7 +248,10 @@ def test_a_goal_without_a_rotation_has_no_heading_and_the_shorter_way_is_turned(
     assert link.session.log.yaw_reference.max() > 3.0
     assert link.session.log.yaw_reference.min() > -1e-9
     empty = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 0.0}
-    message = {"header": {"frame_id": ""}, "pose": {"position": {"x": 1.0, "y": 0.0, "z": 2.0}, "orientation": empty}}
+    message = {
+        "header": {"frame_id": ""},
+        "pose": {"position": {"x": 1.0, "y": 0.0, "z": 2.0}, "orientation": empty},
+    }
     assert base_goal(message) == {"x": 1.0, "y": 0.0, "z": 2.0}
 
 
@@ -211,7 +265,8 @@ def test_a_goal_during_a_motion_begins_where_the_reference_is():
     assert link.goals == 3
     assert log.position_reference[-1] == pytest.approx((-0.3, 0.2, 0.8), abs=1e-12)
     acceleration = np.diff(log.position_reference, n=2, axis=0) * 200.0**2
-    # a jerk of 20 m/s^3; a jump of the velocity would be some hundred m/s^2, of the acceleration about 1
+    # a jerk of 20 m/s^3; a jump of the velocity would be some hundred m/s^2, of the
+    # acceleration about 1
     assert np.abs(np.diff(acceleration[1:], axis=0)).max() < 20.0 / 200.0
 
 
@@ -221,7 +276,9 @@ def test_joint_goals_move_the_joints_that_they_name():
     node.inbox[JOINT_GOAL] = [joints([names[1]], [0.3])]
     without_topics(link)
     log = link.session.log
-    assert log.joints_reference[-1] == pytest.approx((log.joints_reference[0, 0], 0.3), abs=1e-12)
+    assert log.joints_reference[-1] == pytest.approx(
+        (log.joints_reference[0, 0], 0.3), abs=1e-12
+    )
     assert not told
 
 
@@ -261,24 +318,44 @@ def test_the_farthest_goal_is_reached_within_the_limits():
     assert speed.max() == pytest.approx(1.0, rel=1e-6)
     check_reach(reference, 0.0, {"x": x + FARTHEST, "yaw": 1e3})
     for goals in ({"x": x + FARTHEST + 0.1}, {"joints.0": -1e308}):
-        with pytest.raises(MessageError, match=r"(x|joints\.0) = .*: must be within 160 of the reference, "):
+        with pytest.raises(
+            MessageError,
+            match=r"(x|joints\.0) = .*: must be within 160 of the reference, ",
+        ):
             check_reach(reference, 0.0, goals)
 
 
 @pytest.mark.parametrize("size", [1e308, 1e-320])
 def test_the_heading_of_a_rotation_of_any_length_is_finite(size):
-    position, rotation = {"x": 0.0, "y": 0.0, "z": 1.0}, {"x": 0.0, "y": 0.0, "z": size, "w": size}
-    goal = base_goal({"header": {"frame_id": ""}, "pose": {"position": position, "orientation": rotation}})
+    position, rotation = (
+        {"x": 0.0, "y": 0.0, "z": 1.0},
+        {
+            "x": 0.0,
+            "y": 0.0,
+            "z": size,
+            "w": size,
+        },
+    )
+    goal = base_goal(
+        {
+            "header": {"frame_id": ""},
+            "pose": {"position": position, "orientation": rotation},
+        }
+    )
     assert goal["yaw"] == pytest.approx(0.5 * np.pi)
 
 
 def test_a_joint_goal_is_within_the_limits_of_its_joint():
     vehicle = skyarm.load_vehicle("hexarotor_arm6")
     joint = vehicle.links[2].joint
-    goals = joint_goal({"name": [joint.name], "position": [float(joint.upper)]}, vehicle)
+    goals = joint_goal(
+        {"name": [joint.name], "position": [float(joint.upper)]}, vehicle
+    )
     assert goals == {"joints.2": float(joint.upper)}
     for value in (float(joint.upper) + 0.01, float(joint.lower) - 0.01):
-        with pytest.raises(MessageError, match=f"{joint.name} = .*must be a finite number from"):
+        with pytest.raises(
+            MessageError, match=f"{joint.name} = .*must be a finite number from"
+        ):
             joint_goal({"name": [joint.name], "position": [value]}, vehicle)
 
 
@@ -289,7 +366,9 @@ def test_a_flight_with_goals_is_flown_again_to_the_bit(tmp_path):
         node.inbox[GOAL] = [pose(goal)]
     without_topics(link)
     log = link.session.log
-    again = skyarm.run(skyarm.load_log(skyarm.save_log(log, tmp_path / "flight.npz")).scenario)
+    again = skyarm.run(
+        skyarm.load_log(skyarm.save_log(log, tmp_path / "flight.npz")).scenario
+    )
     assert link.goals == 2
     assert np.array_equal(again.position, log.position)
     assert np.array_equal(again.rotor_commands, log.rotor_commands)
@@ -315,7 +394,10 @@ def test_a_session_without_goals_flies_as_it_is():
 
 
 def test_a_reference_that_is_planned_says_why_it_takes_no_goals():
-    changed = dataclasses.replace(scenario(), changes=(skyarm.Change(at=0.1, path="reference.z.value", value=1.1),))
+    changed = dataclasses.replace(
+        scenario(),
+        changes=(skyarm.Change(at=0.1, path="reference.z.value", value=1.1),),
+    )
     session, reason = live_session(changed)
     assert reason == "it changes in flight"
     assert session.scenario.reference == changed.reference
@@ -341,5 +423,9 @@ def test_a_link_to_a_running_session_sends_what_is_sent_once():
     node = MemoryNode()
     with RosLink(session, node) as link:
         flown(link, 5)
-    assert {topic for topic in node.latched if len(node.sent[topic]) == 1} == node.latched != set()
+    assert (
+        {topic for topic in node.latched if len(node.sent[topic]) == 1}
+        == node.latched
+        != set()
+    )
     assert node.closed

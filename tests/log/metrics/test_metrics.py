@@ -30,11 +30,20 @@ Array = npt.NDArray[np.float64]
 
 
 def log(**arrays: Array | Callable[[Array], Array]) -> Log:
-    """A log of 30 s at rest at the origin, the reference too; arrays are given or made from the time."""
+    """A log of 30 s at rest at the origin, the reference too; arrays are given or made
+    from the time.
+    """
     t = np.arange(round(SECONDS * RATE)) / RATE
     n = t.size
-    shapes = {"time": (n,), "yaw_held": (n,), "yaw_reference": (n,), "quaternion": (n, 4)}
-    shapes |= dict.fromkeys(("joints", "joint_rates", "efforts", "joints_held", "joint_rates_held"), (n, 2))
+    shapes = {
+        "time": (n,),
+        "yaw_held": (n,),
+        "yaw_reference": (n,),
+        "quaternion": (n, 4),
+    }
+    shapes |= dict.fromkeys(
+        ("joints", "joint_rates", "efforts", "joints_held", "joint_rates_held"), (n, 2)
+    )
     shapes |= dict.fromkeys(("joints_reference", "measured_joints"), (n, 2))
     shapes |= dict.fromkeys(("rotor_speeds", "rotor_commands"), (n, 4))
     values: dict[str, Any] = {
@@ -47,10 +56,14 @@ def log(**arrays: Array | Callable[[Array], Array]) -> Log:
     for name, array in arrays.items():
         values[name] = array(t) if callable(array) else array
     rates = {"control": RATE, "reference": 50}
-    return Log(**values, info={"status": "completed", "rates_hz": rates, "duration": SECONDS})
+    return Log(
+        **values, info={"status": "completed", "rates_hz": rates, "duration": SECONDS}
+    )
 
 
-PAPERS = Windows(steady=STEADY, transient=TRANSIENT, gust=GUST, hover=HOVER, holds=HOLDS)
+PAPERS = Windows(
+    steady=STEADY, transient=TRANSIENT, gust=GUST, hover=HOVER, holds=HOLDS
+)
 
 
 FORMS = ("", "_continuous")
@@ -61,7 +74,9 @@ def scored(flight: Log, *names: str, windows: Windows = PAPERS) -> list[float]:
     return list(skyarm.score(flight, names, windows).values())
 
 
-def column(i: int, function: Callable[[Array], Array], width: int = 3) -> Callable[[Array], Array]:
+def column(
+    i: int, function: Callable[[Array], Array], width: int = 3
+) -> Callable[[Array], Array]:
     def made(t: Array) -> Array:
         table = np.zeros((t.size, width))
         table[:, i] = function(t)
@@ -85,7 +100,9 @@ def test_windows_are_half_open() -> None:
     assert flight.time[HOVER.of(flight)][[0, -1]].tolist() == [4.0, 5.895]
 
 
-@pytest.mark.parametrize(("time", "counted"), [(9.995, False), (10.0, True), (19.995, True), (20.0, False)])
+@pytest.mark.parametrize(
+    ("time", "counted"), [(9.995, False), (10.0, True), (19.995, True), (20.0, False)]
+)
 def test_a_spike_counts_exactly_inside_its_window(time: float, counted: bool) -> None:
     flight = log(position=column(0, lambda t: np.where(t == time, 0.5, 0.0)))
     largest, mean = scored(flight, "position_error_max", "position_error_mean")
@@ -118,7 +135,10 @@ def test_errors_are_norms_of_actual_minus_desired() -> None:
 
 def test_held_and_continuous_are_taken_against_their_own_reference() -> None:
     flight = log(
-        **{f"{name}_held": column(0, lambda t: 0 * t + 1.0, width) for name, width in (("position", 3), ("joints", 2))},
+        **{
+            f"{name}_held": column(0, lambda t: 0 * t + 1.0, width)
+            for name, width in (("position", 3), ("joints", 2))
+        },
         **{
             f"{name}_reference": column(0, lambda t: 0 * t - 2.0, width)
             for name, width in (("position", 3), ("joints", 2))
@@ -126,7 +146,10 @@ def test_held_and_continuous_are_taken_against_their_own_reference() -> None:
         tool_held=column(1, lambda t: 0 * t + 3.0),
         tool_reference=column(1, lambda t: 0 * t - 4.0),
     )
-    held, free = ([over_log(flight, f"{q}{form}")[0] for q in ("position", "joint", "ee")] for form in FORMS)
+    held, free = (
+        [over_log(flight, f"{q}{form}")[0] for q in ("position", "joint", "ee")]
+        for form in FORMS
+    )
     assert held == [1.0, 1.0, 3.0]
     assert free == [2.0, 2.0, 4.0]
     found = paper_metrics("case2", flight)
@@ -139,7 +162,9 @@ def test_rms_of_attitude_and_torques() -> None:
         quaternion=pitched(lambda t: 0.2 * np.sin(2.0 * np.pi * t)),
         efforts=column(1, lambda t: np.where(t < 15.0, 0.3, -0.1), 2),
     )
-    pitch, roll, first, second = scored(flight, "pitch_rms", "roll_rms", "tau1_rms", "tau2_rms")
+    pitch, roll, first, second = scored(
+        flight, "pitch_rms", "roll_rms", "tau1_rms", "tau2_rms"
+    )
     assert pitch == pytest.approx(0.2 / math.sqrt(2.0), rel=1e-9)  # ten whole periods
     assert roll == 0.0
     assert first == 0.0
@@ -147,9 +172,16 @@ def test_rms_of_attitude_and_torques() -> None:
 
 
 def test_the_integral_of_a_constant_error_is_error_times_time() -> None:
-    flight = log(position=column(2, lambda t: 0 * t - 0.1), joints=column(0, lambda t: 0 * t + 0.2, 2))
-    assert scored(flight, "iae_position", "iae_joint") == pytest.approx([0.1 * 30.0, 0.2 * 30.0])
-    assert scored(flight, "gust_iae_position", "gust_iae_joint") == pytest.approx([0.1 * 15.0, 0.2 * 15.0])
+    flight = log(
+        position=column(2, lambda t: 0 * t - 0.1),
+        joints=column(0, lambda t: 0 * t + 0.2, 2),
+    )
+    assert scored(flight, "iae_position", "iae_joint") == pytest.approx(
+        [0.1 * 30.0, 0.2 * 30.0]
+    )
+    assert scored(flight, "gust_iae_position", "gust_iae_joint") == pytest.approx(
+        [0.1 * 15.0, 0.2 * 15.0]
+    )
     for case, seconds in (("case2", 30.0), ("case2_gust", 15.0), ("case3_wind", 30.0)):
         found = paper_metrics(case, flight)
         assert found["iae_position"] == pytest.approx(0.1 * seconds)
@@ -163,19 +195,31 @@ def test_the_integral_counts_each_sample_for_one_control_period() -> None:
 
 def test_peaks_in_the_transient_are_magnitudes() -> None:
     flight = log(
-        quaternion=pitched(lambda t: np.select([t == 7.0, t == 7.5, t == 9.0], [-0.3, 0.2, 0.9], 0.0)),
+        quaternion=pitched(
+            lambda t: np.select([t == 7.0, t == 7.5, t == 9.0], [-0.3, 0.2, 0.9], 0.0)
+        ),
         position=column(0, lambda t: np.select([t == 6.0, t == 8.0], [-0.4, 0.9], 0.0)),
     )
     assert scored(flight, "peak_pitch", "peak_position") == pytest.approx([0.3, 0.4])
     found = paper_metrics("case2", flight)
-    assert (found["peak_pitch"], found["peak_position"]) == (pytest.approx(0.3), pytest.approx(0.4))
+    assert (found["peak_pitch"], found["peak_position"]) == (
+        pytest.approx(0.3),
+        pytest.approx(0.4),
+    )
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_peaks_in_a_gust_carry_their_sign(sign: float) -> None:
     flight = log(
-        quaternion=pitched(lambda t: sign * np.select([t == 8.0, t == 9.0], [-0.4, 0.3], 0.0)),
-        position=column(0, lambda t: sign * np.select([t == 8.0, t == 9.0, t == 4.0], [0.7, -0.6, 5.0], 0.0)),
+        quaternion=pitched(
+            lambda t: sign * np.select([t == 8.0, t == 9.0], [-0.4, 0.3], 0.0)
+        ),
+        position=column(
+            0,
+            lambda t: (
+                sign * np.select([t == 8.0, t == 9.0, t == 4.0], [0.7, -0.6, 5.0], 0.0)
+            ),
+        ),
     )
     found = paper_metrics("case2_gust", flight)
     assert found["peak_pitch"] == pytest.approx(-0.4 * sign)
@@ -189,7 +233,10 @@ def test_ripple_is_half_peak_to_peak() -> None:
     )
     found = paper_metrics("case3_wind", flight)
     assert found["position_ripple"] == pytest.approx(0.1)
-    assert (found["position_min"], found["position_max"]) == (pytest.approx(0.4), pytest.approx(0.6))
+    assert (found["position_min"], found["position_max"]) == (
+        pytest.approx(0.4),
+        pytest.approx(0.6),
+    )
     assert found["pitch_mean"] == pytest.approx(-0.28, abs=1e-12)
     assert found["pitch_ripple"] == pytest.approx(0.02)
     assert found["peak_pitch"] == pytest.approx(0.30)
@@ -198,13 +245,21 @@ def test_ripple_is_half_peak_to_peak() -> None:
 def test_settling_time_is_when_the_error_last_enters_the_band() -> None:
     # steady mean 0.1; leaves the band of 0.02 at 4 s and again from 6 s to 7 s
     flight = log(
-        position=column(0, lambda t: np.select([t < 2.0, t == 4.0, (t >= 6.0) & (t < 7.0)], [0.5, 0.2, 0.1201], 0.1))
+        position=column(
+            0,
+            lambda t: np.select(
+                [t < 2.0, t == 4.0, (t >= 6.0) & (t < 7.0)], [0.5, 0.2, 0.1201], 0.1
+            ),
+        )
     )
     assert settling_time(flight, STEADY) == 7.0
     assert paper_metrics("case1", flight)["settling_time_upper_bound"] == 7.0
     inside = log(position=column(0, lambda t: np.where(t < 7.0, 0.1199, 0.1)))
     assert settling_time(inside, STEADY) == 0.0
-    later = dataclasses.replace(inside, position_reference=np.where(inside.time < 3.0, 0.05, 0.0)[:, None] * [1, 0, 0])
+    later = dataclasses.replace(
+        inside,
+        position_reference=np.where(inside.time < 3.0, 0.05, 0.0)[:, None] * [1, 0, 0],
+    )
     assert settling_time(later, STEADY, continuous=True) == 3.0
 
 
@@ -224,18 +279,30 @@ def test_hover_offset_is_positive_below_the_reference() -> None:
 
 
 def test_held_position_error_is_the_mean_over_both_holds() -> None:
-    flight = log(position=column(0, lambda t: np.select([(t >= 9) & (t < 12), (t >= 16) & (t < 19)], [0.1, -0.2], 7.0)))
+    flight = log(
+        position=column(
+            0,
+            lambda t: np.select(
+                [(t >= 9) & (t < 12), (t >= 16) & (t < 19)], [0.1, -0.2], 7.0
+            ),
+        )
+    )
     assert scored(flight, "held_position_error") == pytest.approx([0.15])
     assert paper_metrics("case1", flight)["held_position_error"] == pytest.approx(0.15)
 
 
 def test_an_episode_that_ended_early_has_no_numbers() -> None:
     whole = log(position=column(0, lambda t: 0 * t + 0.1))
-    cut = dataclasses.replace(whole, **{name: array[:3000] for name, array in whole.arrays().items()})
+    cut = dataclasses.replace(
+        whole, **{name: array[:3000] for name, array in whole.arrays().items()}
+    )
     ended = dataclasses.replace(cut, info={**cut.info, "status": "ground"})
     assert set(paper_metrics("case2", ended).values()) == {None}
-    # rows of a shorter flight that completed: a window without rows has no number either
-    short = dataclasses.replace(whole, **{name: array[:1000] for name, array in whole.arrays().items()})
+    # rows of a shorter flight that completed: a window without rows has no number
+    # either
+    short = dataclasses.replace(
+        whole, **{name: array[:1000] for name, array in whole.arrays().items()}
+    )
     found = paper_metrics("case2", short)
     assert found["position_error_mean"] is None
     assert found["settling_time"] is None
@@ -257,8 +324,12 @@ def by_numpy(case: str, flight: Log, errors: m.Errors) -> dict[str, float]:
     return found
 
 
-@pytest.mark.parametrize("case", ["case1", "case2", "case2_gust", "case3", "case3_wind"])
-def test_the_paper_s_table_has_the_metrics_and_the_order_that_numpy_gives(case: str) -> None:
+@pytest.mark.parametrize(
+    "case", ["case1", "case2", "case2_gust", "case3", "case3_wind"]
+)
+def test_the_paper_s_table_has_the_metrics_and_the_order_that_numpy_gives(
+    case: str,
+) -> None:
     """Sums of thousands of numbers in another order: 1e-12 relative."""
     generator = np.random.default_rng(3)
     flight = log()
@@ -270,17 +341,25 @@ def test_the_paper_s_table_has_the_metrics_and_the_order_that_numpy_gives(case: 
     noise["quaternion"] /= np.linalg.norm(noise["quaternion"], axis=1)[:, None]
     flight = dataclasses.replace(flight, **noise)
     wanted = by_numpy(case, flight, m.Errors.held(flight))
-    wanted |= {f"{k}_continuous": v for k, v in by_numpy(case, flight, m.Errors.continuous(flight)).items()}
+    wanted |= {
+        f"{k}_continuous": v
+        for k, v in by_numpy(case, flight, m.Errors.continuous(flight)).items()
+    }
     found = paper_metrics(case, flight)
     assert list(found) == list(wanted)
     for name, value in wanted.items():
-        assert found[name] == (None if math.isnan(value) else pytest.approx(value, rel=1e-12)), name
+        assert found[name] == (
+            None if math.isnan(value) else pytest.approx(value, rel=1e-12)
+        ), name
 
 
 def two_links() -> Vehicle:
     """An arm of two links of 0.15 m about +y, shifted forwards by 0.1 m."""
     limb = Body(mass=0.05, com=Vec3(0, 0, -0.07), inertia=Sym3(1e-4, 1e-4, 1e-4))
-    joints = (Joint(name="a", position=Vec3(0.1, 0, 0)), Joint(name="b", position=Vec3(0, 0, -0.15)))
+    joints = (
+        Joint(name="a", position=Vec3(0.1, 0, 0)),
+        Joint(name="b", position=Vec3(0, 0, -0.15)),
+    )
     return Vehicle(
         name="two_links",
         base=Body(mass=1.0, inertia=Sym3(0.01, 0.01, 0.01)),
@@ -294,19 +373,25 @@ def two_links() -> Vehicle:
 
 
 def by_hand(position: Array, yaw: float, a: float, b: float) -> Array:
-    """p + R_z(yaw) p_e with p_e of a planar arm, equation (10), from 0.1 m in front of the base."""
+    """p + R_z(yaw) p_e with p_e of a planar arm, equation (10), from 0.1 m in front of
+    the base.
+    """
     x = 0.1 - 0.15 * math.sin(a) - 0.15 * math.sin(a + b)
     z = -0.15 * math.cos(a) - 0.15 * math.cos(a + b)
     return position + np.array([x * math.cos(yaw), x * math.sin(yaw), z])
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
-def test_the_desired_tool_is_that_of_a_level_base_with_the_desired_heading(yaw: float) -> None:
+def test_the_desired_tool_is_that_of_a_level_base_with_the_desired_heading(
+    yaw: float,
+) -> None:
     position = np.array([[1.0, -2.0, 3.0], [0.5, 0.2, 1.0]])
     joints = np.array([[0.3, -0.5], [1.0, 0.4]])
     found = level_tip(two_links(), position, np.array([yaw, yaw]), joints)
     for row in range(2):
-        assert found[row] == pytest.approx(by_hand(position[row], yaw, *joints[row]), abs=1e-12)
+        assert found[row] == pytest.approx(
+            by_hand(position[row], yaw, *joints[row]), abs=1e-12
+        )
 
 
 def test_the_tool_follows_the_tilt_of_the_base() -> None:
@@ -315,18 +400,30 @@ def test_the_tool_follows_the_tilt_of_the_base() -> None:
     quaternion = np.array([[math.cos(half), 0.0, math.sin(half), 0.0]]) * 1.0001
     found = tip(two_links(), np.zeros((1, 3)), quaternion, np.zeros((1, 2)))
     # the tip at (0.1, 0, -0.3) turned by 0.2 rad about +y
-    expected = [0.1 * math.cos(0.2) - 0.3 * math.sin(0.2), 0.0, -0.1 * math.sin(0.2) - 0.3 * math.cos(0.2)]
+    expected = [
+        0.1 * math.cos(0.2) - 0.3 * math.sin(0.2),
+        0.0,
+        -0.1 * math.sin(0.2) - 0.3 * math.cos(0.2),
+    ]
     assert found[0] == pytest.approx(expected, abs=1e-12)
 
 
 def test_a_vehicle_without_a_tool_is_its_own_tool() -> None:
     plain = skyarm.load_vehicle("hummingbird")
     position = np.array([[1.0, 2.0, 3.0]])
-    assert np.array_equal(tip(plain, position, np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 0))), position)
+    assert np.array_equal(
+        tip(plain, position, np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 0))),
+        position,
+    )
 
 
-def test_without_machine_code_metrics_have_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    flights = [skyarm.run(skyarm.load_scenario(name, duration=0.5)) for name in ("case3_wind", "press_and_hold")]
+def test_without_machine_code_metrics_have_the_same_bits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    flights = [
+        skyarm.run(skyarm.load_scenario(name, duration=0.5))
+        for name in ("case3_wind", "press_and_hold")
+    ]
     windows = Windows(steady=Window(0.0, 0.5), transient=Window(0.0, 0.5))
     names = ("standard", "position_error_mean", "position_min", "peak_pitch")
     compiled = [skyarm.score(each, names, windows) for each in flights]
@@ -339,20 +436,39 @@ def test_without_machine_code_metrics_have_the_same_bits(monkeypatch: pytest.Mon
 
     monkeypatch.setattr(score, "Kernel", refuse)
     monkeypatch.setattr(score, "_kept_counter", score._make_counter)
-    assert [repr(skyarm.score(each, names, windows)) for each in flights] == [repr(each) for each in compiled]
+    assert [repr(skyarm.score(each, names, windows)) for each in flights] == [
+        repr(each) for each in compiled
+    ]
 
 
-def test_a_program_that_is_kept_counts_as_one_made_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Flights of two and six joints, with a contact, of two vehicles, cut, without limits, in other windows."""
+def test_a_program_that_is_kept_counts_as_one_made_anew(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Flights of two and six joints, with a contact, of two vehicles, cut, without
+    limits, in other windows.
+    """
     names = ("case1", "press_and_hold", "two_hold_a_bar", "case3")
     flights = [skyarm.run(skyarm.load_scenario(name, duration=0.5)) for name in names]
     flights += [
         skyarm.run(skyarm.load_scenario("case1", duration=0.2)),
-        dataclasses.replace(flights[0], info={k: v for k, v in flights[0].info.items() if k != "scenario_record"}),
+        dataclasses.replace(
+            flights[0],
+            info={k: v for k, v in flights[0].info.items() if k != "scenario_record"},
+        ),
     ]
-    ways = [Windows(steady=Window(0.0, end), transient=Window(0.0, end)) for end in (0.1, 0.2)]
-    kept = [repr(skyarm.score(each, windows=way)) for _ in range(2) for each in flights for way in ways]
+    ways = [
+        Windows(steady=Window(0.0, end), transient=Window(0.0, end))
+        for end in (0.1, 0.2)
+    ]
+    kept = [
+        repr(skyarm.score(each, windows=way))
+        for _ in range(2)
+        for each in flights
+        for way in ways
+    ]
     assert kept[: len(kept) // 2] == kept[len(kept) // 2 :]
     assert score._kept_counter.cache_info().hits > 0
     monkeypatch.setattr(score, "_kept_counter", score._make_counter)
-    assert kept[: len(kept) // 2] == [repr(skyarm.score(each, windows=way)) for each in flights for way in ways]
+    assert kept[: len(kept) // 2] == [
+        repr(skyarm.score(each, windows=way)) for each in flights for way in ways
+    ]

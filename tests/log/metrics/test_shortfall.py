@@ -1,4 +1,6 @@
-"""A flight that comes to its end and is no success says so: saturated actuators, references that were not reached."""
+"""A flight that comes to its end and is no success says so: saturated actuators,
+references that were not reached.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ def hover():
 
 @pytest.fixture(scope="module")
 def press():
-    return skyarm.run(skyarm.load_scenario("press_and_hold", duration=4.0, controller="paper_ct"))
+    return skyarm.run(
+        skyarm.load_scenario("press_and_hold", duration=4.0, controller="paper_ct")
+    )
 
 
 def text(log):
@@ -47,9 +51,17 @@ def test_of_rotors_on_a_battery_no_limit_is_said_to_be_kept(hover):
     assert "of a rotor's highest; no command at a limit" in text(hover)
     scenario = skyarm.load_scenario("case3", duration=0.2)
     curve = CellCurve(charge=(0.0, 1.0), voltage=(3.3, 4.2))
-    pack = Battery(cells=3, capacity=1.0, resistance=0.05, open_circuit=curve, reference_voltage=12.6)
+    pack = Battery(
+        cells=3,
+        capacity=1.0,
+        resistance=0.05,
+        open_circuit=curve,
+        reference_voltage=12.6,
+    )
     vehicle = dataclasses.replace(scenario.plant.vehicle, battery=pack)
-    on_battery = dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=vehicle))
+    on_battery = dataclasses.replace(
+        scenario, plant=dataclasses.replace(scenario.plant, vehicle=vehicle)
+    )
     found = text(skyarm.run(on_battery))
     assert "of a rotor's highest\n" in found
     assert "no command at a limit" not in found
@@ -67,10 +79,21 @@ def test_a_rotor_at_rest_is_at_a_limit_wherever_the_summary_speaks_of_one(hover,
 
 @pytest.mark.parametrize(("esc", "share"), [("governed", 1.0), ("open", None)])
 def test_speeds_that_the_battery_cuts_are_at_a_limit(hover, esc, share, monkeypatch):
-    """At 6.3 of 12.6 V no rotor turns faster than half its highest speed, and hover asks for more."""
+    """At 6.3 of 12.6 V no rotor turns faster than half its highest speed, and hover
+    asks for more.
+    """
     curve = CellCurve(charge=(0.0, 1.0), voltage=(3.3, 4.2))
-    pack = Battery(cells=3, capacity=1.0, resistance=0.05, open_circuit=curve, reference_voltage=12.6, esc=esc)
-    vehicle = dataclasses.replace(skyarm.load_scenario("case3").plant.vehicle, battery=pack)
+    pack = Battery(
+        cells=3,
+        capacity=1.0,
+        resistance=0.05,
+        open_circuit=curve,
+        reference_voltage=12.6,
+        esc=esc,
+    )
+    vehicle = dataclasses.replace(
+        skyarm.load_scenario("case3").plant.vehicle, battery=pack
+    )
     monkeypatch.setattr("skyarm.log.metrics.shortfall.restored_at", lambda *_: vehicle)
     log = with_components(hover, battery_voltage=np.full((hover.time.size, 1), 6.3))
     found = log.shortfall.saturation
@@ -79,41 +102,83 @@ def test_speeds_that_the_battery_cuts_are_at_a_limit(hover, esc, share, monkeypa
 
 
 @pytest.mark.parametrize(("esc", "share"), [("governed", 1.0), ("open", 0.0)])
-def test_the_metric_counts_the_speeds_that_the_battery_cuts_as_the_warning_does(esc, share):
-    """A pack of half the reference voltage: in flight, from its log, and in the sentence beside both."""
+def test_the_metric_counts_the_speeds_that_the_battery_cuts_as_the_warning_does(
+    esc, share
+):
+    """A pack of half the reference voltage: in flight, from its log, and in the
+    sentence beside both.
+    """
     curve = CellCurve(charge=(0.0, 1.0), voltage=(3.3, 4.2))
-    pack = Battery(cells=3, capacity=1.0, resistance=0.05, open_circuit=curve, reference_voltage=25.2, esc=esc)
+    pack = Battery(
+        cells=3,
+        capacity=1.0,
+        resistance=0.05,
+        open_circuit=curve,
+        reference_voltage=25.2,
+        esc=esc,
+    )
     case = skyarm.load_scenario("case3", duration=0.2)
     vehicle = dataclasses.replace(case.plant.vehicle, battery=pack)
-    weak = dataclasses.replace(case, plant=dataclasses.replace(case.plant, vehicle=vehicle))
+    weak = dataclasses.replace(
+        case, plant=dataclasses.replace(case.plant, vehicle=vehicle)
+    )
     log = skyarm.run(weak)
     assert score(log, ("rotor_saturation",)) == {"rotor_saturation": share}
-    assert (log.shortfall.saturation.share if log.shortfall.saturation else 0.0) == share
-    flown = Batch(weak, (), metrics=("rotor_saturation",), effort=0).fly({}, episodes=np.array([0]))
+    assert (
+        log.shortfall.saturation.share if log.shortfall.saturation else 0.0
+    ) == share
+    flown = Batch(weak, (), metrics=("rotor_saturation",), effort=0).fly(
+        {}, episodes=np.array([0])
+    )
     assert flown.metrics["rotor_saturation"].tolist() == [share]
 
 
 @pytest.mark.parametrize("voltage", [12.6, 13.9])
-def test_the_highest_speed_is_a_limit_however_full_the_pack(hover, voltage, monkeypatch):
+def test_the_highest_speed_is_a_limit_however_full_the_pack(
+    hover, voltage, monkeypatch
+):
     curve = CellCurve(charge=(0.0, 1.0), voltage=(3.3, 4.2))
-    pack = Battery(cells=3, capacity=1.0, resistance=0.05, open_circuit=curve, reference_voltage=12.6)
-    vehicle = dataclasses.replace(skyarm.load_scenario("case3").plant.vehicle, battery=pack)
+    pack = Battery(
+        cells=3,
+        capacity=1.0,
+        resistance=0.05,
+        open_circuit=curve,
+        reference_voltage=12.6,
+    )
+    vehicle = dataclasses.replace(
+        skyarm.load_scenario("case3").plant.vehicle, battery=pack
+    )
     monkeypatch.setattr("skyarm.log.metrics.shortfall.restored_at", lambda *_: vehicle)
     log = with_components(hover, battery_voltage=np.full((hover.time.size, 1), voltage))
-    log = changed(log, rotor_commands=np.full_like(log.rotor_commands, vehicle.rotors[0].max_speed))
+    log = changed(
+        log,
+        rotor_commands=np.full_like(log.rotor_commands, vehicle.rotors[0].max_speed),
+    )
     found = log.shortfall.saturation
     assert (found.share, found.limit) == (1.0, vehicle.rotors[0].max_speed)
 
 
-def test_backwards_a_reversible_rotor_has_the_limit_of_the_voltage_too(hover, monkeypatch):
+def test_backwards_a_reversible_rotor_has_the_limit_of_the_voltage_too(
+    hover, monkeypatch
+):
     curve = CellCurve(charge=(0.0, 1.0), voltage=(3.3, 4.2))
-    pack = Battery(cells=3, capacity=1.0, resistance=0.05, open_circuit=curve, reference_voltage=12.6)
+    pack = Battery(
+        cells=3,
+        capacity=1.0,
+        resistance=0.05,
+        open_circuit=curve,
+        reference_voltage=12.6,
+    )
     vehicle = skyarm.load_scenario("case3").plant.vehicle
-    rotors = tuple(dataclasses.replace(each, reversible=True) for each in vehicle.rotors)
+    rotors = tuple(
+        dataclasses.replace(each, reversible=True) for each in vehicle.rotors
+    )
     vehicle = dataclasses.replace(vehicle, battery=pack, rotors=rotors)
     monkeypatch.setattr("skyarm.log.metrics.shortfall.restored_at", lambda *_: vehicle)
     log = with_components(hover, battery_voltage=np.full((hover.time.size, 1), 6.3))
-    found = changed(log, rotor_commands=np.full_like(log.rotor_commands, -500.0)).shortfall.saturation
+    found = changed(
+        log, rotor_commands=np.full_like(log.rotor_commands, -500.0)
+    ).shortfall.saturation
     assert (found.share, found.limit) == (1.0, -419.0)
 
 
@@ -136,8 +201,16 @@ def test_commands_beyond_the_limit_are_a_share_with_the_largest_and_its_actuator
     log = changed(hover, rotor_commands=sent)
     found = log.shortfall.saturation
     assert found.share == pytest.approx(0.25, abs=1e-9)
-    assert (found.actuator, found.command, found.limit, found.unit) == ("rotor left", 231221.0, 838.0, "rad/s")
-    line = "saturation: commands at or beyond limits in 25 % of the periods, most of all rotor left: 231221 rad/s"
+    assert (found.actuator, found.command, found.limit, found.unit) == (
+        "rotor left",
+        231221.0,
+        838.0,
+        "rad/s",
+    )
+    line = (
+        "saturation: commands at or beyond limits in 25 % of the periods, most of all"
+        " rotor left: 231221 rad/s"
+    )
     line = f"{line}, limit 838"
     assert log.shortfall.lines == (line,)
     assert line in text(log)
@@ -149,7 +222,11 @@ def test_a_joint_is_at_its_limit_on_either_side(hover, sign):
     efforts = hover.efforts.copy()
     efforts[: len(efforts) // 2, 1] = 0.5 * sign
     found = changed(hover, efforts=efforts).shortfall.saturation
-    assert (found.actuator, found.command, found.limit) == ("joint joint2", 0.5 * sign, 0.5 * sign)
+    assert (found.actuator, found.command, found.limit) == (
+        "joint joint2",
+        0.5 * sign,
+        0.5 * sign,
+    )
     assert found.share == 0.5
 
 
@@ -164,10 +241,13 @@ def test_a_law_that_cuts_its_own_commands_for_a_moment_says_nothing(hover):
 
 
 @pytest.mark.parametrize(("beyond", "counts"), [(0.0, False), (1e-6, True)])
-def test_a_setpoint_at_the_end_of_its_range_is_carried_out(hover, monkeypatch, beyond, counts):
+def test_a_setpoint_at_the_end_of_its_range_is_carried_out(
+    hover, monkeypatch, beyond, counts
+):
     sent = np.full(hover.time.size, -beyond)
     monkeypatch.setattr(
-        "skyarm.log.metrics.shortfall._actuator_limits", lambda _: [("joint elbow", "rad", sent, 0.0, 1.0)]
+        "skyarm.log.metrics.shortfall._actuator_limits",
+        lambda _: [("joint elbow", "rad", sent, 0.0, 1.0)],
     )
     assert (hover.shortfall.saturation is not None) is counts
 
@@ -175,14 +255,20 @@ def test_a_setpoint_at_the_end_of_its_range_is_carried_out(hover, monkeypatch, b
 def test_a_command_that_is_no_number_counts(hover):
     sent = hover.rotor_commands.copy()
     sent[-1, 0] = np.nan
-    assert "rotor front: nan rad/s" in changed(hover, rotor_commands=sent).shortfall.lines[0]
+    assert (
+        "rotor front: nan rad/s"
+        in changed(hover, rotor_commands=sent).shortfall.lines[0]
+    )
 
 
 def test_what_has_no_limit_is_never_at_it(hover):
     info = copy.deepcopy(hover.info)
     for link in info["scenario_record"]["agent"]["plant"]["vehicle"]["links"]:
         link["joint"]["effort_limit"] = "inf"
-    assert changed(hover, info=info, efforts=1e9 + hover.efforts).shortfall.saturation is None
+    assert (
+        changed(hover, info=info, efforts=1e9 + hover.efforts).shortfall.saturation
+        is None
+    )
 
 
 def test_a_vehicle_that_is_far_away_at_the_end_says_of_what(hover):
@@ -191,22 +277,51 @@ def test_a_vehicle_that_is_far_away_at_the_end_says_of_what(hover):
     assert [each.reference for each in base.shortfall.unreached] == ["position"]
     start = base.shortfall.unreached[0].start
     assert start == pytest.approx(0.5)  # what follows the first third
-    assert base.shortfall.lines == (f"not reached: reference of the base, 211 m off in the mean from {start:g} s on",)
+    assert base.shortfall.lines == (
+        (
+            f"not reached: reference of the base, 211 m off in the mean from {start:g}"
+            " s on"
+        ),
+    )
     tip = changed(hover, tool=hover.tip_reference + 1.01 * LARGEST_ERROR * UP)
     assert [each.reference for each in tip.shortfall.unreached] == ["tip"]
-    assert changed(hover, tool=hover.tip_reference + 0.99 * LARGEST_ERROR * UP).shortfall.unreached == ()
+    assert (
+        changed(
+            hover, tool=hover.tip_reference + 0.99 * LARGEST_ERROR * UP
+        ).shortfall.unreached
+        == ()
+    )
 
 
 def test_a_heading_that_is_far_off_at_the_end_is_told_the_shorter_way_round(hover):
     late = hover.time >= 0.5 - 1e-9  # what follows the first third
     half = np.full(hover.time.size, 0.5 * 0.7)
-    hover = changed(hover, quaternion=np.stack([np.cos(half), 0.0 * half, 0.0 * half, np.sin(half)], axis=1))
-    for turn, off in ((math.pi, 180.0), (1.01 * LARGEST_TURN, 11.6), (-0.5 - math.tau, 28.6), (0.99 * LARGEST_TURN, 0)):
+    hover = changed(
+        hover,
+        quaternion=np.stack(
+            [np.cos(half), 0.0 * half, 0.0 * half, np.sin(half)], axis=1
+        ),
+    )
+    for turn, off in (
+        (math.pi, 180.0),
+        (1.01 * LARGEST_TURN, 11.6),
+        (-0.5 - math.tau, 28.6),
+        (0.99 * LARGEST_TURN, 0),
+    ):
         log = changed(hover, yaw_held=hover.euler[:, 2] + np.where(late, turn, 0.0))
-        words = f"not reached: heading of the base, {off:.3g} degrees off in the mean from 0.5 s on"
+        words = (
+            f"not reached: heading of the base, {off:.3g} degrees off in the mean from"
+            " 0.5 s on"
+        )
         assert log.shortfall.lines == ((words,) if off else ())
-    (found,) = changed(hover, yaw_held=hover.euler[:, 2] + math.pi * late).shortfall.unreached
-    assert (found.reference, found.start, found.stop) == ("heading", 0.5, hover.time[-1])
+    (found,) = changed(
+        hover, yaw_held=hover.euler[:, 2] + math.pi * late
+    ).shortfall.unreached
+    assert (found.reference, found.start, found.stop) == (
+        "heading",
+        0.5,
+        hover.time[-1],
+    )
     before = changed(hover, yaw_held=hover.euler[:, 2] + math.pi * ~late)
     assert before.shortfall.lines == ()
     assert LARGEST_TURN == 0.2
@@ -220,7 +335,11 @@ def test_a_flight_that_ended_early_is_judged_where_it_ended(hover):
     cut = rows_of(changed(hover, position=far), slice(0, 60))
     assert cut.shortfall.unreached == ()
     (found,) = rows_of(cut, slice(0, 20)).shortfall.unreached
-    assert (found.reference, found.start, found.stop) == ("position", cut.time[19], cut.time[19])
+    assert (found.reference, found.start, found.stop) == (
+        "position",
+        cut.time[19],
+        cut.time[19],
+    )
 
 
 def test_a_push_whose_force_is_never_there_and_phases_without_end(press):
@@ -233,16 +352,28 @@ def test_a_push_whose_force_is_never_there_and_phases_without_end(press):
     assert all(line in text(press) for line in press.shortfall.lines)
     pressed = np.zeros_like(press.contact_force)
     pressed[press.time > 3.0, 0] = 0.71
-    assert [each.reference for each in with_components(press, contact_force=pressed).shortfall.unreached] == ["phase"]
+    assert [
+        each.reference
+        for each in with_components(press, contact_force=pressed).shortfall.unreached
+    ] == ["phase"]
     pressed *= 0.69 / 0.71
-    assert "at most 0.69 N of 1 N" in with_components(press, contact_force=pressed).shortfall.unreached[0].words
+    assert (
+        "at most 0.69 N of 1 N"
+        in with_components(press, contact_force=pressed).shortfall.unreached[0].words
+    )
 
 
 def test_a_push_is_not_reached_by_the_contact_of_a_skid(press, monkeypatch):
-    monkeypatch.setattr("skyarm.log.metrics.shortfall.contact_pairs", lambda _: (("wall", "tip"), ("wall", "skid")))
+    monkeypatch.setattr(
+        "skyarm.log.metrics.shortfall.contact_pairs",
+        lambda _: (("wall", "tip"), ("wall", "skid")),
+    )
     force = np.zeros((press.time.size, 2))
     force[:, 1] = 8.0
-    assert "at most 0 N of 1 N" in with_components(press, contact_force=force).shortfall.unreached[0].words
+    assert (
+        "at most 0 N of 1 N"
+        in with_components(press, contact_force=force).shortfall.unreached[0].words
+    )
     pressed = with_components(press, contact_force=force[:, ::-1].copy())
     assert "force" not in [each.reference for each in pressed.shortfall.unreached]
 
@@ -250,7 +381,9 @@ def test_a_push_is_not_reached_by_the_contact_of_a_skid(press, monkeypatch):
 def test_while_the_tip_presses_its_place_along_the_normal_is_open(press):
     pushed = press.time > 1.1
     away = press.position_reference + np.outer(pushed, [9.0, 0.0, 0.0])
-    assert "position" not in [each.reference for each in changed(press, position=away).shortfall.unreached]
+    assert "position" not in [
+        each.reference for each in changed(press, position=away).shortfall.unreached
+    ]
 
 
 def test_what_is_gripped_is_not_pressed(press, monkeypatch):
@@ -267,12 +400,24 @@ def test_a_flight_with_a_governor_is_judged_by_its_distance_to_the_path():
     scenario = skyarm.load_scenario("examples/fast_circle.toml", duration=7.0)
     log = skyarm.run(scenario)
     late = log.time > 5.0
-    assert np.linalg.norm(log.position - log.position_reference, axis=1)[late].mean() > LARGEST_ERROR
+    assert (
+        np.linalg.norm(log.position - log.position_reference, axis=1)[late].mean()
+        > LARGEST_ERROR
+    )
     assert log.shortfall.unreached == ()
 
 
 def test_the_command_line_says_it_in_words_and_in_json(tmp_path):
-    arguments = ["run", "press_and_hold", "--laws", "paper_ct", "--duration", "4", "--out", str(tmp_path)]
+    arguments = [
+        "run",
+        "press_and_hold",
+        "--laws",
+        "paper_ct",
+        "--duration",
+        "4",
+        "--out",
+        str(tmp_path),
+    ]
     assert "not reached: force of the push" in command(*arguments).out
     found = json.loads(command(*arguments, "--json").out)
     assert [each["reference"] for each in found["unreached"]] == ["force", "phase"]

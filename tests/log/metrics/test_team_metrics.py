@@ -1,4 +1,6 @@
-"""Metrics of flights of several vehicles: names, and numbers against the arrays of the log."""
+"""Metrics of flights of several vehicles: names, and numbers against the arrays of the
+log.
+"""
 
 from __future__ import annotations
 
@@ -48,19 +50,37 @@ def test_what_is_of_the_world_has_no_vehicles_name() -> None:
 
 
 def test_names_are_written_out_for_each_vehicle_or_for_the_one_that_is_named() -> None:
-    assert row_names(["efforts"], ARMS) == ("left/tau1_rms", "left/tau2_rms", "right/tau1_rms")
-    assert row_names(["right/efforts", "mechanism_last"], ARMS) == ("mechanism_last", "right/tau1_rms")
-    assert row_names(["tilt_max", "left/tilt_max"], ARMS) == ("left/tilt_max", "right/tilt_max")
+    assert row_names(["efforts"], ARMS) == (
+        "left/tau1_rms",
+        "left/tau2_rms",
+        "right/tau1_rms",
+    )
+    assert row_names(["right/efforts", "mechanism_last"], ARMS) == (
+        "mechanism_last",
+        "right/tau1_rms",
+    )
+    assert row_names(["tilt_max", "left/tilt_max"], ARMS) == (
+        "left/tilt_max",
+        "right/tilt_max",
+    )
     written = row_names(["standard", "contact"], ARMS)
     # what stands in a file of rows means the same again
     assert row_names(written, ARMS) == written
-    assert names_by_agent(["efforts"], {SOLE: (False,)}) == {SOLE: {"tau1_rms": "tau1_rms"}}
+    assert names_by_agent(["efforts"], {SOLE: (False,)}) == {
+        SOLE: {"tau1_rms": "tau1_rms"}
+    }
 
 
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["lft/tilt_max"], r"metrics: 'lft/tilt_max': agent = 'lft': did you mean 'left'\? must be one of left, right"),
+        (
+            ["lft/tilt_max"],
+            (
+                r"metrics: 'lft/tilt_max': agent = 'lft': did you mean 'left'\? must be"
+                r" one of left, right"
+            ),
+        ),
         (["left/tilt_mx"], r"metrics: 'tilt_mx': did you mean 'tilt_max'\?"),
         (["right/tau2_rms"], r"metrics: 'tau2_rms': .*must be one of"),
         (["/tilt_max"], r"metrics: '/tilt_max'"),
@@ -82,14 +102,25 @@ def test_axes_name_the_vehicle() -> None:
 
 @pytest.mark.thorough
 def test_contact_counts_at_the_vehicles_own_points() -> None:
-    """Two vehicles that press the same wall, which nothing joins: each feels its own force, not the sum."""
+    """Two vehicles that press the same wall, which nothing joins: each feels its own
+    force, not the sum.
+    """
     one = skyarm.load_scenario("press_and_hold", duration=2.5)
     world = dataclasses.replace(one.world, points=())
-    pair = dataclasses.replace(one, agents={"left": one.agent, "right": one.agent}, world=world)
+    pair = dataclasses.replace(
+        one, agents={"left": one.agent, "right": one.agent}, world=world
+    )
     metrics = ["contact_peak", "contact_largest", "contact_losses", "contact_first"]
-    alone, both = skyarm.score(skyarm.run(one), metrics), skyarm.score(skyarm.run(pair), metrics)
+    alone, both = (
+        skyarm.score(skyarm.run(one), metrics),
+        skyarm.score(skyarm.run(pair), metrics),
+    )
     assert alone["contact_peak"] > 0.5
     for name in ("left", "right"):
-        assert {each: both[f"{name}/{each}"] for each in metrics} == pytest.approx(alone, rel=1e-6)
+        assert {each: both[f"{name}/{each}"] for each in metrics} == pytest.approx(
+            alone, rel=1e-6
+        )
     counted = Batch(pair, metrics=metrics, effort=0).fly({}).metrics
-    assert {name: float(value[0]) for name, value in counted.items()} == pytest.approx(both, rel=1e-6)
+    assert {name: float(value[0]) for name, value in counted.items()} == pytest.approx(
+        both, rel=1e-6
+    )

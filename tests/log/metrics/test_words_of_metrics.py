@@ -15,7 +15,19 @@ from support.components import registry_kept
 @pytest.mark.parametrize("name", sorted(measures(2)))
 def test_every_metric_of_the_catalogue_has_words_and_a_unit(name: str) -> None:
     words, unit = metric_words(name)
-    assert unit in ("m", "m s", "s", "rad", "rad s", "rad/s", "N m", "phases", "N", "losses", "")
+    assert unit in (
+        "m",
+        "m s",
+        "s",
+        "rad",
+        "rad s",
+        "rad/s",
+        "N m",
+        "phases",
+        "N",
+        "losses",
+        "",
+    )
     assert unit or name in (
         "contact_held",
         "rotor_saturation",
@@ -25,7 +37,12 @@ def test_every_metric_of_the_catalogue_has_words_and_a_unit(name: str) -> None:
         "load_share_mean",
     )
     assert "_" not in words
-    for part, named in (("ee_", "tip"), ("joint_error", "joint"), ("pitch", "pitch"), ("tau2", "joint 2")):
+    for part, named in (
+        ("ee_", "tip"),
+        ("joint_error", "joint"),
+        ("pitch", "pitch"),
+        ("tau2", "joint 2"),
+    ):
         assert part not in name or named in words
     assert ("gust" in words) == name.startswith("gust_")
     assert ("continuous" in words) == name.endswith("_continuous")
@@ -63,7 +80,9 @@ def test_a_metric_that_ships_is_one_row_of_the_registry_with_its_own_words() -> 
         assert names("metric", shipped=False) == ("own_turns",)
 
 
-def test_a_metric_that_is_registered_anew_counts_as_it_is_now(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_metric_that_is_registered_anew_counts_as_it_is_now(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     log = skyarm.run(dataclasses.replace(skyarm.load_scenario("case1"), duration=0.5))
     with registry_kept():
         skyarm.register.metric("own_turns")(Turns)

@@ -12,7 +12,13 @@ import pytest
 
 from skyarm.algebra import Vec3
 from skyarm.control.laws.paper import decoupled_pd
-from skyarm.records.files.user_code import failure, own_code, own_failure, place_of, place_of_error
+from skyarm.records.files.user_code import (
+    failure,
+    own_code,
+    own_failure,
+    place_of,
+    place_of_error,
+)
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.scenario.endings import Divergence
 from skyarm.sensing.measurement import SensorNoise
@@ -46,8 +52,21 @@ def closing(inner: object) -> object:
 
 @pytest.mark.parametrize(
     "thing",
-    [load_plugin, Vec3, ForceWind, MovingAir, SensorNoise, Divergence, functools.partial(load_plugin, 1), json.dumps,
-     len, 3.0, functools.lru_cache(load_plugin), Bare, Inherits],
+    [
+        load_plugin,
+        Vec3,
+        ForceWind,
+        MovingAir,
+        SensorNoise,
+        Divergence,
+        functools.partial(load_plugin, 1),
+        json.dumps,
+        len,
+        3.0,
+        functools.lru_cache(load_plugin),
+        Bare,
+        Inherits,
+    ],
 )
 def test_what_is_ours_pythons_or_has_no_code_is_nobodys_own(thing):
     assert own_code(thing) is None
@@ -55,8 +74,16 @@ def test_what_is_ours_pythons_or_has_no_code_is_nobodys_own(thing):
 
 @pytest.mark.parametrize(
     "thing",
-    [mine, Mine, Mine(), Mine().method, functools.partial(mine, 1.0), functools.partial(load_plugin, mine),
-     functools.lru_cache(mine), lambda: 0],
+    [
+        mine,
+        Mine,
+        Mine(),
+        Mine().method,
+        functools.partial(mine, 1.0),
+        functools.partial(load_plugin, mine),
+        functools.lru_cache(mine),
+        lambda: 0,
+    ],
 )
 def test_what_stands_elsewhere_is_someones_own(thing):
     found = own_code(thing)
@@ -92,8 +119,13 @@ print(place_of(law))
 
 
 def test_what_python_runs_at_once_is_someones_own():
-    done = subprocess.run([sys.executable, "-c", AT_ONCE], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines() == ["[True, True, True, False, False, False]", "<string>:6"]
+    done = subprocess.run(
+        [sys.executable, "-c", AT_ONCE], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines() == [
+        "[True, True, True, False, False, False]",
+        "<string>:6",
+    ]
 
 
 COUNTS = """
@@ -110,15 +142,22 @@ skyarm.run(replace(scenario, controller=controller))
 
 
 def test_a_law_that_python_runs_at_once_is_looked_at():
-    done = subprocess.run([sys.executable, "-c", COUNTS], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", COUNTS], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 1
-    assert "<string>:5: law 'counts' has memory[0] = 0: an int never changes" in done.stderr
+    assert (
+        "<string>:5: law 'counts' has memory[0] = 0: an int never changes"
+        in done.stderr
+    )
 
 
 def test_a_place_is_file_and_line():
     assert place_of(mine) == f"{__file__}:{mine.__code__.co_firstlineno}"
     assert place_of(Mine) == f"{__file__}:{Mine.method.__code__.co_firstlineno}"
-    assert place_of(decoupled_pd).endswith(f"paper.py:{decoupled_pd.__code__.co_firstlineno}")
+    assert place_of(decoupled_pd).endswith(
+        f"paper.py:{decoupled_pd.__code__.co_firstlineno}"
+    )
     assert place_of(len) == "len"
 
 
@@ -130,7 +169,9 @@ def test_an_error_is_told_at_the_innermost_own_line(tmp_path):
         fails()
     line = fails.__code__.co_firstlineno + 1
     assert place_of_error(caught.value) == f"{__file__}:{line}"
-    assert failure(caught.value).startswith(f"{__file__}:{line}: JSONDecodeError: Expecting")
+    assert failure(caught.value).startswith(
+        f"{__file__}:{line}: JSONDecodeError: Expecting"
+    )
     ours = ValueError("never raised")
     assert (place_of_error(ours), failure(ours)) == ("", "")
 
@@ -142,7 +183,10 @@ def refusing() -> None:
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (refusing, f"{__file__}:{refusing.__code__.co_firstlineno + 1}: ValueError: not today"),
+        (
+            refusing,
+            f"{__file__}:{refusing.__code__.co_firstlineno + 1}: ValueError: not today",
+        ),
         (lambda: load_plugin("gone.py"), ""),
     ],
 )

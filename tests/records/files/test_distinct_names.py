@@ -20,4 +20,8 @@ def test_repeated_names_are_counted_past_those_that_are_there(names, unique):
 
 def test_a_file_name_of_several_digests_is_numbered_past_the_names_that_are_there():
     pairs = [("law.py (3)", "1"), ("law.py", "2"), ("law.py", "3"), ("law.py", "2")]
-    assert number_duplicates(pairs) == {"law.py (3)": "1", "law.py": "2", "law.py (4)": "3"}
+    assert number_duplicates(pairs) == {
+        "law.py (3)": "1",
+        "law.py": "2",
+        "law.py (4)": "3",
+    }

@@ -1,4 +1,6 @@
-"""Versions that results are stamped with: of the source that runs, and of what is installed."""
+"""Versions that results are stamped with: of the source that runs, and of what is
+installed.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,23 @@ def forgotten() -> Iterator[None]:
     packages._version.cache_clear()
 
 
-def test_skyarm_s_version_is_that_of_the_source_that_runs(monkeypatch, forgotten) -> None:
+def test_skyarm_s_version_is_that_of_the_source_that_runs(
+    monkeypatch, forgotten
+) -> None:
     """An editable installation keeps the number that it was installed with."""
-    monkeypatch.setattr(packages, "installed_versions", lambda names: dict.fromkeys(names, "0.0.1"))
-    assert versions("numpy") == {"python": platform.python_version(), "skyarm": skyarm.__version__, "numpy": "0.0.1"}
+    monkeypatch.setattr(
+        packages, "installed_versions", lambda names: dict.fromkeys(names, "0.0.1")
+    )
+    assert versions("numpy") == {
+        "python": platform.python_version(),
+        "skyarm": skyarm.__version__,
+        "numpy": "0.0.1",
+    }
 
 
-def test_a_package_that_is_no_folder_on_the_path_has_the_version_of_its_metadata(monkeypatch, forgotten) -> None:
+def test_a_package_that_is_no_folder_on_the_path_has_the_version_of_its_metadata(
+    monkeypatch, forgotten
+) -> None:
     monkeypatch.setattr(packages, "installed_versions", lambda names: {})
     assert versions("numpy", "no-such-package")["numpy"] == metadata.version("numpy")
     assert versions("no-such-package")["no-such-package"] == ABSENT

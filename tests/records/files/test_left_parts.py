@@ -1,4 +1,6 @@
-"""Temporary files that a killed process left: the next process that writes into the folder removes them."""
+"""Temporary files that a killed process left: the next process that writes into the
+folder removes them.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +29,12 @@ def parts(folder: Path) -> list[str]:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")
-def test_the_part_of_a_killed_writer_goes_and_that_of_a_living_one_stays(tmp_path: Path) -> None:
-    killed = subprocess.Popen([sys.executable, "-c", WRITES, tmp_path / "killed.npz"], stdout=subprocess.PIPE)
+def test_the_part_of_a_killed_writer_goes_and_that_of_a_living_one_stays(
+    tmp_path: Path,
+) -> None:
+    killed = subprocess.Popen(
+        [sys.executable, "-c", WRITES, tmp_path / "killed.npz"], stdout=subprocess.PIPE
+    )
     with killed, writing_atomically(tmp_path / "alive.npz") as stream:
         assert killed.stdout is not None
         assert killed.stdout.readline() == b"writing\n"
@@ -54,8 +60,12 @@ def test_only_parts_of_ours_are_removed(tmp_path: Path) -> None:
     assert parts(tmp_path) == [theirs]
 
 
-def test_a_writer_whose_new_part_another_takes_away_makes_another(tmp_path: Path, monkeypatch) -> None:
-    """Between the file's making and its lock another process may take it for that of a dead one."""
+def test_a_writer_whose_new_part_another_takes_away_makes_another(
+    tmp_path: Path, monkeypatch
+) -> None:
+    """Between the file's making and its lock another process may take it for that of a
+    dead one.
+    """
     lock, taken = writing._lock, []
 
     def taken_away(handle: int) -> None:

@@ -1,4 +1,6 @@
-"""Folders made for a result that does not come are gone again; archives and meshes that are none are one line."""
+"""Folders made for a result that does not come are gone again; archives and meshes that
+are none are one line.
+"""
 
 from __future__ import annotations
 
@@ -46,12 +48,18 @@ def test_members_that_no_array_is_packed_in_are_refused() -> None:
         npz_arrays(packed(zipfile.ZIP_BZIP2))
 
 
-def test_a_missing_mesh_or_a_pipe_is_one_line_and_one_that_is_there_is_read(tmp_path: Path) -> None:
+def test_a_missing_mesh_or_a_pipe_is_one_line_and_one_that_is_there_is_read(
+    tmp_path: Path,
+) -> None:
     corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
     lines = ["solid one"]
     for left in range(4):
         lines += ["facet normal 0 0 1", "outer loop"]
-        lines += ["vertex {} {} {}".format(*corner) for i, corner in enumerate(corners) if i != left]
+        lines += [
+            "vertex {} {} {}".format(*corner)
+            for i, corner in enumerate(corners)
+            if i != left
+        ]
         lines += ["endloop", "endfacet"]
     mesh = tmp_path / "one.stl"
     mesh.write_text("\n".join([*lines, "endsolid one", ""]))

@@ -5,14 +5,33 @@ import pytest
 from skyarm.records.files.names import is_result_name
 
 
-@pytest.mark.parametrize("name", ["case3", "a b", "Flug über Köln", "x.y", "a-", "comet", "a" * 100])
+@pytest.mark.parametrize(
+    "name", ["case3", "a b", "Flug über Köln", "x.y", "a-", "comet", "a" * 100]
+)
 def test_a_name_of_any_system_may_name_a_result(name):
     assert is_result_name(name)
 
 
 @pytest.mark.parametrize(
     "name",
-    ["", ".a", "-a", " a", "a.", "a ", "a/b", "a\\b", "a:b", "a\nb", "con", "NUL.toml", "aux .x", "a" * 101, 3, None],
+    [
+        "",
+        ".a",
+        "-a",
+        " a",
+        "a.",
+        "a ",
+        "a/b",
+        "a\\b",
+        "a:b",
+        "a\nb",
+        "con",
+        "NUL.toml",
+        "aux .x",
+        "a" * 101,
+        3,
+        None,
+    ],
 )
 def test_a_name_that_some_system_takes_for_something_else_is_no_result(name):
     assert not is_result_name(name)

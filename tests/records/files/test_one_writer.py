@@ -1,4 +1,6 @@
-"""One writer of a folder at a time: as long as it lives, no longer, and through nothing that a stranger left."""
+"""One writer of a folder at a time: as long as it lives, no longer, and through nothing
+that a stranger left.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,12 @@ from skyarm.records.files.writing import LOCK, TakenError, one_writer
 def test_a_second_writer_is_refused_until_the_first_is_done(tmp_path: Path) -> None:
     with one_writer(tmp_path):
         assert (tmp_path / LOCK).read_text() == str(os.getpid())
-        with pytest.raises(TakenError, match=rf"another one \(process {os.getpid()}\) does"), one_writer(tmp_path):
+        with (
+            pytest.raises(
+                TakenError, match=rf"another one \(process {os.getpid()}\) does"
+            ),
+            one_writer(tmp_path),
+        ):
             pass
         assert (tmp_path / LOCK).is_file(), "who was refused takes nothing away"
     assert list(tmp_path.iterdir()) == []
@@ -24,7 +31,9 @@ def test_a_second_writer_is_refused_until_the_first_is_done(tmp_path: Path) -> N
         pass
 
 
-def test_a_patient_writer_waits_for_the_end_of_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_patient_writer_waits_for_the_end_of_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     first, waits = one_writer(tmp_path), []
     first.__enter__()
 
@@ -50,11 +59,15 @@ def test_a_file_that_is_only_left_behind_holds_nobody_up(tmp_path: Path) -> None
         assert (tmp_path / LOCK).read_text() == str(os.getpid())
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="an open file cannot be removed there")
+@pytest.mark.skipif(
+    sys.platform == "win32", reason="an open file cannot be removed there"
+)
 def test_a_lock_on_a_file_that_its_holder_has_just_removed_is_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Between opening the file and locking it the first writer ends, and a third begins."""
+    """Between opening the file and locking it the first writer ends, and a third
+    begins.
+    """
     usual, third = module._lock, one_writer(tmp_path)
 
     def late(handle: int) -> None:
@@ -70,7 +83,9 @@ def test_a_lock_on_a_file_that_its_holder_has_just_removed_is_none(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_on_a_file_system_without_locks_everyone_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_on_a_file_system_without_locks_everyone_writes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def none_here(_handle: int) -> None:
         raise OSError(errno.ENOLCK, "No locks available")
 
@@ -81,7 +96,9 @@ def test_on_a_file_system_without_locks_everyone_writes(tmp_path: Path, monkeypa
 
 @pytest.mark.skipif(sys.platform == "win32", reason="links and pipes of POSIX")
 @pytest.mark.parametrize("kind", ["link", "pipe", "folder"])
-def test_something_else_of_the_lock_s_name_is_refused(kind: str, tmp_path: Path) -> None:
+def test_something_else_of_the_lock_s_name_is_refused(
+    kind: str, tmp_path: Path
+) -> None:
     target = tmp_path / "kept"
     target.write_text("kept")
     if kind == "link":
@@ -90,7 +107,10 @@ def test_something_else_of_the_lock_s_name_is_refused(kind: str, tmp_path: Path)
         os.mkfifo(tmp_path / LOCK)
     else:
         (tmp_path / LOCK).mkdir()
-    with pytest.raises(OSError, match=rf"^file = '.*{LOCK}': must be writable \(.*\)$"), one_writer(tmp_path):
+    with (
+        pytest.raises(OSError, match=rf"^file = '.*{LOCK}': must be writable \(.*\)$"),
+        one_writer(tmp_path),
+    ):
         pass
     assert target.read_text() == "kept"
     assert os.path.lexists(tmp_path / LOCK)

@@ -30,7 +30,9 @@ def test_a_value_reads_back_as_it_was(value: object) -> None:
 
 
 def test_a_name_that_is_no_bare_word_is_quoted() -> None:
-    assert [toml_key(name) for name in ("plain_word-1", "plant.gravity", "two words")] == [
+    assert [
+        toml_key(name) for name in ("plain_word-1", "plant.gravity", "two words")
+    ] == [
         "plain_word-1",
         '"plant.gravity"',
         '"two words"',

@@ -34,8 +34,13 @@ def wrong(tmp_path, **words):
 
 
 def test_a_missing_field_is_named_with_the_word_that_may_mean_it(tmp_path):
-    assert wrong(tmp_path, duration="duraton").startswith("duration: is missing; is it 'duraton'? there are ")
-    assert "rates.contrl = 200: unknown field; did you mean 'control'? allowed: " in wrong(tmp_path, control="contrl")
+    assert wrong(tmp_path, duration="duraton").startswith(
+        "duration: is missing; is it 'duraton'? there are "
+    )
+    assert (
+        "rates.contrl = 200: unknown field; did you mean 'control'? allowed: "
+        in wrong(tmp_path, control="contrl")
+    )
 
 
 def test_a_field_without_a_like_word_is_missing():
@@ -51,7 +56,19 @@ def test_a_wrong_word_is_refused_when_its_table_has_been_read():
 
 
 def test_a_field_that_the_record_has_is_not_offered_for_another_that_is_missing():
-    with pytest.raises(ValueError, match=r"^changes\[0\].at: is missing; there are path, value$"):
-        record_from(Change, Fields({"path": "plant.gravity", "value": 1.0}, "changes[0]"))
-    with pytest.raises(ValueError, match=r"^changes\[0\].at: is missing; is it 'att'\? there are att, path, value$"):
-        record_from(Change, Fields({"att": 0.0, "path": "plant.gravity", "value": 1.0}, "changes[0]"))
+    with pytest.raises(
+        ValueError, match=r"^changes\[0\].at: is missing; there are path, value$"
+    ):
+        record_from(
+            Change, Fields({"path": "plant.gravity", "value": 1.0}, "changes[0]")
+        )
+    with pytest.raises(
+        ValueError,
+        match=(
+            r"^changes\[0\].at: is missing; is it 'att'\? there are att, path, value$"
+        ),
+    ):
+        record_from(
+            Change,
+            Fields({"att": 0.0, "path": "plant.gravity", "value": 1.0}, "changes[0]"),
+        )

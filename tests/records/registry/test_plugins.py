@@ -1,4 +1,6 @@
-"""Plugins: files of the command line and installed packages. What is broken costs one line and registers nothing."""
+"""Plugins: files of the command line and installed packages. What is broken costs one
+line and registers nothing.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,15 @@ import pytest
 
 from skyarm import Force
 from skyarm.records.files import packages
-from skyarm.records.registry import KINDS, RegistryError, find, names, plugins, register, registrations
+from skyarm.records.registry import (
+    KINDS,
+    RegistryError,
+    find,
+    names,
+    plugins,
+    register,
+    registrations,
+)
 from skyarm.records.registry.plugins import (
     Plugin,
     identities,
@@ -50,17 +60,23 @@ def test_a_file_registers_its_names_under_its_path(tmp_path):
     module = load_plugin(path)
     assert find("force", "own_tether") is module.own.Tether
     assert find("plant", "own_plant") is module.OwnPlant
-    assert registrations("law")["own_law"].title == "The paper's law under a name of our own"
-    assert {registrations(kind)[name].source for kind, name in (("air", "own_shear"), ("law", "own_law"))} == {
-        str(path)
-    }
+    assert (
+        registrations("law")["own_law"].title
+        == "The paper's law under a name of our own"
+    )
+    assert {
+        registrations(kind)[name].source
+        for kind, name in (("air", "own_shear"), ("law", "own_law"))
+    } == {str(path)}
     digest = f"sha256:{hashlib.sha256(OWN.read_bytes()).hexdigest()}"
     assert loaded_plugins()[-1] == Plugin(str(path), digest)
     assert identities()["own_plugin.py"] == digest
 
 
 def test_a_file_is_run_once(tmp_path):
-    path = written(tmp_path, "from skyarm import Force, register\nregister.force('once')(Force)\n")
+    path = written(
+        tmp_path, "from skyarm import Force, register\nregister.force('once')(Force)\n"
+    )
     first = load_plugin(path)
     assert load_plugin(str(path)) is first
     assert load_plugin(tmp_path / ".." / tmp_path.name / "mine.py") is first
@@ -82,16 +98,40 @@ def test_a_file_that_has_changed_is_refused(tmp_path):
 
 BROKEN = {
     "syntax": ("import skyarm\nx = = 1\n", r"line 2: SyntaxError: invalid syntax"),
-    "raises": ("a = 1\n\n\nb = 1 / 0\n", r"line 4: ZeroDivisionError: division by zero$"),
-    "raises_below": ("f = lambda: 1 / 0\n\n\nf()\n", r"line 1: ZeroDivisionError: division by zero$"),
-    "two_lines": ("a = 1\nraise ValueError('two\\nlines')\n", r"line 2: ValueError: two lines$"),
-    "raises_elsewhere": ("import json\n\njson.loads('{')\n", r"line 3: JSONDecodeError: Expecting"),
-    "no_module": ("import no_such_module_anywhere\n", r"line 1: ModuleNotFoundError: No module named"),
+    "raises": (
+        "a = 1\n\n\nb = 1 / 0\n",
+        r"line 4: ZeroDivisionError: division by zero$",
+    ),
+    "raises_below": (
+        "f = lambda: 1 / 0\n\n\nf()\n",
+        r"line 1: ZeroDivisionError: division by zero$",
+    ),
+    "two_lines": (
+        "a = 1\nraise ValueError('two\\nlines')\n",
+        r"line 2: ValueError: two lines$",
+    ),
+    "raises_elsewhere": (
+        "import json\n\njson.loads('{')\n",
+        r"line 3: JSONDecodeError: Expecting",
+    ),
+    "no_module": (
+        "import no_such_module_anywhere\n",
+        r"line 1: ModuleNotFoundError: No module named",
+    ),
     "exits": ("import sys\nsys.exit(0)\n", r"line 2: SystemExit: 0$"),
-    "another_version": ("SKYARM_API = 7\n", r"was made for version 7 of the extension points; this is 1$"),
-    "version_text": ("SKYARM_API = '1'\n", r"was made for version '1' of the extension points; this is 1$"),
+    "another_version": (
+        "SKYARM_API = 7\n",
+        r"was made for version 7 of the extension points; this is 1$",
+    ),
+    "version_text": (
+        "SKYARM_API = '1'\n",
+        r"was made for version '1' of the extension points; this is 1$",
+    ),
     "not_text": (b"x = '\xff\xfe'\n", r"SyntaxError: "),
-    "nul": (b"x = 1\0\n", r"(SyntaxError|ValueError): source code string cannot contain null bytes"),
+    "nul": (
+        b"x = 1\0\n",
+        r"(SyntaxError|ValueError): source code string cannot contain null bytes",
+    ),
 }
 
 
@@ -100,7 +140,10 @@ def test_a_broken_file_registers_nothing_and_is_one_line(tmp_path, what):
     text, words = BROKEN[what]
     head = b"from skyarm import Force, register; register.force('broken_one')(Force)\n"
     before, known = everything(), loaded_plugins()
-    for body in (text, head.replace(b"\n", b"; ") + text.encode() if isinstance(text, str) else text):
+    for body in (
+        text,
+        head.replace(b"\n", b"; ") + text.encode() if isinstance(text, str) else text,
+    ):
         path = written(tmp_path, body)
         with pytest.raises(RegistryError, match=words) as caught:
             load_plugin(path)
@@ -117,11 +160,17 @@ def test_a_broken_file_registers_nothing_and_is_one_line(tmp_path, what):
 def test_a_file_that_takes_a_taken_name_registers_nothing(tmp_path):
     register.force("mine_first")(type("T", (), {}))
     body = "from skyarm import register\n"
-    body += "".join(f"register.force({name!r})(type('T', (), {{}}))\n" for name in ("before", "mine_first", "after"))
+    body += "".join(
+        f"register.force({name!r})(type('T', (), {{}}))\n"
+        for name in ("before", "mine_first", "after")
+    )
     path = written(tmp_path, body)
     with pytest.raises(RegistryError) as caught:
         load_plugin(path)
-    words = f"force 'mine_first': is registered by this process and by {path}; rename one of them"
+    words = (
+        f"force 'mine_first': is registered by this process and by {path}; rename one"
+        " of them"
+    )
     assert str(caught.value) == words
     assert {"before", "after"}.isdisjoint(names("force"))
     assert "mine.py" not in identities()
@@ -148,9 +197,19 @@ def test_the_law_of_a_file_has_the_name_of_the_command_line(tmp_path):
     assert find("law", text).__name__ == "make"
     assert registrations("law")[text].source == str(path)
     assert register_law_of_file(text), "and again"
-    for other in ("indi", "case1.toml", "laws.py", f"{path}:", ":make", f"{path}:1x", ""):
+    for other in (
+        "indi",
+        "case1.toml",
+        "laws.py",
+        f"{path}:",
+        ":make",
+        f"{path}:1x",
+        "",
+    ):
         assert not register_law_of_file(other)
-    with pytest.raises(RegistryError, match=r"^law = .*laws\.py:none': .*must have a function 'none'$"):
+    with pytest.raises(
+        RegistryError, match=r"^law = .*laws\.py:none': .*must have a function 'none'$"
+    ):
         register_law_of_file(f"{path}:none")
     with pytest.raises(RegistryError, match=r"must have a function 'SKYARM_API'$"):
         register_law_of_file(f"{path}:SKYARM_API")
@@ -195,16 +254,25 @@ def test_installed_packages_register_under_their_distribution(monkeypatch):
     assert identities()["dist-pack"] == "version 3.4"
 
 
-@pytest.mark.parametrize("folder", ["from_disk-2.0.dist-info", "from_disk.egg-info", "from_disk.egg/EGG-INFO"])
+@pytest.mark.parametrize(
+    "folder",
+    ["from_disk-2.0.dist-info", "from_disk.egg-info", "from_disk.egg/EGG-INFO"],
+)
 def test_a_package_on_disk_is_found_by_its_entry_points(tmp_path, monkeypatch, folder):
-    monkeypatch.setattr(sys, "path", [each for each in sys.path if not os.path.isfile(each)])
+    monkeypatch.setattr(
+        sys, "path", [each for each in sys.path if not os.path.isfile(each)]
+    )
     assert not packages.may_extend(plugins.GROUP), "none is installed here"
     about, name = tmp_path / folder, f"from_disk_{len(folder)}"
     about.mkdir(parents=True)
-    (about.parent / f"{name}.py").write_text(f"import skyarm\n\nskyarm.register.force({name!r})(skyarm.Force)\n")
+    (about.parent / f"{name}.py").write_text(
+        f"import skyarm\n\nskyarm.register.force({name!r})(skyarm.Force)\n"
+    )
     (about / "entry_points.txt").write_text(f"[{plugins.GROUP}]\nown = {name}\n")
     for each in ("METADATA", "PKG-INFO"):
-        (about / each).write_text("Metadata-Version: 2.1\nName: from-disk\nVersion: 2.0\n")
+        (about / each).write_text(
+            "Metadata-Version: 2.1\nName: from-disk\nVersion: 2.0\n"
+        )
     monkeypatch.syspath_prepend(about.parent)
     load_installed()
     assert registrations("force")[name].source == "from-disk 2.0"
@@ -229,10 +297,16 @@ def test_a_broken_package_costs_only_its_own_names(monkeypatch):
     assert {"a_first", "a_last"} <= set(names("force"))
     assert {"a_half", "an_old", "a_clash"}.isdisjoint(names("force"))
     words = [str(each.message) for each in told]
-    assert words[0] == "plugin dist-broken 1.2 is left out: ImportError: no module named 'gone'"
+    assert (
+        words[0]
+        == "plugin dist-broken 1.2 is left out: ImportError: no module named 'gone'"
+    )
     assert words[1].startswith("plugin dist-old 1.2 is left out: ")
     assert "was made for version 0 of the extension points; this is 1" in words[1]
-    assert "force 'a_first': is registered by dist-first 1.2 and by dist-clash 1.2" in words[2]
+    assert (
+        "force 'a_first': is registered by dist-first 1.2 and by dist-clash 1.2"
+        in words[2]
+    )
     assert len(words) == 3
     assert {"dist-broken", "dist-old", "dist-clash"}.isdisjoint(identities())
 
@@ -242,9 +316,14 @@ def test_another_process_must_have_the_same(tmp_path, monkeypatch):
     path = written(tmp_path, "x = 1\n")
     load_plugin(path)
     load_again(loaded_plugins())  # the same: nothing is said
-    with pytest.raises(RegistryError, match=r"^plugin dist-pack: must be installed here as version 9\.9$"):
+    with pytest.raises(
+        RegistryError,
+        match=r"^plugin dist-pack: must be installed here as version 9\.9$",
+    ):
         load_again([Plugin("dist-pack", "version 9.9")])
-    with pytest.raises(RegistryError, match=r"^plugin absent: must be installed here as version 1$"):
+    with pytest.raises(
+        RegistryError, match=r"^plugin absent: must be installed here as version 1$"
+    ):
         load_again([Plugin("absent", "version 1")])
     with pytest.raises(RegistryError, match="has changed since it was loaded first"):
         load_again([Plugin(str(path), "sha256:" + 64 * "1")])

@@ -1,4 +1,6 @@
-"""Names that can be added: who may take which, and what is said of one that is not there."""
+"""Names that can be added: who may take which, and what is said of one that is not
+there.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,14 @@ import pytest
 
 import skyarm
 from skyarm.records.files import must_be_one_of
-from skyarm.records.registry import KINDS, RegistryError, find, names, register, registrations
+from skyarm.records.registry import (
+    KINDS,
+    RegistryError,
+    find,
+    names,
+    register,
+    registrations,
+)
 from skyarm.records.registry.registrations import add, registering_for
 from skyarm.records.registry.shipped import SHIPPED
 from support.components import Ceiling, Tether, registry_kept
@@ -40,7 +49,10 @@ def test_what_is_decorated_is_found_under_its_name_and_stays_what_it_is(kind):
 def test_a_title_may_be_given_and_may_be_missing():
     register.air("titled", title="moving air")(Tether)
     register.air("bare")(lambda: None)
-    assert [registrations("air")[name].title for name in ("titled", "bare")] == ["moving air", ""]
+    assert [registrations("air")[name].title for name in ("titled", "bare")] == [
+        "moving air",
+        "",
+    ]
 
 
 def test_everything_that_ships_is_found_and_has_a_line():
@@ -53,11 +65,18 @@ def test_everything_that_ships_is_found_and_has_a_line():
 
 def test_the_registry_imports_nothing_until_a_name_is_used():
     program = (
-        "import sys; from skyarm.records.registry import names, find; names('plant'); "
-        "print(any('mujoco' in m or m.startswith('skyarm.plant') for m in sys.modules)); "
-        "find('plant', 'rigid_body'); print('skyarm.plant.compiled' in sys.modules)"
+        "import sys; from skyarm.records.registry import names, find; names('plant');"
+        " print(any('mujoco' in m or m.startswith('skyarm.plant') for m in"
+        " sys.modules)); find('plant', 'rigid_body'); print('skyarm.plant.compiled' in"
+        " sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60.0)
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60.0,
+    )
     assert done.stdout.split() == ["False", "True"]
 
 
@@ -65,12 +84,18 @@ def test_a_name_that_is_taken_is_refused_with_both_sources():
     add("force", "mine", Tether, source="first.py")
     with pytest.raises(RegistryError) as caught:
         add("force", "mine", Ceiling, source="second 1.2")
-    words = "force 'mine': is registered by first.py and by second 1.2; rename one of them"
+    words = (
+        "force 'mine': is registered by first.py and by second 1.2; rename one of them"
+    )
     assert str(caught.value) == words
     assert find("force", "mine") is Tether
-    with pytest.raises(RegistryError, match=r"^plant 'mujoco': is registered by skyarm and by this process;"):
+    with pytest.raises(
+        RegistryError,
+        match=r"^plant 'mujoco': is registered by skyarm and by this process;",
+    ):
         register.plant("mujoco")(Ceiling)
-    # the same name of another kind is another name, and the same thing again is the same
+    # the same name of another kind is another name, and the same thing again is the
+    # same
     register.ending("mine")(Ceiling)
     add("force", "mine", Tether, source="first.py")
 
@@ -79,8 +104,16 @@ def test_a_name_that_is_taken_is_refused_with_both_sources():
     ("kind", "name", "words"),
     [
         ("law", "indy", "did you mean 'indi'\\? must be one of rotors_sim_position, "),
-        ("plant", "rigidbody", "did you mean 'rigid_body'\\? must be one of rigid_body, mujoco"),
-        ("motion", "zigzag", r"must be one of hover, circle, signals, waypoints, phases$"),
+        (
+            "plant",
+            "rigidbody",
+            "did you mean 'rigid_body'\\? must be one of rigid_body, mujoco",
+        ),
+        (
+            "motion",
+            "zigzag",
+            r"must be one of hover, circle, signals, waypoints, phases$",
+        ),
         ("motion", 3, r"must be one of hover, circle, signals, waypoints, phases$"),
         ("metric", "fly", r"must be left out: there is none$"),
     ],
@@ -95,7 +128,11 @@ def test_a_name_that_is_not_there_is_one_line_with_what_is(kind, name, words):
 def test_what_a_user_added_is_offered_too():
     register.force("near_ceiling")(Tether)
     with pytest.raises(
-        RegistryError, match=r"did you mean 'near_ceiling'\? must be one of force_wind, .*, near_ceiling$"
+        RegistryError,
+        match=(
+            r"did you mean 'near_ceiling'\? must be one of force_wind, .*,"
+            r" near_ceiling$"
+        ),
     ):
         find("force", "near_ceilng")
     assert must_be_one_of({}, "x") == "must be left out: there is none"
@@ -108,9 +145,13 @@ def test_a_name_is_letters_and_digits(name):
 
 
 def test_a_kind_that_is_none_is_said():
-    with pytest.raises(RegistryError, match=r"^kind = 'wind': must be one of air, force, "):
+    with pytest.raises(
+        RegistryError, match=r"^kind = 'wind': must be one of air, force, "
+    ):
         add("wind", "mine", Tether)
-    with pytest.raises(AttributeError, match=r"^register\.wind: there are air, force, "):
+    with pytest.raises(
+        AttributeError, match=r"^register\.wind: there are air, force, "
+    ):
         register.wind("mine")
 
 
@@ -118,7 +159,9 @@ def test_a_thing_whose_module_is_not_there_is_one_line():
     add("law", "broken", "skyarm.no_such_room:make", source="pack 1.0")
     add("law", "renamed", "skyarm.control.catalogue:no_such_law", source="pack 1.0")
     for name in ("broken", "renamed"):
-        with pytest.raises(RegistryError, match=rf"^law '{name}' of pack 1\.0: cannot be loaded \("):
+        with pytest.raises(
+            RegistryError, match=rf"^law '{name}' of pack 1\.0: cannot be loaded \("
+        ):
             find("law", name)
 
 

@@ -1,4 +1,6 @@
-"""Names that commands, presets, tuned gains and the scenario's own controller have: a plugin cannot take them."""
+"""Names that commands, presets, tuned gains and the scenario's own controller have: a
+plugin cannot take them.
+"""
 
 from __future__ import annotations
 
@@ -35,19 +37,33 @@ TAKEN = {
 
 
 @pytest.mark.parametrize(("kind", "name"), TAKEN)
-def test_a_plugin_cannot_take_a_name_that_stands_for_something_else(kind, name, tmp_path):
+def test_a_plugin_cannot_take_a_name_that_stands_for_something_else(
+    kind, name, tmp_path
+):
     path = tmp_path / "mine.py"
-    path.write_text(f"import skyarm\n\n@skyarm.register.{kind}({name!r})\ndef mine(model=None):\n    pass\n")
+    path.write_text(
+        f"import skyarm\n\n@skyarm.register.{kind}({name!r})\ndef mine(model=None):\n  "
+        "  pass\n"
+    )
     before = names(kind)
     with pytest.raises(RegistryError) as caught:
         load_plugin(path)
     words = TAKEN[kind, name]
-    assert str(caught.value) == f"{kind} {name!r}: {words} and is registered by {path}; rename it"
+    assert (
+        str(caught.value)
+        == f"{kind} {name!r}: {words} and is registered by {path}; rename it"
+    )
     assert names(kind) == before
 
 
 def test_what_is_like_such_a_name_is_free():
-    for kind, name in (("command", "run2"), ("law", "mine_tuned"), ("law", "owned"), ("force", "own"), ("air", "run")):
+    for kind, name in (
+        ("command", "run2"),
+        ("law", "mine_tuned"),
+        ("law", "owned"),
+        ("force", "own"),
+        ("air", "run"),
+    ):
         getattr(register, kind)(name)(lambda: None)
         assert name in names(kind)
     assert "indi" in SHIPPED["law"]

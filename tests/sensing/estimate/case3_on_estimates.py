@@ -1,4 +1,6 @@
-"""Case 3 flown on estimates: its scenario in words of the tests' short flight, and errors of the tip."""
+"""Case 3 flown on estimates: its scenario in words of the tests' short flight, and
+errors of the tip.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +15,25 @@ CASE3 = {
     "reference__base__start": 6.0,
     "reference__base__stop": 21.0,
     "reference__joints": [
-        {"kind": "sine", "amplitude": 0.2, "frequency_hz": 0.5, "start": 6.0, "stop": 21.0},
-        {"kind": "sine", "amplitude": 0.15, "frequency_hz": 0.5, "phase": np.pi / 2, "start": 6.0, "stop": 21.0},
+        {
+            "kind": "sine",
+            "amplitude": 0.2,
+            "frequency_hz": 0.5,
+            "start": 6.0,
+            "stop": 21.0,
+        },
+        {
+            "kind": "sine",
+            "amplitude": 0.15,
+            "frequency_hz": 0.5,
+            "phase": np.pi / 2,
+            "start": 6.0,
+            "stop": 21.0,
+        },
     ],
 }
-"""What makes the short flight of the tests the paper's Case 3; its gyroscope and accelerometer are the issue's."""
+"""What makes the short flight of the tests the paper's Case 3; its gyroscope and
+accelerometer are the issue's."""
 
 SLOW = {
     "sensors__mocap__frequency": 10.0,

@@ -1,4 +1,6 @@
-"""The filter's own uncertainty is the spread of its errors, and what its laws make of it: many flights, thorough."""
+"""The filter's own uncertainty is the spread of its errors, and what its laws make of
+it: many flights, thorough.
+"""
 
 from __future__ import annotations
 
@@ -37,11 +39,14 @@ CHOSEN = {
     "estimator.push_walk": 0.01,
     "estimator.push_turn": 0.05,
 }
-"""Gains of the law for estimates, found by random search on other seeds and other wrong plants than those below."""
+"""Gains of the law for estimates, found by random search on other seeds and other wrong
+plants than those below."""
 
 
 def with_gains(gains, **changes):
-    """Case 3 on estimates; chosen gains are those of the preset that they were chosen for."""
+    """Case 3 on estimates; chosen gains are those of the preset that they were chosen
+    for.
+    """
     preset = {"controller__preset": "centroidal_tip"} if gains else {}
     return skyarm.with_numbers(estimated(**CASE3, **changes, **preset), gains)
 
@@ -52,7 +57,9 @@ def lengths(vectors: np.ndarray) -> float:
 
 @pytest.mark.thorough
 def test_the_errors_are_as_large_as_the_filter_says():
-    """NEES of 15 components, mean over 1000 flights: within the 95 % band at 9 of 10 instants from 5 to 30 s."""
+    """NEES of 15 components, mean over 1000 flights: within the 95 % band at 9 of 10
+    instants from 5 to 30 s.
+    """
     scenario = estimated(**(CASE3 | {"duration": 30.1}))
     found = {each.time: each for each in errors_of(scenario, 1000, seed=11, every=1.0)}
     means = np.array([found[t].nees.mean() for t in range(5, 31)])
@@ -64,7 +71,9 @@ def test_the_errors_are_as_large_as_the_filter_says():
 
 
 def test_a_few_flights_have_errors_as_large_as_the_filter_says():
-    """The same by 64 flights of 1.5 s: a wrong sign or a noise that is counted twice is far outside of four sigma."""
+    """The same by 64 flights of 1.5 s: a wrong sign or a noise that is counted twice is
+    far outside of four sigma.
+    """
     found = [*errors_of(estimated(duration=1.52), 64, seed=5, every=0.5)]
     means = np.array([each.nees.mean() for each in found])
     assert np.all(np.abs(means - 15.0) < 4 * np.sqrt(2 * 15 / 64)), means
@@ -83,8 +92,12 @@ def test_a_few_flights_have_errors_as_large_as_the_filter_says():
     ],
 )
 def test_the_tip_of_case_3_on_estimates(force, slow, gains, bound):
-    """Mean over 10 to 20 s and 20 seeds, by the law as its preset has it and by gains chosen on other seeds."""
-    errors = tip_errors(with_gains(gains, **slow, estimator__force=force), 20, seed=4711)
+    """Mean over 10 to 20 s and 20 seeds, by the law as its preset has it and by gains
+    chosen on other seeds.
+    """
+    errors = tip_errors(
+        with_gains(gains, **slow, estimator__force=force), 20, seed=4711
+    )
     print(
         force,
         "slow" if slow else "",
@@ -103,12 +116,18 @@ def test_the_tip_of_case_3_on_estimates(force, slow, gains, bound):
     [("measured", {}), ("modelled", {}), ("modelled", CHOSEN)],
 )
 def test_no_vehicle_of_a_thousand_wrong_ones_is_lost(force, gains):
-    """Masses, centres of mass, inertias, thrust, friction, payload, wind and delay that nobody knows of."""
+    """Masses, centres of mass, inertias, thrust, friction, payload, wind and delay that
+    nobody knows of.
+    """
     scenario = with_gains(gains, estimator__force=force)
     spread = Spread()
-    wrong = dataclasses.replace(scenario, wind=ForceWind(), delays=Delays(longest_command=spread.delay))
+    wrong = dataclasses.replace(
+        scenario, wind=ForceWind(), delays=Delays(longest_command=spread.delay)
+    )
     plants = draw(wrong, spread, 1000, seed=977)
-    outcome = skyarm.Batch(wrong, list(plants), metrics=["ee_error_mean"]).fly(plants, seed=53)
+    outcome = skyarm.Batch(wrong, list(plants), metrics=["ee_error_mean"]).fly(
+        plants, seed=53
+    )
     errors = np.asarray(outcome.metrics["ee_error_mean"])
     print(
         force,

@@ -1,4 +1,6 @@
-"""Queues of readings: each reading is taken in its turn, whatever its place in the queue."""
+"""Queues of readings: each reading is taken in its turn, whatever its place in the
+queue.
+"""
 
 from __future__ import annotations
 
@@ -30,5 +32,10 @@ def test_the_reading_of_an_instant_is_found_at_every_place_of_the_queue(length):
 
 def test_between_readings_and_beyond_them_none_is_due():
     queue = [Reading(time=k * PERIOD, value=0.0) for k in (0, 4, 8)]
-    for after, until in ((0.0, 3 * PERIOD), (4 * PERIOD, 7 * PERIOD), (8 * PERIOD, 9 * PERIOD), (-2.0, -1.0)):
+    for after, until in (
+        (0.0, 3 * PERIOD),
+        (4 * PERIOD, 7 * PERIOD),
+        (8 * PERIOD, 9 * PERIOD),
+        (-2.0, -1.0),
+    ):
         assert not in_turn(queue, after, until)[0]

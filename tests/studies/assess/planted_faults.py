@@ -1,4 +1,6 @@
-"""Faults planted in vehicle files, each with the words by which a check must name it."""
+"""Faults planted in vehicle files, each with the words by which a check must name
+it.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ def document(name: str) -> Document:
 
 @dataclass(frozen=True)
 class Planted:
-    """A kind of fault: what it does to a file, the vehicles it can be planted in, and fields of which one is named."""
+    """A kind of fault: what it does to a file, the vehicles it can be planted in, and
+    fields of which one is named.
+    """
 
     kind: str
     plant: Callable[[Document], None]
@@ -66,8 +70,12 @@ def _rotors(d: Document, field: str, factor: float) -> None:
     for table in [d["rotor_defaults"], *d["rotors"]]:
         if field in table:
             table[field] *= factor
-    for column in COLUMNS.get(field, ()) if "thrust_table" in d["rotor_defaults"] else ():
-        d["rotor_defaults"]["thrust_table"][column] = [factor * v for v in d["rotor_defaults"]["thrust_table"][column]]
+    for column in (
+        COLUMNS.get(field, ()) if "thrust_table" in d["rotor_defaults"] else ()
+    ):
+        d["rotor_defaults"]["thrust_table"][column] = [
+            factor * v for v in d["rotor_defaults"]["thrust_table"][column]
+        ]
 
 
 COLUMNS = {
@@ -87,23 +95,50 @@ def _positions(tables: list[Document]) -> None:
 
 
 def _flip(d: Document, at: int) -> None:
-    d["rotors"][at]["direction"] = {"cw": "ccw", "ccw": "cw"}[d["rotors"][at]["direction"]]
+    d["rotors"][at]["direction"] = {"cw": "ccw", "ccw": "cw"}[
+        d["rotors"][at]["direction"]
+    ]
 
 
 def _shoulder(d: Document) -> Document:
     """The first joint that gravity loads: the pitch joint next to the base."""
     names = ("shoulder", "pitch", "swing", "joint1", "left_shoulder")
-    return next((k["joint"] for k in d["links"] if k["joint"]["name"] in names), d["links"][-1]["joint"])
+    return next(
+        (k["joint"] for k in d["links"] if k["joint"]["name"] in names),
+        d["links"][-1]["joint"],
+    )
 
 
 PLANTED = (
-    Planted("base mass in g", lambda d: _every_base_mass(d, 1e3), ("base.mass", "mass")),
-    Planted("base mass in t", lambda d: _every_base_mass(d, 1e-3), ("base.mass", "base.inertia")),
-    Planted("link mass in g", lambda d: _first_link(d, "mass", lambda m: 1e3 * m), ("links",), ARMS),
-    Planted("base inertia in g cm^2", lambda d: _every_base_inertia(d, 1e7), ("base.inertia",)),
-    Planted("base inertia in kg cm^2", lambda d: _every_base_inertia(d, 1e4), ("base.inertia",)),
     Planted(
-        "link inertia in g cm^2", lambda d: _first_link(d, "inertia", lambda i: [1e7 * v for v in i]), ("links",), ARMS
+        "base mass in g", lambda d: _every_base_mass(d, 1e3), ("base.mass", "mass")
+    ),
+    Planted(
+        "base mass in t",
+        lambda d: _every_base_mass(d, 1e-3),
+        ("base.mass", "base.inertia"),
+    ),
+    Planted(
+        "link mass in g",
+        lambda d: _first_link(d, "mass", lambda m: 1e3 * m),
+        ("links",),
+        ARMS,
+    ),
+    Planted(
+        "base inertia in g cm^2",
+        lambda d: _every_base_inertia(d, 1e7),
+        ("base.inertia",),
+    ),
+    Planted(
+        "base inertia in kg cm^2",
+        lambda d: _every_base_inertia(d, 1e4),
+        ("base.inertia",),
+    ),
+    Planted(
+        "link inertia in g cm^2",
+        lambda d: _first_link(d, "inertia", lambda i: [1e7 * v for v in i]),
+        ("links",),
+        ARMS,
     ),
     Planted("first rotor turned round", lambda d: _flip(d, 0), (".direction",)),
     Planted("last rotor turned round", lambda d: _flip(d, -1), (".direction",)),
@@ -117,16 +152,31 @@ PLANTED = (
         lambda d: _rotors(d, "thrust_coefficient", 39.478),
         ("thrust_coefficient", "max_speed", "thrust_table"),
     ),
-    Planted("moment in mm", lambda d: _rotors(d, "moment_coefficient", 1e3), ("moment_coefficient", "thrust_table")),
-    Planted("speed in rev/min", lambda d: _rotors(d, "max_speed", 9.5493), ("max_speed", "thrust_table")),
-    Planted("speed in rev/s", lambda d: _rotors(d, "max_speed", 0.15915), ("max_speed",)),
+    Planted(
+        "moment in mm",
+        lambda d: _rotors(d, "moment_coefficient", 1e3),
+        ("moment_coefficient", "thrust_table"),
+    ),
+    Planted(
+        "speed in rev/min",
+        lambda d: _rotors(d, "max_speed", 9.5493),
+        ("max_speed", "thrust_table"),
+    ),
+    Planted(
+        "speed in rev/s", lambda d: _rotors(d, "max_speed", 0.15915), ("max_speed",)
+    ),
     Planted(
         "weak drive",
         lambda d: _shoulder(d).update(effort_limit=_shoulder(d)["effort_limit"] / 30.0),
         ("effort_limit",),
         ARMS,
     ),
-    Planted("effort in N mm", lambda d: _shoulder(d).update(effort_limit=5.0e4), ("effort_limit",), ARMS),
+    Planted(
+        "effort in N mm",
+        lambda d: _shoulder(d).update(effort_limit=5.0e4),
+        ("effort_limit",),
+        ARMS,
+    ),
     Planted(
         "limits in degrees",
         lambda d: d["links"][-1]["joint"].update(lower=-90.0, upper=90.0),
@@ -138,10 +188,23 @@ PLANTED = (
         lambda d: _first_body(d).update(com=[1.5 * _reach(d), 0.0, 0.0]),
         ("base.com",),
     ),
-    Planted("base com in mm", lambda d: _first_body(d).update(com=[0.0, 12.0, 0.0]), ("base.com",)),
-    Planted("lag in ms", lambda d: _rotors(d, "time_constant_up", 1e3), ("time_constant_up",)),
+    Planted(
+        "base com in mm",
+        lambda d: _first_body(d).update(com=[0.0, 12.0, 0.0]),
+        ("base.com",),
+    ),
+    Planted(
+        "lag in ms",
+        lambda d: _rotors(d, "time_constant_up", 1e3),
+        ("time_constant_up",),
+    ),
     Planted("rotors in mm", lambda d: _positions(d["rotors"]), ("rotors[",)),
-    Planted("joints in mm", lambda d: _positions([d["links"][-1]["joint"]]), (".position",), ARMS),
+    Planted(
+        "joints in mm",
+        lambda d: _positions([d["links"][-1]["joint"]]),
+        (".position",),
+        ARMS,
+    ),
 )
 
 

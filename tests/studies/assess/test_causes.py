@@ -1,11 +1,21 @@
-"""An alarm that follows from another one becomes a note that names it, by what the two concern."""
+"""An alarm that follows from another one becomes a note that names it, by what the two
+concern.
+"""
 
 from __future__ import annotations
 
 import pytest
 
 from skyarm.studies.assess.causes import FOLLOWS, causes_first
-from skyarm.studies.assess.finding import FAULT, NOTE, UNITS, WARNING, Concern, Finding, finding_of_line
+from skyarm.studies.assess.finding import (
+    FAULT,
+    NOTE,
+    UNITS,
+    WARNING,
+    Concern,
+    Finding,
+    finding_of_line,
+)
 
 FOLLOWING = [
     (Concern.THRUST_MARGIN, Concern.SENSES),
@@ -44,11 +54,19 @@ APART = [
 
 
 def alarm(concerns: str, level: str = FAULT) -> Finding:
-    return Finding(f"question of {concerns}", level, "it is so", f"field of {concerns}", concerns=concerns)
+    return Finding(
+        f"question of {concerns}",
+        level,
+        "it is so",
+        f"field of {concerns}",
+        concerns=concerns,
+    )
 
 
 @pytest.mark.parametrize(("effect", "cause"), FOLLOWING)
-def test_an_effect_is_a_note_that_names_the_field_of_its_cause(effect: str, cause: str) -> None:
+def test_an_effect_is_a_note_that_names_the_field_of_its_cause(
+    effect: str, cause: str
+) -> None:
     first, second = causes_first([alarm(effect), alarm(cause)])
     assert (first.level, first.follows) == (NOTE, f"field of {cause}")
     assert first.text == f"it is so; follows from field of {cause}"
@@ -56,7 +74,9 @@ def test_an_effect_is_a_note_that_names_the_field_of_its_cause(effect: str, caus
 
 
 @pytest.mark.parametrize(("effect", "cause"), APART)
-def test_alarms_that_have_nothing_to_do_with_each_other_stay(effect: str, cause: str) -> None:
+def test_alarms_that_have_nothing_to_do_with_each_other_stay(
+    effect: str, cause: str
+) -> None:
     both = (alarm(effect), alarm(cause))
     assert causes_first(both) == both
 
@@ -64,7 +84,9 @@ def test_alarms_that_have_nothing_to_do_with_each_other_stay(effect: str, cause:
 def test_only_numbers_in_other_units_cause_what_is_more_severe() -> None:
     weak = alarm(Concern.SENSES, WARNING)
     assert causes_first([alarm(Concern.THRUST_MARGIN), weak])[0].level == FAULT
-    units = finding_of_line("links[forearm].mass = 300 kg: is more than 100; kg, not g?", UNITS, WARNING)
+    units = finding_of_line(
+        "links[forearm].mass = 300 kg: is more than 100; kg, not g?", UNITS, WARNING
+    )
     assert units.concerns == "links[].mass"
     effect, cause = causes_first([alarm(Concern.LIFT), units])
     assert (effect.level, cause.level) == (NOTE, FAULT)

@@ -1,4 +1,6 @@
-"""Feasibility checks from Python: of records, names and paths, with the findings of the command."""
+"""Feasibility checks from Python: of records, names and paths, with the findings of the
+command.
+"""
 
 from __future__ import annotations
 
@@ -13,22 +15,39 @@ from skyarm.studies.assess import assessment
 NAME = "hummingbird_arm2_rotors"
 
 
-def test_records_and_names_get_the_findings_of_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_records_and_names_get_the_findings_of_the_command(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     seen: list[Any] = []
     for name in ("assess_vehicle", "assess_scenario"):
         monkeypatch.setattr(
-            assessment, name, lambda record, name=name, **options: seen.append((name, identity(record), options))
+            assessment,
+            name,
+            lambda record, name=name, **options: seen.append(
+                (name, identity(record), options)
+            ),
         )
     vehicle, scenario = skyarm.load_vehicle(NAME), skyarm.load_scenario("case1")
     for given in (vehicle, NAME, scenario, "case1"):
         skyarm.check(given, payload=0.02, poses=16)
     skyarm.check(vehicle, gravity=3.7, poses=16)
     options = {"payload": 0.02, "poses": 16}
-    named = [("assess_vehicle", identity(vehicle), {"gravity": 9.81, "file": file, **options}) for file in ("", NAME)]
+    named = [
+        (
+            "assess_vehicle",
+            identity(vehicle),
+            {"gravity": 9.81, "file": file, **options},
+        )
+        for file in ("", NAME)
+    ]
     assert seen == [
         *named,
         *[("assess_scenario", identity(scenario), options)] * 2,
-        ("assess_vehicle", identity(vehicle), {"gravity": 3.7, "payload": 0.0, "poses": 16, "file": ""}),
+        (
+            "assess_vehicle",
+            identity(vehicle),
+            {"gravity": 3.7, "payload": 0.0, "poses": 16, "file": ""},
+        ),
     ]
 
 
@@ -37,9 +56,15 @@ def test_records_and_names_get_the_findings_of_the_command(monkeypatch: pytest.M
     [
         (3, {}, "^vehicle = 3: must be a name or a path$"),
         ("humingbird", {}, r"^vehicle = 'humingbird': did you mean 'hummingbird'\?"),
-        ("case1", {"gravity": 3.7}, "^--gravity = 3.7: must be left out: the scenario states its own"),
+        (
+            "case1",
+            {"gravity": 3.7},
+            "^--gravity = 3.7: must be left out: the scenario states its own",
+        ),
     ],
 )
-def test_what_cannot_be_checked_is_one_line(given: Any, options: Any, words: str) -> None:
+def test_what_cannot_be_checked_is_one_line(
+    given: Any, options: Any, words: str
+) -> None:
     with pytest.raises(ValueError, match=words):
         skyarm.check(given, **options)

@@ -1,4 +1,6 @@
-"""A check of a scenario flies its push: a force that the loop does not hold is a fault with its cause."""
+"""A check of a scenario flies its push: a force that the loop does not hold is a fault
+with its cause.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,13 @@ from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.scenario.numbers import with_numbers
 from skyarm.studies.assess import pressing_flights as flights
 from skyarm.studies.assess.finding import FAULT, NOTE, OK
-from skyarm.studies.assess.pressing_flights import base_recoil, contact_steps, pressing_flights, reach_left, tip_mass
+from skyarm.studies.assess.pressing_flights import (
+    base_recoil,
+    contact_steps,
+    pressing_flights,
+    reach_left,
+    tip_mass,
+)
 from skyarm.studies.assess.push_limits import largest_push
 from support import worlds
 
@@ -49,7 +57,9 @@ def test_the_same_force_with_a_bent_elbow_is_held():
 
 @pytest.mark.thorough
 def test_a_push_far_beside_the_middle_names_the_yaw_torque():
-    found = said_of("octo_coaxial_two_arms", (0.0, -0.8, 0.03, 0.0, 0.03), 5.8, duration=10.0)
+    found = said_of(
+        "octo_coaxial_two_arms", (0.0, -0.8, 0.03, 0.0, 0.03), 5.8, duration=10.0
+    )
     assert found.level == FAULT
     assert "of yaw torque; 4.35 N are held" in found.text
 
@@ -65,22 +75,44 @@ def test_a_tip_too_light_for_the_steps_of_contact_is_a_fault_that_the_remedy_men
     scenario = before_a_wall("crazyflie_arm1", (-0.6,), 0.023)
     (found,) = pressing_flights(scenario)
     assert (found.question, found.level) == ("steps of the contact", FAULT)
-    softer = with_numbers(scenario, {"world.surfaces.wall.material.stiffness": float(found.remedy.split()[-2])})
+    softer = with_numbers(
+        scenario,
+        {"world.surfaces.wall.material.stiffness": float(found.remedy.split()[-2])},
+    )
     assert [each.level for each in pressing_flights(softer)] == [OK]
 
 
 def test_the_inertia_of_the_tip_is_that_of_a_push_on_it():
-    """Against the articulated-body algorithm: acceleration of the tip under 1 N on it."""
-    vehicle, joints = skyarm.load_vehicle("hexarotor_arm6"), (0.3, -0.6, -0.97, 0.2, -0.8, 0.1)
+    """Against the articulated-body algorithm: acceleration of the tip under 1 N on
+    it.
+    """
+    vehicle, joints = (
+        skyarm.load_vehicle("hexarotor_arm6"),
+        (
+            0.3,
+            -0.6,
+            -0.97,
+            0.2,
+            -0.8,
+            0.1,
+        ),
+    )
     n = Vec3(0.6, 0.0, -0.8)
-    tip, columns = frame_pose(vehicle, vehicle.frame(), joints).p, jacobian_columns(vehicle, vehicle.frame(), joints)
+    tip, columns = (
+        frame_pose(vehicle, vehicle.frame(), joints).p,
+        jacobian_columns(vehicle, vehicle.frame(), joints),
+    )
     still = (0.0,) * vehicle.n
     efforts = [column.linear.dot(n) for column in columns]
-    base, qdd = forward_dynamics(vehicle, joints, Vec3(0, 0, 0), still, Force(tip.cross(n), n), efforts)
+    base, qdd = forward_dynamics(
+        vehicle, joints, Vec3(0, 0, 0), still, Force(tip.cross(n), n), efforts
+    )
     moved = base.linear + base.angular.cross(tip)
     for column, rate in zip(columns, qdd, strict=True):
         moved = moved + column.linear * rate
-    assert tip_mass(vehicle, joints, np.array([*n])) == pytest.approx(1.0 / float(moved.dot(n)), rel=1e-9)
+    assert tip_mass(vehicle, joints, np.array([*n])) == pytest.approx(
+        1.0 / float(moved.dot(n)), rel=1e-9
+    )
 
 
 def test_the_reach_left_is_none_for_a_straight_arm():
@@ -96,9 +128,14 @@ def test_a_push_that_meets_nothing_is_said():
     (wall,) = scenario.world.surfaces
     away = dataclasses.replace(wall, position=wall.position + Vec3(5.0, 0.0, 0.0))
     (found,) = pressing_flights(
-        dataclasses.replace(scenario, world=dataclasses.replace(scenario.world, surfaces=(away,)))
+        dataclasses.replace(
+            scenario, world=dataclasses.replace(scenario.world, surfaces=(away,))
+        )
     )
-    assert (found.level, found.text) == (NOTE, "not known: 0.8 N meet nothing, or for too short a time")
+    assert (found.level, found.text) == (
+        NOTE,
+        "not known: 0.8 N meet nothing, or for too short a time",
+    )
 
 
 def test_without_force_control_or_a_push_nothing_is_flown():
@@ -109,31 +146,49 @@ def test_without_force_control_or_a_push_nothing_is_flown():
 
 
 def judged(monkeypatch, off, ended=(), limited=0.0):
-    """Findings for flights whose errors are such shares of the force, eight noises each; ``ended``: (share, noise)."""
+    """Findings for flights whose errors are such shares of the force, eight noises
+    each; ``ended``: (share, noise).
+    """
     status = np.full((4, 8), "completed", dtype=object)
     for at in ended:
         status[at] = "diverged"
-    mean = 1.2 * np.array([0.25, 0.5, 0.75, 1.0])[:, None] * np.broadcast_to(np.array(off).reshape(4, -1), (4, 8))
-    monkeypatch.setattr(flights, "fly_shares", lambda scenario, force: (mean, status, np.full((4, 8), limited)))
+    mean = (
+        1.2
+        * np.array([0.25, 0.5, 0.75, 1.0])[:, None]
+        * np.broadcast_to(np.array(off).reshape(4, -1), (4, 8))
+    )
+    monkeypatch.setattr(
+        flights,
+        "fly_shares",
+        lambda scenario, force: (mean, status, np.full((4, 8), limited)),
+    )
     (found,) = pressing_flights(before_a_wall("pelican_arm2", (-0.45, -0.9), 1.2))
     return found
 
 
-def test_a_force_is_held_within_a_twentieth_in_all_flights_or_the_largest_is_named(monkeypatch):
+def test_a_force_is_held_within_a_twentieth_in_all_flights_or_the_largest_is_named(
+    monkeypatch,
+):
     one_bad = np.full((4, 8), 0.02)
     one_bad[3, 0] = np.nan
-    assert [judged(monkeypatch, [0.01, 0.01, 0.01, last]).level for last in (0.049, 0.051)] == [OK, FAULT]
+    assert [
+        judged(monkeypatch, [0.01, 0.01, 0.01, last]).level for last in (0.049, 0.051)
+    ] == [OK, FAULT]
     # a flight that meets nothing holds nothing
     assert judged(monkeypatch, one_bad).level == FAULT
     early = judged(monkeypatch, [0.01] * 4, [(3, 5)])
     assert early.level == FAULT
-    assert early.text.startswith("1.2 N are 1 % off in flights with 8 noises, of which 1 end early")
+    assert early.text.startswith(
+        "1.2 N are 1 % off in flights with 8 noises, of which 1 end early"
+    )
     assert early.text.endswith("0.9 N are held")
     assert judged(monkeypatch, [0.01, 0.2, 0.2, 0.2]).text.endswith("0.3 N are held")
     assert judged(monkeypatch, [0.2] * 4).text.endswith("nor is a quarter of it")
 
 
-def test_rotors_at_their_limit_for_a_twentieth_of_the_time_hold_nothing_for_long(monkeypatch):
+def test_rotors_at_their_limit_for_a_twentieth_of_the_time_hold_nothing_for_long(
+    monkeypatch,
+):
     assert judged(monkeypatch, [0.01] * 4, limited=0.049).level == OK
     assert judged(monkeypatch, [0.01] * 4, limited=0.051).level == FAULT
     found = judged(monkeypatch, [0.01] * 4, limited=0.15)
@@ -144,13 +199,18 @@ def test_rotors_at_their_limit_for_a_twentieth_of_the_time_hold_nothing_for_long
 @pytest.mark.thorough
 def test_a_force_that_strains_the_rotors_is_a_fault_where_no_short_flight_is_lost():
     pose = (0.0, -0.8, 0.03, 0.0, 0.03)
-    found = [said_of("octo_coaxial_two_arms", pose, force, duration=10.0) for force in (4.5, 5.8)]
+    found = [
+        said_of("octo_coaxial_two_arms", pose, force, duration=10.0)
+        for force in (4.5, 5.8)
+    ]
     assert [each.level for each in found] == [OK, FAULT]
     assert "with a rotor at its limit" in found[1].text
 
 
 def test_causes_are_named_by_yaw_then_reach_then_inertia(monkeypatch):
-    """Yaw above half of what rotors have, recoil above half of what is left of the arm, 5 m/s^2 of the tip."""
+    """Yaw above half of what rotors have, recoil above half of what is left of the arm,
+    5 m/s^2 of the tip.
+    """
     scenario = before_a_wall("pelican_arm2", (-0.45, -0.9), 1.2)
 
     def cause(turning, left, mass):
@@ -177,7 +237,11 @@ def test_steps_of_a_contact_are_stable_up_to_twice_the_inverse_frequency(monkeyp
     (fault,) = contact_steps(scenario, at)
     mass = tip_mass(scenario.plant.vehicle, (-0.6,), np.array([-1.0, 0.0, 0.0]))
     for phase, faults in ((1.99, 0), (2.01, 1)):
-        monkeypatch.setattr(flights, "tip_mass", lambda *told, phase=phase: mass * (fault.value / phase) ** 2)
+        monkeypatch.setattr(
+            flights,
+            "tip_mass",
+            lambda *told, phase=phase: mass * (fault.value / phase) ** 2,
+        )
         assert len(contact_steps(scenario, at)) == faults
 
 
@@ -196,4 +260,7 @@ def test_the_warning_of_a_flight_that_a_rotor_ended_says_so() -> None:
     flown = skyarm.run(scenario)
     log = dataclasses.replace(flown, info=flown.info | {"status": "rotor_contact"})
     (line,) = flights.lost_force(scenario, log)
-    assert "a rotor touches a surface; a pose with the tip further ahead of the rotors" in line
+    assert (
+        "a rotor touches a surface; a pose with the tip further ahead of the rotors"
+        in line
+    )

@@ -1,4 +1,6 @@
-"""A check names every fault that is planted in a shipped vehicle, and none where there is none."""
+"""A check names every fault that is planted in a shipped vehicle, and none where there
+is none.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 from support.cases import sampled
 
 POSES = 8
-"""Few: the corners of the joint ranges and the search find the worst pose of all these arms."""
+"""Few: the corners of the joint ranges and the search find the worst pose of all these
+arms."""
 
 
 def checked(planted: Planted, name: str, folder: Path) -> Assessment:
@@ -24,7 +27,11 @@ def checked(planted: Planted, name: str, folder: Path) -> Assessment:
 def assert_named(planted: Planted, name: str, folder: Path) -> None:
     found = checked(planted, name, folder).alarms()
     fields = [each.field for each in found]
-    assert any(words in field for words in planted.fields for field in fields), (planted.kind, name, fields)
+    assert any(words in field for words in planted.fields for field in fields), (
+        planted.kind,
+        name,
+        fields,
+    )
     assert all(each.remedy for each in found)
 
 
@@ -33,11 +40,16 @@ def cases() -> list[tuple[Planted, str]]:
     return [
         (planted, name)
         for planted in PLANTED
-        for name in [*(n for n in planted.first if n in planted.vehicles), *planted.vehicles][:2]
+        for name in [
+            *(n for n in planted.first if n in planted.vehicles),
+            *planted.vehicles,
+        ][:2]
     ]
 
 
-@pytest.mark.parametrize("place", [0, pytest.param(1, marks=pytest.mark.thorough)], ids=["first", "second"])
+@pytest.mark.parametrize(
+    "place", [0, pytest.param(1, marks=pytest.mark.thorough)], ids=["first", "second"]
+)
 @pytest.mark.parametrize("planted", PLANTED, ids=lambda planted: planted.kind)
 def test_every_kind_of_fault_is_named_in_two_vehicles(planted, place, tmp_path):
     names = [name for each, name in cases() if each is planted]
@@ -50,7 +62,9 @@ def test_drawn_mutations_are_named(tmp_path):
     rng = np.random.default_rng(20)
     for _ in range(4):
         planted = PLANTED[rng.integers(len(PLANTED))]
-        assert_named(planted, planted.vehicles[rng.integers(len(planted.vehicles))], tmp_path)
+        assert_named(
+            planted, planted.vehicles[rng.integers(len(planted.vehicles))], tmp_path
+        )
 
 
 @pytest.mark.parametrize("name", sampled(HEALTHY, 5))

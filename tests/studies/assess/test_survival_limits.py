@@ -1,4 +1,6 @@
-"""Largest blow, lateness and load that short flights survive: single flights are the oracle."""
+"""Largest blow, lateness and load that short flights survive: single flights are the
+oracle.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,10 @@ MASS = float(SCENARIO.agent.plant.vehicle.mass)
 
 @pytest.fixture(scope="module")
 def found():
-    return largest(SCENARIO, {"bump": 3.0 * MASS, "lateness": LATEST, "load in motion": HEAVIEST * MASS})
+    return largest(
+        SCENARIO,
+        {"bump": 3.0 * MASS, "lateness": LATEST, "load in motion": HEAVIEST * MASS},
+    )
 
 
 def flies(scenario):
@@ -50,25 +55,52 @@ def test_the_largest_lateness_is_flown_and_the_next_section_is_lost(found):
     scenario = hit_while_swinging(SCENARIO)
     section, step = LATEST / SECTIONS, 0.001
     # a single flight is late by whole steps of the physics
-    for late, good in ((found["lateness"] - step, True), (found["lateness"] + section + step, False)):
+    for late, good in (
+        (found["lateness"] - step, True),
+        (found["lateness"] + section + step, False),
+    ):
         delays = Delays(command=round(late / step) * step)
-        assert flies(scenario.with_agent(dataclasses.replace(scenario.agent, delays=delays))) is good
+        assert (
+            flies(
+                scenario.with_agent(dataclasses.replace(scenario.agent, delays=delays))
+            )
+            is good
+        )
 
 
 def test_the_largest_load_is_taken_in_motion_and_the_next_section_is_lost(found):
     scenario, section = hit_while_swinging(SCENARIO), HEAVIEST * MASS / SECTIONS
-    for mass, good in ((found["load in motion"], True), (found["load in motion"] + section, False)):
+    for mass, good in (
+        (found["load in motion"], True),
+        (found["load in motion"] + section, False),
+    ):
         payloads = (TimedPayload(mass=mass, pick=START),)
-        assert flies(scenario.with_agent(dataclasses.replace(scenario.agent, payloads=payloads))) is good
+        assert (
+            flies(
+                scenario.with_agent(
+                    dataclasses.replace(scenario.agent, payloads=payloads)
+                )
+            )
+            is good
+        )
 
 
 def test_a_blow_is_over_within_a_period_and_changes_the_speed_by_what_it_weighs():
     scenario, blow = hit_while_swinging(SCENARIO), 0.4
-    assert [(each.pick, each.mass) for each in scenario.agent.payloads] == [(START, 0.0)]
+    assert [(each.pick, each.mass) for each in scenario.agent.payloads] == [
+        (START, 0.0)
+    ]
     still = skyarm.run(scenario)
     for axis in "xyz":
-        log = skyarm.run(with_numbers(scenario, {f"environment.forces.0.force.{axis}.value": blow * 200.0}))
-        before, after, later = (int(np.argmin(np.abs(log.time - t))) for t in (START, START + 0.005, START + 0.01))
+        log = skyarm.run(
+            with_numbers(
+                scenario, {f"environment.forces.0.force.{axis}.value": blow * 200.0}
+            )
+        )
+        before, after, later = (
+            int(np.argmin(np.abs(log.time - t)))
+            for t in (START, START + 0.005, START + 0.01)
+        )
         change = (log.velocity - still.velocity)[:, "xyz".index(axis)]
         assert abs(change[before]) < 1e-9
         # the arm hangs on its joints and follows later
@@ -82,9 +114,15 @@ def test_the_weakest_of_six_directions_counts(axis, sign, monkeypatch):
     def fly(work):
         force = work.columns[f"environment.forces.0.force.{axis}.value"]
         # a flight that is a little off as it is must come back as near as that
-        error = np.where(sign * force > 0.5 * 2.0 * 200.0 + 1e-6, 0.16, 0.1 + 0.04 * (force != 0.0))
+        error = np.where(
+            sign * force > 0.5 * 2.0 * 200.0 + 1e-6, 0.16, 0.1 + 0.04 * (force != 0.0)
+        )
         status = np.full(len(force), "completed")
-        return {"ee_error_last_mean_continuous": error, "tilt_rms": 0.0 * error, "status": status}
+        return {
+            "ee_error_last_mean_continuous": error,
+            "tilt_rms": 0.0 * error,
+            "status": status,
+        }
 
     monkeypatch.setattr("skyarm.studies.assess.survival_limits.fly", fly)
     most = {"bump": 2.0, "lateness": 0.1, "load in motion": 0.3}
@@ -97,10 +135,17 @@ def test_the_last_seconds_are_five_whatever_the_windows_of_the_scenario(monkeypa
     def fly(work):
         seen.append(work.windows.of_flight(DURATION, work.scenario.windows).last)
         none = np.zeros(1 + 8 * SECTIONS)
-        return {"ee_error_last_mean_continuous": none, "tilt_rms": none, "status": np.full(none.size, "completed")}
+        return {
+            "ee_error_last_mean_continuous": none,
+            "tilt_rms": none,
+            "status": np.full(none.size, "completed"),
+        }
 
     monkeypatch.setattr("skyarm.studies.assess.survival_limits.fly", fly)
-    largest(with_words(SCENARIO, windows=short), {"bump": 1.0, "lateness": 0.1, "load in motion": 0.1})
+    largest(
+        with_words(SCENARIO, windows=short),
+        {"bump": 1.0, "lateness": 0.1, "load in motion": 0.1},
+    )
 
     def flown(scenario):
         seen.append(scenario.windows.of_flight(scenario.duration).last)
@@ -146,7 +191,14 @@ def test_a_flight_is_lost_by_an_ending_by_its_distance_or_by_its_tilt():
     assert lost(metrics, completed, 0.1).all()
 
 
-@pytest.mark.parametrize("name", ["write_on_wall", "push_button", pytest.param("slide_up", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "write_on_wall",
+        "push_button",
+        pytest.param("slide_up", marks=pytest.mark.thorough),
+    ],
+)
 def test_the_world_of_a_scenario_is_left_out(name):
     scenario = skyarm.load_scenario(name)
     alone = hit_while_swinging(scenario)
@@ -155,9 +207,18 @@ def test_the_world_of_a_scenario_is_left_out(name):
 
 
 def test_flights_take_a_law():
-    with pytest.raises(ValueError, match="--flights: must be left out unless a scenario of one vehicle states the law"):
+    with pytest.raises(
+        ValueError,
+        match=(
+            "--flights: must be left out unless a scenario of one vehicle states"
+            " the law"
+        ),
+    ):
         skyarm.check("hummingbird_arm2", flights=True)
-    with pytest.raises(ValueError, match=r"--payload = 0.1: must be left out beside --flights: state payloads in"):
+    with pytest.raises(
+        ValueError,
+        match=r"--payload = 0.1: must be left out beside --flights: state payloads in",
+    ):
         skyarm.check(SCENARIO, flights=True, payload=0.1)
     found = skyarm.check(SCENARIO, flights=True)
     assert [each.question for each in found.findings][-3:] == [
@@ -195,12 +256,16 @@ def test_no_more_than_half_a_minute_is_flown_and_an_unknown_law_is_said(monkeypa
 
 
 @pytest.mark.parametrize(("off", "level"), [(0.4, OK), (0.6, FAULT)])
-def test_a_held_body_that_stays_behind_is_lost_although_the_flight_ends_well(off, level, monkeypatch):
+def test_a_held_body_that_stays_behind_is_lost_although_the_flight_ends_well(
+    off, level, monkeypatch
+):
     unfinished = (SimpleNamespace(reference="phase"),)  # a longer flight is cut
     agents = {"left": SimpleNamespace(shortfall=SimpleNamespace(unreached=unfinished))}
     time = np.arange(0.0, 20.0, 0.1)
     error = np.where(time > 14.5, off, 5.0)[:, None]
-    log = SimpleNamespace(status="completed", agents=agents, time=time, team_position_error=error)
+    log = SimpleNamespace(
+        status="completed", agents=agents, time=time, team_position_error=error
+    )
     monkeypatch.setattr("skyarm.studies.assess.survival_limits.run", lambda _: log)
     (found,) = flight_together(team("long_bar"))
     assert found.level == level
@@ -210,4 +275,7 @@ def test_a_held_body_that_stays_behind_is_lost_although_the_flight_ends_well(off
 def test_a_scenario_with_a_fault_is_not_flown_and_says_so():
     found = skyarm.check(SCENARIO.with_delays(Delays(command=0.045)), flights=True)
     assert not found.flies
-    assert (found.findings[-1].question, found.findings[-1].text) == ("flight in calm air", "not flown: a fault above")
+    assert (found.findings[-1].question, found.findings[-1].text) == (
+        "flight in calm air",
+        "not flown: a fault above",
+    )

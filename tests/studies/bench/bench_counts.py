@@ -18,9 +18,11 @@ from support.vehicles import steady_wind
 
 
 def counts(vehicle: Vehicle) -> dict[str, int]:
-    """Operations of forward and inverse dynamics and of one step of the plant, in calm air.
+    """Operations of forward and inverse dynamics and of one step of the plant, in calm
+    air.
 
-    Dynamics count a sine as one operation, as hand counts do; the plant's steps count what is executed.
+    Dynamics count a sine as one operation, as hand counts do; the plant's steps count
+    what is executed.
     """
     n, three = vehicle.n, Vec3(0.1, 0.2, 0.3)
     joints = (0.1,) * n
@@ -32,16 +34,31 @@ def counts(vehicle: Vehicle) -> dict[str, int]:
         return dynamics.inverse_dynamics(vehicle, q, w, qd, Motion(*a), qdd)
 
     found = {
-        "forward dynamics": operations(trace(forward, joints, three, joints, (three, three), joints).nodes),
-        "inverse dynamics": operations(trace(inverse, joints, three, joints, (three, three), joints).nodes),
+        "forward dynamics": operations(
+            trace(forward, joints, three, joints, (three, three), joints).nodes
+        ),
+        "inverse dynamics": operations(
+            trace(inverse, joints, three, joints, (three, three), joints).nodes
+        ),
     }
     if vehicle.planar:
         return found
     world, air = Truth(vehicle=vehicle), steady_wind()
-    state, command = example_state(n, len(vehicle.rotors)), example_command(n, len(vehicle.rotors))
-    motion = trace(lambda x, u: rate_of(world, x, Command(efforts=u.efforts), air), state, command)
+    state, command = (
+        example_state(n, len(vehicle.rotors)),
+        example_command(n, len(vehicle.rotors)),
+    )
+    motion = trace(
+        lambda x, u: rate_of(world, x, Command(efforts=u.efforts), air), state, command
+    )
     found["equations of motion"] = operations(motion.lowered.nodes)
     for name in ("euler", "rk4"):
-        step = trace(lambda x, u, name=name: after_step(COUPLED_STEP[name], world, x, u, air, 0.005)[0], state, command)
+        step = trace(
+            lambda x, u, name=name: after_step(
+                COUPLED_STEP[name], world, x, u, air, 0.005
+            )[0],
+            state,
+            command,
+        )
         found[f"{name} step"] = operations(step.lowered.nodes)
     return found

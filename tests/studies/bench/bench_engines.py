@@ -1,4 +1,6 @@
-"""Our engines as contenders: the whole closed loop, with a different mass and gain in every lane."""
+"""Our engines as contenders: the whole closed loop, with a different mass and gain in
+every lane.
+"""
 
 from __future__ import annotations
 
@@ -65,26 +67,50 @@ class Flight:
         loops: bool = True,
         paths: Sequence[str] = VARIED,
     ) -> Flight:
-        """Trace a scenario with numbers per lane at ``paths``, its intervals cut into ``substeps(seconds)`` steps."""
+        """Trace a scenario with numbers per lane at ``paths``, its intervals cut into
+        ``substeps(seconds)`` steps.
+        """
         inputs = episode_inputs(scenario)
         base = tuple(number_at(scenario, path) for path in paths)
 
         def step(carry: Any, values: Any, row: Any, uniforms: Any) -> Any:
             varied = with_numbers(scenario, dict(zip(paths, values, strict=True)))
             stages = Stages(varied)
-            following, sample = make_period(stages, RigidBodySteps(stages, substeps))(carry, (row,), uniforms)
+            following, sample = make_period(stages, RigidBodySteps(stages, substeps))(
+                carry, (row,), uniforms
+            )
             return following, sample.agent.state
 
         carry = first_loop_state(scenario)
         row = InputRow(time=0.0, reference=inputs.reference_example)
-        loop = trace_loop(step, structure_of(carry), base, row, draws_needed(scenario), loops=loops)
-        rows = np.column_stack([inputs.times, np.array(inputs.held_leaves, dtype=float).reshape(scenario.steps, -1)])
-        return cls(loop, np.array(leaves(carry), dtype=float), np.array(base), rows, scenario.duration)
+        loop = trace_loop(
+            step, structure_of(carry), base, row, draws_needed(scenario), loops=loops
+        )
+        rows = np.column_stack(
+            [
+                inputs.times,
+                np.array(inputs.held_leaves, dtype=float).reshape(scenario.steps, -1),
+            ]
+        )
+        return cls(
+            loop,
+            np.array(leaves(carry), dtype=float),
+            np.array(base),
+            rows,
+            scenario.duration,
+        )
 
     def lanes(self, count: int) -> tuple[Array, Array]:
-        """Carry and parameters of that many lanes: masses and gains within 2 % of the scenario's."""
-        factors = np.random.default_rng(0).uniform(0.98, 1.02, (len(self.parameters), count))
-        return np.repeat(self.carry[:, None], count, axis=1), self.parameters[:, None] * factors
+        """Carry and parameters of that many lanes: masses and gains within 2 % of the
+        scenario's.
+        """
+        factors = np.random.default_rng(0).uniform(
+            0.98, 1.02, (len(self.parameters), count)
+        )
+        return (
+            np.repeat(self.carry[:, None], count, axis=1),
+            self.parameters[:, None] * factors,
+        )
 
     def runner(self, kernel: Any, count: int, threads: int) -> Callable[[], float]:
         """Fly ``count`` lanes on an engine; returns simulated seconds."""
@@ -105,7 +131,10 @@ def steps_of(scenario: Scenario) -> Callable[[float], Steps]:
 
 def flights(scenario: Scenario) -> dict[str, Flight]:
     """The scenario with both integrators, and with noise."""
-    made = {name: dataclasses.replace(scenario, integrator=name) for name in ("rk4", "euler")}
+    made = {
+        name: dataclasses.replace(scenario, integrator=name)
+        for name in ("rk4", "euler")
+    }
     made["noise"] = dataclasses.replace(scenario, integrator="rk4", noise=NOISE)
     return {name: Flight.of(one, steps_of(one)) for name, one in made.items()}
 
@@ -116,15 +145,27 @@ def native(flown: dict[str, Flight], threads: int, blocks: int) -> list[Contende
     modes = (
         ("f64 exact", Lanes(host_width()), "equal to Python floats bit for bit"),
         ("f64", Lanes(host_width(), contract=True), "a * b + c rounded once"),
-        ("f32", Lanes(host_width(single=True), single=True, contract=True), "single precision"),
+        (
+            "f32",
+            Lanes(host_width(single=True), single=True, contract=True),
+            "single precision",
+        ),
     )
-    words = {"euler": "Euler 1 ms", "rk4": "RK4 5 ms", "noise": "RK4 5 ms, noise on every sensor"}
+    words = {
+        "euler": "Euler 1 ms",
+        "rk4": "RK4 5 ms",
+        "noise": "RK4 5 ms, noise on every sensor",
+    }
     for name, flight in flown.items():
         for mode, lanes, what in modes:
             if name == "noise" and mode == "f64 exact":
                 continue
-            run = flight.runner(Kernel(flight.loop, lanes), blocks * lanes.width, threads)
-            label = f"{name} {mode}" + (f", {threads} threads" if threads > 1 else ", 1 thread")
+            run = flight.runner(
+                Kernel(flight.loop, lanes), blocks * lanes.width, threads
+            )
+            label = f"{name} {mode}" + (
+                f", {threads} threads" if threads > 1 else ", 1 thread"
+            )
             found.append(Contender(label, f"closed loop, {words[name]}, {what}", run))
     return found
 
@@ -141,7 +182,9 @@ def straight_line(flight: Flight) -> Contender:
             carry = step((*carry, *flight.parameters.tolist(), *row))[:width]
         return flight.duration * count / len(flight.rows)
 
-    return Contender("python rk4", "closed loop, RK4 5 ms, straight-line Python, one core", run)
+    return Contender(
+        "python rk4", "closed loop, RK4 5 ms, straight-line Python, one core", run
+    )
 
 
 REFERENCE_STEP = 0.125e-3
@@ -151,7 +194,10 @@ REFERENCE_STEP = 0.125e-3
 def accuracy(scenario: Scenario, duration: float) -> dict[str, float]:
     """Largest distance of the base from the reference flight, m, by engine."""
     short = dataclasses.replace(scenario, duration=duration)
-    finest = _positions(Flight.of(short, lambda seconds: Steps(round(seconds / REFERENCE_STEP))), Lanes(1))
+    finest = _positions(
+        Flight.of(short, lambda seconds: Steps(round(seconds / REFERENCE_STEP))),
+        Lanes(1),
+    )
     found = {}
     for integrator in ("rk4", "euler"):
         one = dataclasses.replace(short, integrator=integrator)
@@ -163,7 +209,9 @@ def accuracy(scenario: Scenario, duration: float) -> dict[str, float]:
         ):
             found[f"{integrator} {mode}"] = _farthest(_positions(flight, lanes), finest)
         log = run(dataclasses.replace(one, kind="mujoco"))
-        found[f"mujoco {integrator}, 1 ms, loads held a step"] = _farthest(log.position, finest)
+        found[f"mujoco {integrator}, 1 ms, loads held a step"] = _farthest(
+            log.position, finest
+        )
     return found
 
 
@@ -188,19 +236,27 @@ def model_of(vehicle: Vehicle, integrator: str = "euler") -> Any:
     return build_spec(vehicle, 9.81, timestep=MUJOCO_STEP, integrator=integrator)
 
 
-def mujoco_rollout(vehicle: Vehicle, threads: int, steps: int = 500, integrator: str = "euler") -> Contender:
+def mujoco_rollout(
+    vehicle: Vehicle, threads: int, steps: int = 500, integrator: str = "euler"
+) -> Contender:
     """MuJoCo's own batch engine on all cores."""
     name = "mujoco.rollout" if integrator == "euler" else f"mujoco.rollout {integrator}"
     words = f"plant only, {integrator} 1 ms"
-    return rollout_of(model_of(vehicle, integrator).compile(), None, threads, steps, words, name)
+    return rollout_of(
+        model_of(vehicle, integrator).compile(), None, threads, steps, words, name
+    )
 
 
 def mujoco_step(vehicle: Vehicle, steps: int = 2000) -> Contender:
     """One thread inside MuJoCo's C loop."""
-    return stepped_model(model_of(vehicle).compile(), None, steps, "plant only, Euler 1 ms")
+    return stepped_model(
+        model_of(vehicle).compile(), None, steps, "plant only, Euler 1 ms"
+    )
 
 
-def rollout_of(model: Any, positions: Any, threads: int, steps: int, words: str, name: str) -> Contender:
+def rollout_of(
+    model: Any, positions: Any, threads: int, steps: int, words: str, name: str
+) -> Contender:
     """A model of MuJoCo on all threads, again and again from the same start.
 
     Args:
@@ -219,7 +275,9 @@ def rollout_of(model: Any, positions: Any, threads: int, steps: int, words: str,
     engine, states = Rollout(nthread=threads), np.zeros((batch, steps, start.size))
 
     def run() -> float:
-        engine.rollout(model, data, np.tile(start, (batch, 1)), nstep=steps, state=states)
+        engine.rollout(
+            model, data, np.tile(start, (batch, 1)), nstep=steps, state=states
+        )
         return float(batch * steps * model.opt.timestep)
 
     return Contender(name, f"{words}, {threads} threads", run)

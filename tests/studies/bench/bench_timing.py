@@ -1,4 +1,6 @@
-"""Timing: contenders in turn (A B C A B C ...), so that a busy machine slows all alike; new processes; the machine."""
+"""Timing: contenders in turn (A B C A B C ...), so that a busy machine slows all alike;
+new processes; the machine.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ class Contender:
     """Something that simulates.
 
     Attributes:
-        name: short. what: in words. run: does a fixed piece of work and returns the seconds it simulated.
+        name: short. what: in words. run: does a fixed piece of work and returns the
+            seconds it simulated.
     """
 
     name: str
@@ -33,12 +36,14 @@ class Contender:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Simulated seconds per second of wall time: median over the rounds, and the same against the baseline.
+    """Simulated seconds per second of wall time: median over the rounds, and the same
+    against the baseline.
 
     Attributes:
-        ratio: median of the ratios within each round. low, high: their smallest and largest.
-        work_rate, work_ratio: the same per second of processor time of all threads, which other programs on the
-            machine hardly disturb.
+        ratio: median of the ratios within each round. low, high: their smallest and
+            largest.
+        work_rate, work_ratio: the same per second of processor time of all threads,
+            which other programs on the machine hardly disturb.
     """
 
     name: str
@@ -52,9 +57,13 @@ class Score:
 
 
 def contest(
-    contenders: Sequence[Contender], rounds: int, progress: Callable[[str], None] = lambda _: None
+    contenders: Sequence[Contender],
+    rounds: int,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> list[Score]:
-    """Run the contenders in turn; the first is the baseline of the ratios. An uncounted first round warms up."""
+    """Run the contenders in turn; the first is the baseline of the ratios. An uncounted
+    first round warms up.
+    """
     rates: list[list[float]] = [[] for _ in contenders]
     works: list[list[float]] = [[] for _ in contenders]
     for number in range(rounds + 1):
@@ -108,7 +117,9 @@ def describe() -> dict[str, Any]:
     if hasattr(os, "getloadavg"):
         found["load_before"] = round(os.getloadavg()[0], 2)
     there = versions("numpy", "llvmlite", "mujoco-core", "jax", "pin")
-    return found | {name: None if version == ABSENT else version for name, version in there.items()}
+    return found | {
+        name: None if version == ABSENT else version for name, version in there.items()
+    }
 
 
 def _model() -> str:
@@ -116,7 +127,9 @@ def _model() -> str:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
         return platform.processor() or "unknown"
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    names = [
+        line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")
+    ]
     return names[0] if names else platform.processor() or "unknown"
 
 
@@ -132,16 +145,24 @@ run(load_scenario("{STARTED}"))
 def start(rounds: int) -> dict[str, float]:
     """Seconds from the start of a process to its end: medians.
 
-    ``empty_cache`` and ``warm_cache`` fly a scenario of 30 s and hold its log; ``command``... are ``skyarm run``, which
-    writes the log as npz and CSV and prints a table.
+    ``empty_cache`` and ``warm_cache`` fly a scenario of 30 s and hold its log;
+    ``command``... are ``skyarm run``, which writes the log as npz and CSV and prints a
+    table.
     """
     found: dict[str, list[float]] = {}
     for _ in range(rounds):
-        for name, words in (("", ("-c", PROGRAM)), ("command_", ("-m", "skyarm", "run", STARTED, "--out", "out"))):
+        for name, words in (
+            ("", ("-c", PROGRAM)),
+            ("command_", ("-m", "skyarm", "run", STARTED, "--out", "out")),
+        ):
             with tempfile.TemporaryDirectory() as folder:
                 for cache in ("empty_cache", "warm_cache"):
-                    found.setdefault(f"{name}{cache}", []).append(_wall_time(words, Path(folder)))
-        found.setdefault("python_alone", []).append(_wall_time(("-c", "import numpy"), Path()))
+                    found.setdefault(f"{name}{cache}", []).append(
+                        _wall_time(words, Path(folder))
+                    )
+        found.setdefault("python_alone", []).append(
+            _wall_time(("-c", "import numpy"), Path())
+        )
     return {name: statistics.median(values) for name, values in found.items()}
 
 
@@ -150,5 +171,11 @@ def _wall_time(words: Sequence[str], folder: Path) -> float:
     # an installed library has its bytecode
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     begin = time.perf_counter()
-    subprocess.run([sys.executable, *words], env=environment, cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        [sys.executable, *words],
+        env=environment,
+        cwd=folder,
+        check=True,
+        stdout=subprocess.DEVNULL,
+    )
     return time.perf_counter() - begin

@@ -1,8 +1,9 @@
-"""Episodes in contact against MuJoCo with its own contacts, and against the same episodes without a world.
+"""Episodes in contact against MuJoCo with its own contacts, and against the same
+episodes without a world.
 
-Two scenes. In the first a vehicle stands on four skids all the time: MuJoCo's plant alone moves the same bodies with
-the same points and the same steps, which is in its favour. In the second a tip presses on a wall under the centroidal
-law.
+Two scenes. In the first a vehicle stands on four skids all the time: MuJoCo's plant
+alone moves the same bodies with the same points and the same steps, which is in its
+favour. In the second a tip presses on a wall under the centroidal law.
 """
 
 from __future__ import annotations
@@ -33,9 +34,20 @@ TOUCHED = 2.5
 
 
 def standing(duration: float, **replaced: Any) -> Scenario:
-    """The paper's vehicle stands on four skids, its rotors turning as the law wants them for 11 cm less."""
-    lower = {"kind": "ramp", "start": 0.0, "duration": 0.1, "height": -0.1, "shape": "linear"}
-    skids = [{"name": f"skid_{i}", "body": "base", "position": [x, y, -0.22]} for i, (x, y) in enumerate(SKIDS)]
+    """The paper's vehicle stands on four skids, its rotors turning as the law wants
+    them for 11 cm less.
+    """
+    lower = {
+        "kind": "ramp",
+        "start": 0.0,
+        "duration": 0.1,
+        "height": -0.1,
+        "shape": "linear",
+    }
+    skids = [
+        {"name": f"skid_{i}", "body": "base", "position": [x, y, -0.22]}
+        for i, (x, y) in enumerate(SKIDS)
+    ]
     return scenario_from(
         {
             "schema": 1,
@@ -45,9 +57,14 @@ def standing(duration: float, **replaced: Any) -> Scenario:
             "model": {"vehicle": "hummingbird_arm2"},
             "controller": {"preset": "paper_ct"},
             "initial": {"standing": True},
-            "reference": {"base": {"kind": "signals", "z": [0.21, lower]}, "joints": [-1.2, 0.3]},
+            "reference": {
+                "base": {"kind": "signals", "z": [0.21, lower]},
+                "joints": [-1.2, 0.3],
+            },
             "world": {
-                "surfaces": [{"name": "ground", "shape": "plane", "material": {"friction": 0.6}}],
+                "surfaces": [
+                    {"name": "ground", "shape": "plane", "material": {"friction": 0.6}}
+                ],
                 "points": skids,
             },
         },
@@ -57,23 +74,34 @@ def standing(duration: float, **replaced: Any) -> Scenario:
 
 
 def pressing(duration: float, **replaced: Any) -> Scenario:
-    """The shipped task ``press_and_hold``; the tip is at the wall after some two seconds."""
+    """The shipped task ``press_and_hold``; the tip is at the wall after some two
+    seconds.
+    """
     return load_scenario("press_and_hold", duration=duration, **replaced)
 
 
 def standing_contenders(duration: float, threads: int, blocks: int) -> list[Contender]:
-    """Bare MuJoCo with its contacts on all threads, which is the baseline, and on one; then the closed loop."""
+    """Bare MuJoCo with its contacts on all threads, which is the baseline, and on one;
+    then the closed loop.
+    """
     scenario = standing(duration)
     count, seconds = _plant(scenario).substeps(0.005).near, 1.0 / scenario.rates.control
-    return [*bare_mujoco(scenario, seconds / count, threads), *ours(scenario, threads, blocks)]
+    return [
+        *bare_mujoco(scenario, seconds / count, threads),
+        *ours(scenario, threads, blocks),
+    ]
 
 
 def _plant(scenario: Scenario) -> RigidBodyPlant:
     around = first_surroundings(scenario, first_loop_state(scenario))
-    return RigidBodyPlant(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
+    return RigidBodyPlant(
+        scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics
+    )
 
 
-def bare_mujoco(scenario: Scenario, step: float, threads: int, steps: int = 400) -> list[Contender]:
+def bare_mujoco(
+    scenario: Scenario, step: float, threads: int, steps: int = 400
+) -> list[Contender]:
     """MuJoCo's vehicle and world without a controller, from the scenario's start.
 
     Args:
@@ -97,16 +125,27 @@ def bare_mujoco(scenario: Scenario, step: float, threads: int, steps: int = 400)
 
 
 def ours(scenario: Scenario, threads: int, blocks: int) -> list[Contender]:
-    """The closed loop as machine code, in contact and without the world, in double and single precision."""
+    """The closed loop as machine code, in contact and without the world, in double and
+    single precision.
+    """
     found = []
     free = dataclasses.replace(scenario, world=None)
     for name, each in (("contact", scenario), ("free", free)):
         plant = _plant(each)
-        flight, steps = Flight.of(each, plant.substeps, paths=PATHS), plant.substeps(1.0 / each.rates.control).near
+        flight, steps = (
+            Flight.of(each, plant.substeps, paths=PATHS),
+            plant.substeps(1.0 / each.rates.control).near,
+        )
         for single in (False, True):
             lanes = Lanes(host_width(single=single), single=single, contract=True)
-            fly = flight.runner(Kernel(flight.loop, lanes), blocks * lanes.width, threads)
-            what = f"{steps} steps of Verlet's method a period" if name == "contact" else "the same without the world"
+            fly = flight.runner(
+                Kernel(flight.loop, lanes), blocks * lanes.width, threads
+            )
+            what = (
+                f"{steps} steps of Verlet's method a period"
+                if name == "contact"
+                else "the same without the world"
+            )
             label = f"{name} f{32 if single else 64}, {threads} threads"
             found.append(Contender(label, f"closed loop, {what}", fly))
     return found

@@ -21,30 +21,49 @@ from support.vehicles import steady_wind
 
 
 def chain(vehicle: Vehicle, joints: int) -> Vehicle:
-    """A vehicle with an arm of that many joints: the links of the given one, over and over, in one chain."""
+    """A vehicle with an arm of that many joints: the links of the given one, over and
+    over, in one chain.
+    """
     links = []
     for i in range(joints):
         pattern = vehicle.links[i % vehicle.n]
         joint = dataclasses.replace(pattern.joint, name=f"joint{i}")
-        links.append(dataclasses.replace(pattern, name=f"link{i}", parent=i - 1, joint=joint))
-    return dataclasses.replace(vehicle, name=f"chain{joints}", links=tuple(links), frames=(), end_effector="")
+        links.append(
+            dataclasses.replace(pattern, name=f"link{i}", parent=i - 1, joint=joint)
+        )
+    return dataclasses.replace(
+        vehicle, name=f"chain{joints}", links=tuple(links), frames=(), end_effector=""
+    )
 
 
 def growth(vehicle: Vehicle, joints: Sequence[int]) -> list[dict[str, Any]]:
-    """Operations, code size and compile time of an RK4 step for arms of so many joints."""
+    """Operations, code size and compile time of an RK4 step for arms of so many
+    joints.
+    """
     found = []
     for n in joints:
         longer = chain(vehicle, n)
         world, air = Truth(vehicle=longer), steady_wind()
         begin = time.perf_counter()
 
-        def step(x: Any, _parameters: Any, u: Any, _draws: Any, world: Truth = world, air: Any = air) -> Any:
+        def step(
+            x: Any,
+            _parameters: Any,
+            u: Any,
+            _draws: Any,
+            world: Truth = world,
+            air: Any = air,
+        ) -> Any:
             return after_step(COUPLED_STEP["rk4"], world, x, u, air, 0.005)[0], ()
 
         rotors = len(longer.rotors)
-        loop = trace_loop(step, example_state(n, rotors), (), example_command(n, rotors), loops=True)
+        loop = trace_loop(
+            step, example_state(n, rotors), (), example_command(n, rotors), loops=True
+        )
         traced = time.perf_counter()
-        content = build(assembly(loop, Lanes(host_width(), contract=True), logging=False))
+        content = build(
+            assembly(loop, Lanes(host_width(), contract=True), logging=False)
+        )
         found.append(
             {
                 "joints": n,

@@ -1,6 +1,8 @@
-"""Cost of the engine of many flights: beside a bare loop over a batch, in memory, and in the driver of a cluster.
+"""Cost of the engine of many flights: beside a bare loop over a batch, in memory, and
+in the driver of a cluster.
 
-python tests/studies/bench/measure_flights.py [--flights N] [--chunk N] [--duration S] [--rounds N] [--ray] [--out FILE]
+python tests/studies/bench/measure_flights.py [--flights N] [--chunk N] [--duration S]
+[--rounds N] [--ray] [--out FILE]
 """
 
 from __future__ import annotations
@@ -28,10 +30,15 @@ from skyarm.simulate.batch import Batch
 from skyarm.studies.flights import Crew, Store, Work
 from skyarm.studies.flights.executor import rows_file
 
-SCENARIO, PATH, METRICS = "case3", "reference.base.radius", ("ee_error_mean", "tilt_max")
+SCENARIO, PATH, METRICS = (
+    "case3",
+    "reference.base.radius",
+    ("ee_error_mean", "tilt_max"),
+)
 
 SHORT = 0.1
-"""s that flights last where memory is measured: they leave as many rows as long ones."""
+"""s that flights last where memory is measured: they leave as many rows as long
+ones."""
 
 
 def works(scenario: Scenario, flights: int, chunk: int) -> Iterator[Work]:
@@ -40,12 +47,21 @@ def works(scenario: Scenario, flights: int, chunk: int) -> Iterator[Work]:
         episodes = np.arange(first, min(first + chunk, flights))
         column = 0.2 + 0.2 * episodes / flights
         label = f"chunk_{index:07d}"
-        yield Work(label=label, scenario=scenario, columns={PATH: column}, episodes=episodes, metrics=METRICS)
+        yield Work(
+            label=label,
+            scenario=scenario,
+            columns={PATH: column},
+            episodes=episodes,
+            metrics=METRICS,
+        )
 
 
 def contenders(scenario: Scenario, flights: int, chunk: int) -> list[Contender]:
     """The bare loop, the engine, and the engine that keeps its rows in a folder."""
-    batch, seconds = Batch(scenario, (PATH,), metrics=METRICS), scenario.duration * flights
+    batch, seconds = (
+        Batch(scenario, (PATH,), metrics=METRICS),
+        scenario.duration * flights,
+    )
 
     def bare() -> float:
         for work in works(scenario, flights, chunk):
@@ -73,7 +89,8 @@ def contenders(scenario: Scenario, flights: int, chunk: int) -> list[Contender]:
 
 
 def own_share(scenario: Scenario, flights: int, chunk: int) -> float:
-    """Processor time that the engine with a folder takes itself, as a share of that inside ``Batch.fly``.
+    """Processor time that the engine with a folder takes itself, as a share of that
+    inside ``Batch.fly``.
 
     Without what else differs between two runs of the same machine code.
     """
@@ -98,9 +115,21 @@ def own_share(scenario: Scenario, flights: int, chunk: int) -> float:
 
 
 def memory(flights: int, chunk: int) -> float:
-    """MB that a new process takes at most to fly so many short flights into a folder."""
-    command = [sys.executable, __file__, "--memory", "--flights", str(flights), "--chunk", str(chunk)]
-    return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    """MB that a new process takes at most to fly so many short flights into a
+    folder.
+    """
+    command = [
+        sys.executable,
+        __file__,
+        "--memory",
+        "--flights",
+        str(flights),
+        "--chunk",
+        str(chunk),
+    ]
+    return float(
+        subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    )
 
 
 def fly_for_memory(flights: int, chunk: int) -> float:
@@ -116,13 +145,18 @@ def echo(content: bytes) -> bytes:
 
 
 def driver(calls: int, chunk: int) -> dict[str, float]:
-    """Milliseconds that the driver of a cluster spends on a work, apart from its flights: made, sent and kept."""
+    """Milliseconds that the driver of a cluster spends on a work, apart from its
+    flights: made, sent and kept.
+    """
     from skyarm.studies.flights.ray_cluster import Ray
 
     scenario = load_scenario(SCENARIO, duration=SHORT)
     every = list(works(scenario, calls * chunk, chunk))
     content = rows_file(every[0], {}, 1)
-    found = {"KB of a work": len(pack((rows_file, every[1]))) / 1e3, "KB of its rows": len(content) / 1e3}
+    found = {
+        "KB of a work": len(pack((rows_file, every[1]))) / 1e3,
+        "KB of its rows": len(content) / 1e3,
+    }
     with tempfile.TemporaryDirectory() as out:
         store, begin = Store(out), time.perf_counter()
         for work in works(scenario, calls * chunk, chunk):
@@ -143,13 +177,17 @@ def driver(calls: int, chunk: int) -> dict[str, float]:
                 there.collect()
                 done += 1
             found["sent and fetched"] = (time.process_time() - worked) / calls * 1e3
-            found["sent and fetched, wall clock"] = (time.perf_counter() - begin) / calls * 1e3
+            found["sent and fetched, wall clock"] = (
+                (time.perf_counter() - begin) / calls * 1e3
+            )
     finally:
         there.close(abandon=True)
     return found
 
 
-def measure(flights: int, chunk: int, duration: float | None, rounds: int, *, ray: bool) -> dict[str, Any]:
+def measure(
+    flights: int, chunk: int, duration: float | None, rounds: int, *, ray: bool
+) -> dict[str, Any]:
     """All of it."""
     scenario = load_scenario(SCENARIO, duration=duration)
     scores = contest(contenders(scenario, flights, chunk), rounds)
@@ -161,7 +199,9 @@ def measure(flights: int, chunk: int, duration: float | None, rounds: int, *, ra
         "rounds": rounds,
         "speed": [dataclasses.asdict(score) for score in scores],
         "own_share": own_share(scenario, flights, chunk),
-        "memory_MB": {str(count): memory(count, chunk) for count in (flights, 10 * flights)},
+        "memory_MB": {
+            str(count): memory(count, chunk) for count in (flights, 10 * flights)
+        },
         "driver_ms": driver(1000, chunk) if ray else {},
     }
 
@@ -169,24 +209,45 @@ def measure(flights: int, chunk: int, duration: float | None, rounds: int, *, ra
 def text(found: dict[str, Any]) -> str:
     """The measurements as text."""
     lines = [
-        f"{found['flights']} flights of {SCENARIO}, {found['duration']:g} s each, {found['chunk']} a work: time for the"
-        f" same flights, the bare loop 1 (processor time); medians of {found['rounds']} rounds"
+        f"{found['flights']} flights of {SCENARIO}, {found['duration']:g} s each,"
+        f" {found['chunk']} a work: time for the same flights, the bare loop 1"
+        f" (processor time); medians of {found['rounds']} rounds"
     ]
-    lines += [f"  {each['name']:<16} {1 / each['work_ratio']:7.4f}  {each['what']}" for each in found["speed"]]
-    lines += [f"  outside Batch.fly, the engine and its folder take {100 * found['own_share']:.2f} % of what is inside"]
-    lines += [f"  {int(count):>9} flights of {SHORT:g} s: {size:6.0f} MB" for count, size in found["memory_MB"].items()]
-    lines += [f"  driver, ms a work: {name:<28} {value:8.3f}" for name, value in found["driver_ms"].items()]
+    lines += [
+        f"  {each['name']:<16} {1 / each['work_ratio']:7.4f}  {each['what']}"
+        for each in found["speed"]
+    ]
+    lines += [
+        "  outside Batch.fly, the engine and its folder take"
+        f" {100 * found['own_share']:.2f} % of what is inside"
+    ]
+    lines += [
+        f"  {int(count):>9} flights of {SHORT:g} s: {size:6.0f} MB"
+        for count, size in found["memory_MB"].items()
+    ]
+    lines += [
+        f"  driver, ms a work: {name:<28} {value:8.3f}"
+        for name, value in found["driver_ms"].items()
+    ]
     return "\n".join(lines)
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Measure, print, and write the numbers where a file is named; exit code 2 where it cannot be written."""
-    parser = argparse.ArgumentParser(description="Measure the engine of many flights beside a bare loop.")
+    """Measure, print, and write the numbers where a file is named; exit code 2 where it
+    cannot be written.
+    """
+    parser = argparse.ArgumentParser(
+        description="Measure the engine of many flights beside a bare loop."
+    )
     parser.add_argument("--flights", type=int, default=4000)
     parser.add_argument("--chunk", type=int, default=1000)
-    parser.add_argument("--duration", type=float, help="of a flight, s; the scenario's if left out")
+    parser.add_argument(
+        "--duration", type=float, help="of a flight, s; the scenario's if left out"
+    )
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--ray", action="store_true", help="measure the driver of a Ray cluster, too")
+    parser.add_argument(
+        "--ray", action="store_true", help="measure the driver of a Ray cluster, too"
+    )
     parser.add_argument("--memory", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--out", help="write the numbers there too, as JSON")
     options = parser.parse_args(words)
@@ -197,7 +258,13 @@ def main(words: Sequence[str] | None = None) -> None:
         file = options.out and output_file(options.out, "--out")
     except OSError as error:
         parser.exit(2, f"{error}\n")
-    found = measure(options.flights, options.chunk, options.duration, options.rounds, ray=options.ray)
+    found = measure(
+        options.flights,
+        options.chunk,
+        options.duration,
+        options.rounds,
+        ray=options.ray,
+    )
     print(text(found))
     if file:
         write_atomically(Path(file), (json.dumps(found, indent=1) + "\n").encode())

@@ -16,7 +16,9 @@ from typing import Any
 TASK, LANES, STEPS, CALLS = "skyarm/TrackTip-v0", 4096, 32, 9
 
 
-def measure(*, late: bool = False, lanes: int = LANES, calls: int = CALLS) -> dict[str, float]:
+def measure(
+    *, late: bool = False, lanes: int = LANES, calls: int = CALLS
+) -> dict[str, float]:
     """Fly rollouts of ``STEPS`` steps with a linear policy and auto-reset.
 
     Args:
@@ -25,8 +27,8 @@ def measure(*, late: bool = False, lanes: int = LANES, calls: int = CALLS) -> di
         calls: of the compiled rollout, after the first.
 
     Returns:
-        ``first_s`` and ``first_processor_s`` from here to the first result; ``rate`` and ``work_rate``, steps a second
-        by the clock and of processor time, medians.
+        ``first_s`` and ``first_processor_s`` from here to the first result; ``rate``
+        and ``work_rate``, steps a second by the clock and of processor time, medians.
     """
     begun = time.perf_counter(), time.process_time()
     import jax
@@ -42,7 +44,9 @@ def measure(*, late: bool = False, lanes: int = LANES, calls: int = CALLS) -> di
     def rollout(observations: Any, states: Any) -> Any:
         def step(now: Any, _: Any) -> Any:
             actions = jnp.tanh(now[0] @ weights)
-            seen, following, rewards, _, _ = jax.vmap(env.step, (None, 0, 0, None))(None, now[1], actions, params)
+            seen, following, rewards, _, _ = jax.vmap(env.step, (None, 0, 0, None))(
+                None, now[1], actions, params
+            )
             return (seen, following), rewards
 
         return jax.lax.scan(step, (observations, states), length=STEPS)
@@ -59,13 +63,20 @@ def measure(*, late: bool = False, lanes: int = LANES, calls: int = CALLS) -> di
         clock.append(lanes * STEPS / (time.perf_counter() - begun[0]))
         work.append(lanes * STEPS / (time.process_time() - begun[1]))
     found = {"first_s": first[0], "first_processor_s": first[1]}
-    return found | {"rate": statistics.median(clock), "work_rate": statistics.median(work)}
+    return found | {
+        "rate": statistics.median(clock),
+        "work_rate": statistics.median(work),
+    }
 
 
 def main(words: Sequence[str] | None = None) -> None:
     """Print what is measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--late", action="store_true", help="start JAX before the environment is made")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--late", action="store_true", help="start JAX before the environment is made"
+    )
     for name, value in measure(**vars(parser.parse_args(words))).items():
         print(f"{name:<20} {value:12.4g}")
 

@@ -1,9 +1,13 @@
-"""Speed with each of several laws, of many flights at once, and of first flights: tables of docs/performance.md.
+"""Speed with each of several laws, of many flights at once, and of first flights:
+tables of docs/performance.md.
 
-python tests/studies/bench/measure_laws.py laws      print a table: laws, counts or starts
-python tests/studies/bench/measure_laws.py laws --small    every row once, whose number means nothing
+python tests/studies/bench/measure_laws.py laws      print a table: laws, counts or
+                                                     starts
+python tests/studies/bench/measure_laws.py laws --small    every row once, whose number
+                                                           means nothing
 
-Processor time, not wall time: other programs on the machine hardly disturb it. The ratios are medians within rounds.
+Processor time, not wall time: other programs on the machine hardly disturb it. The
+ratios are medians within rounds.
 """
 
 from __future__ import annotations
@@ -32,7 +36,16 @@ from support.measured_tables import print_table
 
 ROOT = Path(__file__).resolve().parents[3]
 CASE, MASS = "case3_wind", ("plant.vehicle.base.mass",)
-LAWS = ("paper_ct", "paper_pd", "bulut2019", "indi", "l1_adaptive", "ct_ladder", "centroidal_joint", "centroidal_tip")
+LAWS = (
+    "paper_ct",
+    "paper_pd",
+    "bulut2019",
+    "indi",
+    "l1_adaptive",
+    "ct_ladder",
+    "centroidal_joint",
+    "centroidal_tip",
+)
 CALLED = ("nmpc",)
 """Laws that are called from Python, a flight at a time."""
 COUNTS = (1, 8, 64, 512)
@@ -54,11 +67,17 @@ def flown(scenario: skyarm.Scenario) -> float:
 def runner(made: Flight, count: int, threads: int = 1) -> Contender:
     """Flights in machine code, f64."""
     width = min(host_width(), count)
-    return Contender("", "", made.runner(Kernel(made.loop, Lanes(width, contract=True)), count, threads))
+    return Contender(
+        "",
+        "",
+        made.runner(Kernel(made.loop, Lanes(width, contract=True)), count, threads),
+    )
 
 
 def rates(contenders: list[Contender], rounds: int) -> Iterator[tuple[float, float]]:
-    """Simulated seconds per second of processor time, and the same over the first contender's."""
+    """Simulated seconds per second of processor time, and the same over the first
+    contender's.
+    """
     for score in contest(contenders, rounds):
         yield score.work_rate, score.work_ratio
 
@@ -71,10 +90,19 @@ def shown(rate: float) -> str:
 def of_laws(rounds: int, seconds: float) -> Iterator[list[str]]:
     """A law a row."""
     contenders = [runner(flight(law, seconds), 64) for law in LAWS]
-    slow = [skyarm.load_scenario(CASE, controller=law, duration=min(seconds, 2.0)) for law in CALLED]
+    slow = [
+        skyarm.load_scenario(CASE, controller=law, duration=min(seconds, 2.0))
+        for law in CALLED
+    ]
     contenders += [Contender("", "", partial(flown, each)) for each in slow]
-    for law, (rate, ratio) in zip((*LAWS, *CALLED), rates(contenders, rounds), strict=True):
-        yield [f"`{law}`", shown(rate), f"{1.0 / ratio:.2g}" if ratio > 0.1 else shown(1.0 / ratio)]
+    for law, (rate, ratio) in zip(
+        (*LAWS, *CALLED), rates(contenders, rounds), strict=True
+    ):
+        yield [
+            f"`{law}`",
+            shown(rate),
+            f"{1.0 / ratio:.2g}" if ratio > 0.1 else shown(1.0 / ratio),
+        ]
 
 
 def of_counts(rounds: int, seconds: float) -> Iterator[list[str]]:
@@ -82,30 +110,40 @@ def of_counts(rounds: int, seconds: float) -> Iterator[list[str]]:
     made = flight(LAWS[0], seconds)
     cases = [*((count, 1) for count in COUNTS), (COUNTS[-1], 2)]
     contenders = [runner(made, count, threads) for count, threads in cases]
-    for (count, threads), (rate, _) in zip(cases, rates(contenders, rounds), strict=True):
+    for (count, threads), (rate, _) in zip(
+        cases, rates(contenders, rounds), strict=True
+    ):
         yield [str(count), str(threads), shown(rate)]
 
 
 STARTED = {
     f"`{CASE}`, law `paper_ct`": (CASE, "--laws", "paper_ct"),
     f"`{CASE}`, law `centroidal_tip`": (CASE, "--laws", "centroidal_tip"),
-    "`examples/press_and_slide.toml`": (str(ROOT / "examples" / "press_and_slide.toml"),),
+    "`examples/press_and_slide.toml`": (
+        str(ROOT / "examples" / "press_and_slide.toml"),
+    ),
 }
 """Flight -> words of ``skyarm run``."""
 
 
 def spent(words: tuple[str, ...], folder: str) -> float:
-    """Processor time of a command in a new process whose cache lies in ``folder``, s."""
+    """Processor time of a command in a new process whose cache lies in ``folder``,
+    s.
+    """
     environment = {**os.environ, "SKYARM_CACHE": f"{folder}/cache"}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     command = [sys.executable, "-m", "skyarm", "run", *words, "--out", f"{folder}/out"]
-    subprocess.run(command, env=environment, cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        command, env=environment, cwd=folder, check=True, stdout=subprocess.DEVNULL
+    )
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def of_starts(rounds: int, seconds: float) -> Iterator[list[str]]:
-    """A flight a row: medians of commands that find an empty cache, and of those that find the flight in it."""
+    """A flight a row: medians of commands that find an empty cache, and of those that
+    find the flight in it.
+    """
     for name, words in STARTED.items():
         empty, filled = [], []
         for _ in range(rounds):
@@ -116,18 +154,37 @@ def of_starts(rounds: int, seconds: float) -> Iterator[list[str]]:
 
 
 TABLES = {
-    "laws": (("law", ">simulated s per s of processor time", ">processor time over `paper_ct`"), of_laws),
-    "counts": ((">flights at once", ">threads", ">simulated s per s of processor time"), of_counts),
-    "starts": (("command `skyarm run` of", ">cold cache, s", ">warm cache, s"), of_starts),
+    "laws": (
+        (
+            "law",
+            ">simulated s per s of processor time",
+            ">processor time over `paper_ct`",
+        ),
+        of_laws,
+    ),
+    "counts": (
+        (">flights at once", ">threads", ">simulated s per s of processor time"),
+        of_counts,
+    ),
+    "starts": (
+        ("command `skyarm run` of", ">cold cache, s", ">warm cache, s"),
+        of_starts,
+    ),
 }
 """Name -> heads, and rows of so many rounds and simulated seconds."""
 
 
 def main() -> None:
     """Print a table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("table", choices=TABLES)
-    parser.add_argument("--small", action="store_true", help="every row once, whose number means nothing")
+    parser.add_argument(
+        "--small",
+        action="store_true",
+        help="every row once, whose number means nothing",
+    )
     given = parser.parse_args()
     heads, rows = TABLES[given.table]
     print_table(heads, rows(*((1, 0.5) if given.small else (5, 10.0))))

@@ -1,4 +1,5 @@
-"""Time of a million episodes of Case 3 by ``skyarm sweep``, in both precisions: a table of docs/performance.md.
+"""Time of a million episodes of Case 3 by ``skyarm sweep``, in both precisions: a table
+of docs/performance.md.
 
 python tests/studies/bench/measure_million.py [--episodes N] [--workers 2] [--small]
 """
@@ -43,9 +44,19 @@ def seconds_of(episodes: int, precision: str, workers: int) -> float:
     with tempfile.TemporaryDirectory() as folder:
         study = Path(folder) / "million.toml"
         study.write_text(STUDY.format(episodes=episodes, precision=precision), "utf-8")
-        command = [sys.executable, "-m", "skyarm", "sweep", str(study), "--workers", str(workers)]
+        command = [
+            sys.executable,
+            "-m",
+            "skyarm",
+            "sweep",
+            str(study),
+            "--workers",
+            str(workers),
+        ]
         begin = time.perf_counter()
-        subprocess.run([*command, "--out", f"{folder}/out"], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run(
+            [*command, "--out", f"{folder}/out"], check=True, stdout=subprocess.DEVNULL
+        )
         return time.perf_counter() - begin
 
 
@@ -57,12 +68,21 @@ def rows(episodes: int, workers: int) -> Iterator[list[str]]:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--episodes", type=int, default=1_000_000)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--small", action="store_true", help="a hundred episodes, whose time means nothing")
+    parser.add_argument(
+        "--small",
+        action="store_true",
+        help="a hundred episodes, whose time means nothing",
+    )
     given = parser.parse_args()
-    print_table(("a million episodes of 30 s", "time, s"), rows(100 if given.small else given.episodes, given.workers))
+    print_table(
+        ("a million episodes of 30 s", "time, s"),
+        rows(100 if given.small else given.episodes, given.workers),
+    )
 
 
 if __name__ == "__main__":

@@ -1,10 +1,11 @@
 """Engines and environments beside those of other libraries, where these are installed.
 
-make peers                                            # installs them into .venv-peers; every contender once
+make peers  # installs them into .venv-peers; every contender once
 .venv-peers/bin/python tests/studies/bench/measure_peers.py [--quick | --small]
 
-Ratios within each round, as ``make bench``: MuJoCo, MJX, Pinocchio, crazyflow, RotorPy and JAX beside the paper's
-vehicle; a six-joint arm; a quadrotor without an arm; contact; environments; growth of a step with the arm's joints.
+Ratios within each round, as ``make bench``: MuJoCo, MJX, Pinocchio, crazyflow, RotorPy
+and JAX beside the paper's vehicle; a six-joint arm; a quadrotor without an arm;
+contact; environments; growth of a step with the arm's joints.
 """
 
 from __future__ import annotations
@@ -35,8 +36,10 @@ class Size:
 
     Attributes:
         rounds: of each group but the environments, which have ``more`` times as many.
-        seconds: simulated, of the paper's vehicle (None: as its file has it), of skids, of a long arm, without an arm.
-        blocks: flights of a thread. worlds: of crazyflow, a contender each. joints: of the growing arm.
+        seconds: simulated, of the paper's vehicle (None: as its file has it), of skids,
+            of a long arm, without an arm.
+        blocks: flights of a thread. worlds: of crazyflow, a contender each. joints: of
+            the growing arm.
         extent: of the environments.
     """
 
@@ -51,50 +54,102 @@ class Size:
 
 WHOLE = Size(9, 4, (None, 10.0, 5.0, 30.0), 8, (1024, 4096, 16384), range(0, 13, 2))
 QUICK = replace(WHOLE, rounds=3, seconds=(10.0, 3.0, 1.0, 5.0))
-SMALL = Size(1, 1, (0.5, 0.1, 0.1, 0.1), 1, (16,), range(0, 3, 2), peers.Extent(16, 2, 5))
+SMALL = Size(
+    1, 1, (0.5, 0.1, 0.1, 0.1), 1, (16,), range(0, 3, 2), peers.Extent(16, 2, 5)
+)
 """Every contender flies; its rate means nothing."""
 
 
 def groups(size: Size) -> Iterator[tuple[str, list[Contender], int]]:
-    """Title, contenders and how many times the usual rounds; the first of a group is its baseline."""
+    """Title, contenders and how many times the usual rounds; the first of a group is
+    its baseline.
+    """
     threads, blocks = cores(), size.blocks * cores()
     whole, skids, long_arm, no_arm = size.seconds
     scenario = load_scenario(SCENARIO, duration=whole)
     vehicle = scenario.plant.vehicle
     flown = {"rk4": engines.Flight.of(scenario, engines.steps_of(scenario))}
     ours = engines.native(flown, threads, 2 * blocks)
-    theirs = [engines.mujoco_rollout(vehicle, threads), *peers.pinocchio(vehicle), *peers.guests(vehicle)]
+    theirs = [
+        engines.mujoco_rollout(vehicle, threads),
+        *peers.pinocchio(vehicle),
+        *peers.guests(vehicle),
+    ]
     yield scenario.name, [*theirs, *peers.jax(scenario, threads), *ours], 1
     long = peers.six_joints(long_arm)
-    flown = {name: flight for name, flight in engines.flights(long).items() if name != "noise"}
+    flown = {
+        name: flight
+        for name, flight in engines.flights(long).items()
+        if name != "noise"
+    }
     rollout = engines.mujoco_rollout(long.plant.vehicle, threads)
-    yield "hexarotor with a six-joint arm", [rollout, *engines.native(flown, threads, blocks)], 1
+    yield (
+        "hexarotor with a six-joint arm",
+        [rollout, *engines.native(flown, threads, blocks)],
+        1,
+    )
     if peers.installed("crazyflow"):
         bare = peers.bare_quadrotor(no_arm, threads, 8 * blocks)
-        yield "a quadrotor without an arm", [*(peers.crazyflow(worlds) for worlds in size.worlds), bare], 1
-    yield "standing on four skids", contact_speed.standing_contenders(skids, threads, blocks), 1
+        yield (
+            "a quadrotor without an arm",
+            [*(peers.crazyflow(worlds) for worlds in size.worlds), bare],
+            1,
+        )
+    yield (
+        "standing on four skids",
+        contact_speed.standing_contenders(skids, threads, blocks),
+        1,
+    )
     for group in (peers.environments(size.extent), *peers.peers(size.extent)):
         if group:
-            yield f"steps of a world per second, beside {group[0].name}", group, size.more
+            yield (
+                f"steps of a world per second, beside {group[0].name}",
+                group,
+                size.more,
+            )
 
 
 def main(words: Sequence[str] | None = None) -> None:
     """Print what is measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     extent = parser.add_mutually_exclusive_group()
     for name, size, text in (
         ("--quick", QUICK, "fewer rounds, shorter flights"),
-        ("--small", SMALL, "each contender once, as short as it can be: shows that all fly"),
+        (
+            "--small",
+            SMALL,
+            "each contender once, as short as it can be: shows that all fly",
+        ),
     ):
-        extent.add_argument(name, dest="size", action="store_const", const=size, default=WHOLE, help=text)
+        extent.add_argument(
+            name,
+            dest="size",
+            action="store_const",
+            const=size,
+            default=WHOLE,
+            help=text,
+        )
     size = parser.parse_args(words).size
     from jax_kernel import configure_cpu
 
     configure_cpu()  # before anyone starts JAX
     for title, contenders, times in groups(size):
         scores = contest(contenders, times * size.rounds)
-        print("", title, *speed_lines([vars_of(score) for score in scores]), sep="\n", flush=True)
-    print("", "RK4 step by joints", *growth.growth(load_vehicle("hexarotor_arm6"), size.joints), sep="\n")
+        print(
+            "",
+            title,
+            *speed_lines([vars_of(score) for score in scores]),
+            sep="\n",
+            flush=True,
+        )
+    print(
+        "",
+        "RK4 step by joints",
+        *growth.growth(load_vehicle("hexarotor_arm6"), size.joints),
+        sep="\n",
+    )
     if missing := peers.absent():
         print("", f"not installed, not measured: {', '.join(missing)}", sep="\n")
 

@@ -1,10 +1,12 @@
 """Other simulators and environments, where they are installed, beside this library's.
 
-MuJoCo, MJX and Pinocchio are given our vehicle, plant only: no controller and no rotors, which is in their favour.
-crazyflow, RotorPy, PyFlyt and gym-pybullet-drones fly a quadrotor of their own without an arm. Beside their
-environments fly a quadrotor without an arm and one with a two-joint arm of this library, with the same kind of action,
-the same control rate and the same number of integration steps a control period. A single environment of a peer flies on
-past the end of its episode, so that its slow beginnings are not timed; ours begins anew.
+MuJoCo, MJX and Pinocchio are given our vehicle, plant only: no controller and no
+rotors, which is in their favour. crazyflow, RotorPy, PyFlyt and gym-pybullet-drones fly
+a quadrotor of their own without an arm. Beside their environments fly a quadrotor
+without an arm and one with a two-joint arm of this library, with the same kind of
+action, the same control rate and the same number of integration steps a control period.
+A single environment of a peer flies on past the end of its episode, so that its slow
+beginnings are not timed; ours begins anew.
 """
 
 from __future__ import annotations
@@ -36,7 +38,8 @@ class Extent:
     """Extent of the environments' contests.
 
     Attributes:
-        worlds: of vector environments. steps: of these a round. single_steps: of single ones a round.
+        worlds: of vector environments. steps: of these a round. single_steps: of single
+            ones a round.
     """
 
     worlds: int = 1024
@@ -65,7 +68,9 @@ def installed(name: str) -> bool:
 
 
 def pinocchio(vehicle: Vehicle, calls: int = 4000) -> list[Contender]:
-    """Pinocchio's forward dynamics alone, called from Python, as if a call were a step of 1 ms."""
+    """Pinocchio's forward dynamics alone, called from Python, as if a call were a step
+    of 1 ms.
+    """
     if not installed("pinocchio"):
         return []
     import pinocchio as pin
@@ -84,7 +89,13 @@ def pinocchio(vehicle: Vehicle, calls: int = 4000) -> list[Contender]:
             pin.aba(model, data, q, v, tau)
         return calls * STEP
 
-    return [Contender("pinocchio aba", "forward dynamics only, one core, a call from Python each 1 ms", run)]
+    return [
+        Contender(
+            "pinocchio aba",
+            "forward dynamics only, one core, a call from Python each 1 ms",
+            run,
+        )
+    ]
 
 
 def guests(vehicle: Vehicle) -> list[Contender]:
@@ -93,7 +104,9 @@ def guests(vehicle: Vehicle) -> list[Contender]:
 
 
 def crazyflow(worlds: int = 4096, steps: int = 50) -> Contender:
-    """crazyflow's closed loop: state controller at 100 Hz, physics at 500 Hz, f32, no arm."""
+    """crazyflow's closed loop: state controller at 100 Hz, physics at 500 Hz, f32, no
+    arm.
+    """
     from crazyflow.control import Control
     from crazyflow.sim import Sim
 
@@ -108,7 +121,11 @@ def crazyflow(worlds: int = 4096, steps: int = 50) -> Contender:
         sim.data.states.pos.block_until_ready()
         return worlds * steps / float(sim.freq)
 
-    return Contender(f"crazyflow {worlds}", f"closed loop of its own drone, no arm, 500 Hz, f32, {worlds} worlds", run)
+    return Contender(
+        f"crazyflow {worlds}",
+        f"closed loop of its own drone, no arm, 500 Hz, f32, {worlds} worlds",
+        run,
+    )
 
 
 def mjx(vehicle: Vehicle, worlds: int = 256, steps: int = 20) -> Contender:
@@ -129,11 +146,17 @@ def mjx(vehicle: Vehicle, worlds: int = 256, steps: int = 20) -> Contender:
         batch(data).qpos.block_until_ready()
         return worlds * steps * STEP
 
-    return Contender("mjx", f"plant only, Euler 1 ms, {worlds} worlds on {jax.devices()[0].platform}", run)
+    return Contender(
+        "mjx",
+        f"plant only, Euler 1 ms, {worlds} worlds on {jax.devices()[0].platform}",
+        run,
+    )
 
 
 def rotorpy(steps: int = 100) -> Contender:
-    """RotorPy's own quadrotor in hover, no arm and no controller, its adaptive integrator asked every 1 ms."""
+    """RotorPy's own quadrotor in hover, no arm and no controller, its adaptive
+    integrator asked every 1 ms.
+    """
     from rotorpy.vehicles.hummingbird_params import quad_params
     from rotorpy.vehicles.multirotor import Multirotor
 
@@ -147,11 +170,15 @@ def rotorpy(steps: int = 100) -> Contender:
             state = craft.step(state, control, STEP)
         return steps * STEP
 
-    return Contender("rotorpy", "plant of its own quadrotor, no arm, a call each 1 ms, one core", run)
+    return Contender(
+        "rotorpy", "plant of its own quadrotor, no arm, a call each 1 ms, one core", run
+    )
 
 
 def environments(extent: Extent = USUAL) -> list[Contender]:
-    """Environments with drawn actions, whose episodes end and begin; none without Gymnasium."""
+    """Environments with drawn actions, whose episodes end and begin; none without
+    Gymnasium.
+    """
     if not installed("gymnasium"):
         return []
     from skyarm.envs.named_tasks import make_vector
@@ -181,7 +208,9 @@ def environments(extent: Extent = USUAL) -> list[Contender]:
 
 
 def stepped(envs: Any, name: str, words: str, steps: int) -> Contender:
-    """Some steps of all worlds by drawn actions; it returns environment steps in place of simulated seconds."""
+    """Some steps of all worlds by drawn actions; it returns environment steps in place
+    of simulated seconds.
+    """
     shape = (steps, *(envs.action_space.shape or ()))
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32)
     envs.reset(seed=0)
@@ -195,7 +224,9 @@ def stepped(envs: Any, name: str, words: str, steps: int) -> Contender:
 
 
 def peers(extent: Extent = USUAL) -> Iterator[list[Contender]]:
-    """A list for each installed peer: the peer, and ours beside it; nothing without Gymnasium."""
+    """A list for each installed peer: the peer, and ours beside it; nothing without
+    Gymnasium.
+    """
     if installed("gymnasium"):
         yield from (make(extent) for name, make in PEERS.items() if installed(name))
 
@@ -207,10 +238,12 @@ def absent() -> list[str]:
 
 
 def beside_crazyflow(extent: Extent) -> list[Contender]:
-    """Vector environments at 500 Hz, one Euler step a control period, f32, drawn actions, episodes that begin anew.
+    """Vector environments at 500 Hz, one Euler step a control period, f32, drawn
+    actions, episodes that begin anew.
 
-    crazyflow's drones take angles and thrust, with its usual dynamics (a fitted second-order response of the angles,
-    no rotors) and with its rigid body with rotors; ours take body rates and thrust, and fly rigid bodies with rotors.
+    crazyflow's drones take angles and thrust, with its usual dynamics (a fitted
+    second-order response of the angles, no rotors) and with its rigid body with rotors;
+    ours take body rates and thrust, and fly rigid bodies with rotors.
     """
     import jax
     from crazyflow.dynamics import Dynamics
@@ -221,7 +254,9 @@ def beside_crazyflow(extent: Extent) -> list[Contender]:
     def flown(dynamics: Any) -> Contender:
         envs: Any = ReachPosEnv(num_envs=extent.worlds, dynamics=dynamics)
         space = envs.single_action_space
-        drawn = np.random.default_rng(0).uniform(space.low, space.high, (extent.steps, extent.worlds, *space.shape))
+        drawn = np.random.default_rng(0).uniform(
+            space.low, space.high, (extent.steps, extent.worlds, *space.shape)
+        )
         actions = [jax.numpy.asarray(each, np.float32) for each in drawn]
         envs.reset(seed=0)
 
@@ -234,14 +269,21 @@ def beside_crazyflow(extent: Extent) -> list[Contender]:
         words = f"its position task, angles and thrust, f32, {extent.worlds} worlds"
         return Contender(f"crazyflow {dynamics}", words, run)
 
-    return [*(flown(each) for each in (Dynamics.so_rpy, Dynamics.first_principles)), *_vectors(500, extent)]
+    return [
+        *(flown(each) for each in (Dynamics.so_rpy, Dynamics.first_principles)),
+        *_vectors(500, extent),
+    ]
 
 
 def beside_pyflyt(extent: Extent) -> list[Contender]:
-    """Single environments at 120 Hz, two integration steps a control period, body rates and thrust."""
+    """Single environments at 120 Hz, two integration steps a control period, body rates
+    and thrust.
+    """
     from PyFlyt.gym_envs.quadx_envs.quadx_hover_env import QuadXHoverEnv
 
-    env: Any = QuadXHoverEnv(agent_hz=120, flight_dome_size=np.inf, max_duration_seconds=1e9)
+    env: Any = QuadXHoverEnv(
+        agent_hz=120, flight_dome_size=np.inf, max_duration_seconds=1e9
+    )
     climbing = np.array([0.0, 0.0, 0.0, 0.6])
     name = "PyFlyt QuadX-Hover"
     peer = _single(env, climbing, name, "rates and thrust", extent.single_steps)
@@ -249,7 +291,9 @@ def beside_pyflyt(extent: Extent) -> list[Contender]:
 
 
 def beside_pybullet_drones(extent: Extent) -> list[Contender]:
-    """Single environments at 30 Hz, eight integration steps a control period, speeds of the rotors."""
+    """Single environments at 30 Hz, eight integration steps a control period, speeds of
+    the rotors.
+    """
     from gym_pybullet_drones.envs.HoverAviary import HoverAviary
     from gym_pybullet_drones.utils.enums import ActionType
 
@@ -260,7 +304,9 @@ def beside_pybullet_drones(extent: Extent) -> list[Contender]:
     return [peer, *_singles(30, 240, "rotors_and_joints", extent)]
 
 
-def place_to_reach(vehicle: str, control: int, physics: int, duration: float) -> Scenario:
+def place_to_reach(
+    vehicle: str, control: int, physics: int, duration: float
+) -> Scenario:
     """A vehicle of the library that is to hold a place, by Euler steps."""
     table: dict[str, Any] = {
         "schema": 1,
@@ -290,25 +336,56 @@ def _vectors(rate: int, extent: Extent) -> list[Contender]:
             reward=("position_near", "lost"),
             randomise=STARTS,
         )
-        found.append(stepped(envs, f"ours, {words}", f"place to hold, rates and thrust, {rate} Hz", extent.steps))
+        found.append(
+            stepped(
+                envs,
+                f"ours, {words}",
+                f"place to hold, rates and thrust, {rate} Hz",
+                extent.steps,
+            )
+        )
     return found
 
 
-def _singles(control: int, physics: int, actions: str, extent: Extent) -> list[Contender]:
+def _singles(
+    control: int, physics: int, actions: str, extent: Extent
+) -> list[Contender]:
     """Ours: one world, double precision."""
     from skyarm.envs.single_environment import Environment
 
     found = []
     for words, vehicle in VEHICLES.items():
         scenario = place_to_reach(vehicle, control, physics, 60.0)
-        env = Environment(scenario=scenario, actions=actions, precision="double", reward=("position_near", "lost"))
+        env = Environment(
+            scenario=scenario,
+            actions=actions,
+            precision="double",
+            reward=("position_near", "lost"),
+        )
         action = np.zeros(env.action_space.shape or ())
         steps = extent.single_steps
-        found.append(_single(env, action, f"ours, {words}", f"{actions}, f64", steps, begins_anew=True))
+        found.append(
+            _single(
+                env,
+                action,
+                f"ours, {words}",
+                f"{actions}, f64",
+                steps,
+                begins_anew=True,
+            )
+        )
     return found
 
 
-def _single(env: Any, action: Any, name: str, words: str, steps: int, *, begins_anew: bool = False) -> Contender:
+def _single(
+    env: Any,
+    action: Any,
+    name: str,
+    words: str,
+    steps: int,
+    *,
+    begins_anew: bool = False,
+) -> Contender:
     """Some steps of one world from Python."""
     env.reset(seed=0)
 
@@ -327,7 +404,8 @@ GUESTS: dict[str, Callable[[Vehicle], Contender]] = {
     "mujoco.mjx": mjx,
     "rotorpy": lambda _: rotorpy(),
 }
-"""Name of a library as it is imported -> its simulation of the paper's vehicle, or of its own."""
+"""Name of a library as it is imported -> its simulation of the paper's vehicle, or of
+its own."""
 
 PEERS: dict[str, Callable[[Extent], list[Contender]]] = {
     "crazyflow": beside_crazyflow,
@@ -360,9 +438,11 @@ BARE_RATE = 500
 
 
 def bare_quadrotor(duration: float, threads: int, blocks: int) -> Contender:
-    """The Hummingbird without an arm in hover under its geometric controller, at the rates that crazyflow steps with.
+    """The Hummingbird without an arm in hover under its geometric controller, at the
+    rates that crazyflow steps with.
 
-    The whole controller runs at every step; crazyflow's runs its position loop at every fifth.
+    The whole controller runs at every step; crazyflow's runs its position loop at every
+    fifth.
     """
     scenario = scenario_from(
         {
@@ -379,7 +459,10 @@ def bare_quadrotor(duration: float, threads: int, blocks: int) -> Contender:
     flight = Flight.of(scenario, lambda seconds: Steps(round(BARE_RATE * seconds)))
     lanes = Lanes(host_width(single=True), single=True, contract=True)
     run = flight.runner(Kernel(flight.loop, lanes), blocks * lanes.width, threads)
-    what = f"closed loop of a quadrotor without an arm, Euler and control at {BARE_RATE} Hz, f32"
+    what = (
+        f"closed loop of a quadrotor without an arm, Euler and control at {BARE_RATE}"
+        " Hz, f32"
+    )
     return Contender("bare f32", what, run)
 
 
@@ -402,7 +485,9 @@ def jax(scenario: Scenario, threads: int) -> list[Contender]:
 
 @contextmanager
 def _precision(name: str) -> Iterator[None]:
-    """JAX in double precision for a while: others in the same process rely on its single."""
+    """JAX in double precision for a while: others in the same process rely on its
+    single.
+    """
     from jax import config
 
     settings: Any = config

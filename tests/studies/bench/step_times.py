@@ -23,7 +23,9 @@ Array = NDArray[np.float64]
 
 
 def compiled_step_time(scenario: Scenario, calls: int) -> dict[str, float]:
-    """Microseconds of one control step as machine code, from Python's clock to Python's clock."""
+    """Microseconds of one control step as machine code, from Python's clock to Python's
+    clock.
+    """
     controller, inputs = scenario.controller, episode_inputs(scenario)
     state = first_state(scenario)
     force = type(state.velocity)(0.0, 0.0, scenario.plant.gravity)
@@ -33,7 +35,9 @@ def compiled_step_time(scenario: Scenario, calls: int) -> dict[str, float]:
     def control(memory: Any, _parameters: Any, row: Any, _uniforms: Any) -> Any:
         return controller.law(memory, row[0], row[1], period, par=controller.par)
 
-    loop = trace_loop(control, controller.memory, (), (reading, inputs.reference_example))
+    loop = trace_loop(
+        control, controller.memory, (), (reading, inputs.reference_example)
+    )
     memory = np.array(leaves(controller.memory), dtype=float)
     compiled = Stepper(Kernel(loop, Lanes(1, contract=True), logging=True), memory)
     compiled.row[:] = [*leaves(reading), *inputs.held_leaves[0]]
@@ -46,7 +50,8 @@ def compiled_step_time(scenario: Scenario, calls: int) -> dict[str, float]:
 
 
 def flown_step_time(scenario: Scenario) -> dict[str, float]:
-    """Microseconds of one control step of a law that is called with floats, all through a flight.
+    """Microseconds of one control step of a law that is called with floats, all through
+    a flight.
 
     The first step, which makes machine code, is left out.
     """

@@ -32,7 +32,9 @@ def _cache(tmp_path, monkeypatch):
 
 
 def test_contenders_run_in_turn_and_ratios_are_taken_within_a_round(monkeypatch):
-    """A clock that we turn: B always takes a quarter of A's time, though the machine slows down by the round."""
+    """A clock that we turn: B always takes a quarter of A's time, though the machine
+    slows down by the round.
+    """
     now, order, slowness = [0.0], [], {"A": 1.0, "B": 0.25}
     monkeypatch.setattr(room.time, "perf_counter", lambda: now[0])
     monkeypatch.setattr(room.time, "process_time", lambda: 2.0 * now[0])
@@ -76,17 +78,22 @@ def test_rk4_strays_less_than_euler_and_double_less_than_single():
 
 
 def test_counts_fall_where_a_vehicle_has_no_arm():
-    bare, armed = counts.counts(load_vehicle("hummingbird")), counts.counts(load_vehicle("hummingbird_arm2_rotors"))
+    bare, armed = (
+        counts.counts(load_vehicle("hummingbird")),
+        counts.counts(load_vehicle("hummingbird_arm2_rotors")),
+    )
     assert set(bare) == set(armed)
     assert all(bare[name] < armed[name] for name in bare)
     assert "euler step" not in counts.counts(load_vehicle("hummingbird_arm2"))
 
 
 def test_operations_of_the_truth_vehicle_do_not_creep_up():
-    """Budgets of the general tree code, measured when they were set: raise them only with a reason.
+    """Budgets of the general tree code, measured when they were set: raise them only
+    with a reason.
 
-    222 of the step of semi-implicit Euler are the rotors' mean thrust and spin in it: it holds forces for a step. 175
-    are the joints' friction at the end of the step, by which it is stable however quick the friction is.
+    222 of the step of semi-implicit Euler are the rotors' mean thrust and spin in it:
+    it holds forces for a step. 175 are the joints' friction at the end of the step, by
+    which it is stable however quick the friction is.
     """
     found = counts.counts(load_vehicle("hummingbird_arm2_rotors"))
     assert found["forward dynamics"] <= 318
@@ -98,21 +105,28 @@ def test_operations_of_the_truth_vehicle_do_not_creep_up():
 def test_operations_of_the_flagship_do_not_creep_up():
     """A period of the loop, plant and sensors included: raise it only with a reason.
 
-    47 of them are the logged force of moving air; code that writes no log leaves them out. 295 are sines of headings
-    to come, by which the preview turns. 563 are the accelerometer,
-    the noise of two sensors, levers of a bent arm and sines of its joints, less what they replace. 81 let load and
-    friction be learned in the measured motion. 281 find readings that repeat, leap or disagree, blows, and joints
-    that stick or yield.
+    47 of them are the logged force of moving air; code that writes no log leaves them
+    out. 295 are sines of headings to come, by which the preview turns. 563 are the
+    accelerometer, the noise of two sensors, levers of a bent arm and sines of its
+    joints, less what they replace. 81 let load and friction be learned in the measured
+    motion. 281 find readings that repeat, leap or disagree, blows, and joints that
+    stick or yield.
     """
     scenario = load_scenario("case3_wind")
-    flagship = dataclasses.replace(scenario, controller=controller_by_name(scenario, "centroidal_tip"))
+    flagship = dataclasses.replace(
+        scenario, controller=controller_by_name(scenario, "centroidal_tip")
+    )
     program = EpisodeCode(flagship, commands=False, effort=0).loop.program
     assert operations(program.nodes) <= 11248 + 47 + 295 + 563 + 81 + 281
 
 
 def test_operations_of_two_vehicles_that_hold_a_bar_do_not_creep_up():
-    """Both pushes of a step share what depends on the positions alone: 96 operations more where they do not."""
-    program = EpisodeCode(load_scenario("two_hold_a_bar"), commands=False, effort=0).loop.program
+    """Both pushes of a step share what depends on the positions alone: 96 operations
+    more where they do not.
+    """
+    program = EpisodeCode(
+        load_scenario("two_hold_a_bar"), commands=False, effort=0
+    ).loop.program
     assert operations(program.nodes) <= 14227
 
 
@@ -171,7 +185,9 @@ def test_the_load_of_the_last_minute_is_told_to_two_digits(monkeypatch):
     assert room.describe()["load_before"] == 1.23
 
 
-@pytest.mark.parametrize(("name", "double", "before"), [("f64", True, False), ("f32", False, True)])
+@pytest.mark.parametrize(
+    ("name", "double", "before"), [("f64", True, False), ("f32", False, True)]
+)
 def test_jax_computes_in_the_named_precision_and_then_as_before(name, double, before):
     jax = pytest.importorskip("jax")
     usual = jax.config.read("jax_enable_x64")

@@ -14,7 +14,10 @@ from skyarm.compile.llvm import kernel
 def _quick(tmp_path, monkeypatch):
     compiled = kernel._make_engine
     monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
-    monkeypatch.setattr("skyarm.compile.llvm.kernel._make_engine", lambda text, effort: compiled(text, 0))
+    monkeypatch.setattr(
+        "skyarm.compile.llvm.kernel._make_engine",
+        lambda text, effort: compiled(text, 0),
+    )
 
 
 def test_the_vehicle_stands_on_its_four_skids_all_the_time():

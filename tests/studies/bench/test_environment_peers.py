@@ -1,4 +1,6 @@
-"""Environments of other libraries beside ours: who is compared, and that ours fly as the peer does."""
+"""Environments of other libraries beside ours: who is compared, and that ours fly as
+the peer does.
+"""
 
 from __future__ import annotations
 
@@ -43,8 +45,12 @@ class Falling:
 
 def test_only_peers_that_are_installed_are_flown_and_the_others_are_named(monkeypatch):
     peers_known = environment_peers.PEERS
-    monkeypatch.setattr(environment_peers, "PEERS", {"there": lambda _: ["flown"], "away": pytest.fail})
-    monkeypatch.setattr(environment_peers, "installed", lambda name: name in ("gymnasium", "there"))
+    monkeypatch.setattr(
+        environment_peers, "PEERS", {"there": lambda _: ["flown"], "away": pytest.fail}
+    )
+    monkeypatch.setattr(
+        environment_peers, "installed", lambda name: name in ("gymnasium", "there")
+    )
     assert list(environment_peers.peers()) == [["flown"]]
     assert "away" in environment_peers.absent()
     assert "there" not in environment_peers.absent()
@@ -56,12 +62,18 @@ def test_only_peers_that_are_installed_are_flown_and_the_others_are_named(monkey
 def test_a_peer_flies_past_its_ends_and_ours_flies_at_its_rates(monkeypatch):
     made = []
     module = ModuleType("PyFlyt.gym_envs.quadx_envs.quadx_hover_env")
-    module.QuadXHoverEnv = lambda **settings: made.append(Falling(**settings)) or made[-1]
+    module.QuadXHoverEnv = lambda **settings: (
+        made.append(Falling(**settings)) or made[-1]
+    )
     for name in ("PyFlyt", "PyFlyt.gym_envs", "PyFlyt.gym_envs.quadx_envs"):
         monkeypatch.setitem(sys.modules, name, ModuleType(name))
     monkeypatch.setitem(sys.modules, module.__name__, module)
     rates, place = [], environment_peers.place_to_reach
-    monkeypatch.setattr(environment_peers, "place_to_reach", lambda *given: rates.append(given[1:3]) or place(*given))
+    monkeypatch.setattr(
+        environment_peers,
+        "place_to_reach",
+        lambda *given: rates.append(given[1:3]) or place(*given),
+    )
     peer, ours = environment_peers.beside_pyflyt(FEW)
     assert rates == [(120, 240)]
     assert peer.run() == 7.0
@@ -72,7 +84,9 @@ def test_a_peer_flies_past_its_ends_and_ours_flies_at_its_rates(monkeypatch):
 
 def test_ours_begins_anew_where_an_episode_is_over():
     env = Falling()
-    contender = environment_peers._single(env, np.zeros(4), "name", "words", 7, begins_anew=True)
+    contender = environment_peers._single(
+        env, np.zeros(4), "name", "words", 7, begins_anew=True
+    )
     assert contender.run() == 7.0
     # the first beginning, and one after each of the steps 3 to 7
     assert env.resets == 6
@@ -80,11 +94,22 @@ def test_ours_begins_anew_where_an_episode_is_over():
 
 @pytest.mark.parametrize(("control", "physics"), [(120, 240), (500, 500)])
 def test_a_control_period_has_the_peers_number_of_integration_steps(control, physics):
-    scenario = environment_peers.place_to_reach("hummingbird_arm2_rotors", control, physics, 2.0)
-    assert (scenario.rates.control, scenario.rates.physics, scenario.integrator) == (control, physics, "euler")
+    scenario = environment_peers.place_to_reach(
+        "hummingbird_arm2_rotors", control, physics, 2.0
+    )
+    assert (scenario.rates.control, scenario.rates.physics, scenario.integrator) == (
+        control,
+        physics,
+        "euler",
+    )
     assert scenario.steps == 2 * control
     assert scenario.plant.vehicle.n == 2
-    assert environment_peers.place_to_reach("hummingbird", control, physics, 2.0).plant.vehicle.n == 0
+    assert (
+        environment_peers.place_to_reach(
+            "hummingbird", control, physics, 2.0
+        ).plant.vehicle.n
+        == 0
+    )
 
 
 def test_vector_and_single_environments_of_ours_fly_on():

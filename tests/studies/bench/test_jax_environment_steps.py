@@ -1,4 +1,6 @@
-"""The benchmark of environments in JAX, in a process of its own: JAX reads XLA's flags once."""
+"""The benchmark of environments in JAX, in a process of its own: JAX reads XLA's flags
+once.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +28,17 @@ print(sorted(found))
 
 @pytest.mark.thorough
 def test_a_rollout_is_timed():
-    environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
+    environment = {
+        name: value for name, value in os.environ.items() if name != "XLA_FLAGS"
+    }
     done = subprocess.run(
-        [sys.executable, "-c", SMALL], capture_output=True, text=True, check=True, env=environment, cwd=HERE
+        [sys.executable, "-c", SMALL],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment,
+        cwd=HERE,
     )
-    assert done.stdout.strip() == "['first_processor_s', 'first_s', 'rate', 'work_rate']"
+    assert (
+        done.stdout.strip() == "['first_processor_s', 'first_s', 'rate', 'work_rate']"
+    )

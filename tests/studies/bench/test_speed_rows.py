@@ -1,4 +1,6 @@
-"""Rows of the bench beside peers and older trees: contenders in turn, each a process of its own."""
+"""Rows of the bench beside peers and older trees: contenders in turn, each a process of
+its own.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +18,15 @@ from skyarm.scenario.scenario_file import load_scenario
 
 
 class Scripted:
-    """Contender whose numbers are known: here 3 and 8, the peer half of that, the older tree twice."""
+    """Contender whose numbers are known: here 3 and 8, the peer half of that, the older
+    tree twice.
+    """
 
     order: list[str] = []  # noqa: RUF012
 
-    def __init__(self, name: str, *, peer: bool = False, tree: Path = measure_speed.ROOT) -> None:
+    def __init__(
+        self, name: str, *, peer: bool = False, tree: Path = measure_speed.ROOT
+    ) -> None:
         self.factor = 0.5 if peer else 1.0 if tree == measure_speed.ROOT else 2.0
         self.values = self.numbers()
 
@@ -36,7 +42,9 @@ class Scripted:
         self.order.append("closed")
 
 
-def test_contenders_of_a_row_take_turns_and_its_ratios_are_of_one_round(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_contenders_of_a_row_take_turns_and_its_ratios_are_of_one_round(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(measure_speed, "Contender", Scripted)
     monkeypatch.setattr(Scripted, "order", [])
     monkeypatch.setitem(ROWS, "both", Row(lambda: spent, lambda: spent))
@@ -46,8 +54,12 @@ def test_contenders_of_a_row_take_turns_and_its_ratios_are_of_one_round(monkeypa
     assert measured("here alone", Path("old"), 2) == ["here alone", "5.5 MB", "", ""]
 
 
-def test_a_contender_measures_when_asked_and_one_that_has_failed_has_no_number() -> None:
-    contender = measure_speed.Contender("third run case3, beside import numpy", peer=True)
+def test_a_contender_measures_when_asked_and_one_that_has_failed_has_no_number() -> (
+    None
+):
+    contender = measure_speed.Contender(
+        "third run case3, beside import numpy", peer=True
+    )
     try:
         assert 0.0 < contender.measure() < 60.0
         contender._process.kill()
@@ -63,11 +75,17 @@ def test_every_scenario_of_the_rows_is_there() -> None:
 
 
 def test_the_peak_is_of_as_many_fused_products_and_sums_as_are_counted() -> None:
-    loop = trace_loop(measure_speed.chains, (0.5,) * measure_speed.CHAINS, (0.9, 0.1), ())
-    assert operations(loop.program.nodes) == 2 * measure_speed.CHAINS * measure_speed.LINKS
+    loop = trace_loop(
+        measure_speed.chains, (0.5,) * measure_speed.CHAINS, (0.9, 0.1), ()
+    )
+    assert (
+        operations(loop.program.nodes) == 2 * measure_speed.CHAINS * measure_speed.LINKS
+    )
 
 
-def test_rows_are_listed_and_a_folder_that_is_no_tree_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_rows_are_listed_and_a_folder_that_is_no_tree_is_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     main(["--list", "--only", "batch", "skids f"])
     assert capsys.readouterr().out.split("\n")[0] == "batch pick_and_carry"
     with pytest.raises(SystemExit) as ended:

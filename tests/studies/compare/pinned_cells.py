@@ -1,11 +1,15 @@
-"""Digests of the cells of every suite: what each would fly, on five vehicles and three teams, under every law.
+"""Digests of the cells of every suite: what each would fly, on five vehicles and three
+teams, under every law.
 
-``python tests/studies/compare/pinned_cells.py --write`` writes ``tests/data/suite_cells.json`` anew; with the name of a
-row in its place, such as ``envelope-suite/hexarotor_arm6/indi``, it prints the digest of each cell of it.
+``python tests/studies/compare/pinned_cells.py --write`` writes
+``tests/data/suite_cells.json`` anew; with the name of a row in its place, such as
+``envelope-suite/hexarotor_arm6/indi``, it prints the digest of each cell of it.
 
-A cell is a scenario, columns of numbers, noise keys and metrics in windows (:class:`skyarm.studies.flights.Work`).
-Nothing flies: two cells of one digest fly the same, whatever describes them. Numbers count with nine digits, for
-processors whose linear algebra rounds otherwise. Every law is there on two of the vehicles, the usual ones on all.
+A cell is a scenario, columns of numbers, noise keys and metrics in windows
+(:class:`skyarm.studies.flights.Work`). Nothing flies: two cells of one digest fly the
+same, whatever describes them. Numbers count with nine digits, for processors whose
+linear algebra rounds otherwise. Every law is there on two of the vehicles, the usual
+ones on all.
 """
 
 from __future__ import annotations
@@ -38,7 +42,12 @@ from skyarm.studies.flights import Work
 FILE = Path(__file__).resolve().parents[2] / "data" / "suite_cells.json"
 
 VEHICLES = (
-    *("hummingbird_arm2_rotors", "hexarotor_arm6", "octo_coaxial_two_arms", "quadrotor_roll_arm2"),
+    *(
+        "hummingbird_arm2_rotors",
+        "hexarotor_arm6",
+        "octo_coaxial_two_arms",
+        "quadrotor_roll_arm2",
+    ),
     "hexacopter680_flying_arm_2",
 )
 TEAMS = (FLOWN, "three_on_a_triangle", "two_hold_a_bar")
@@ -46,13 +55,25 @@ EVERY = tuple(dict.fromkeys((*USUAL, *SIMPLER, *names("law"))))
 
 
 def rows() -> Iterator[tuple[str, Any]]:
-    """Row of the file, and what makes its suite; the whole envelope and all of what laws survive have rows, too."""
+    """Row of the file, and what makes its suite; the whole envelope and all of what
+    laws survive have rows, too.
+    """
     for name, entrant in ENTRANTS.items():
         yield f"{SUITE}/{name}", partial(Comparison, entrants={name: entrant})
     for k, law in enumerate(EVERY):
-        for vehicle in VEHICLES if law in ("centroidal_tip", "indi_tuned") else (VEHICLES[0], VEHICLES[1 + k % 4]):
-            yield f"{ENVELOPE}/{vehicle}/{law}", partial(Envelope, laws=(law,), vehicle=vehicle, quick=True)
-            yield f"{SURVIVE}/{vehicle}/{law}", partial(SurviveSuite, laws=(law,), vehicle=vehicle, quick=True)
+        for vehicle in (
+            VEHICLES
+            if law in ("centroidal_tip", "indi_tuned")
+            else (VEHICLES[0], VEHICLES[1 + k % 4])
+        ):
+            yield (
+                f"{ENVELOPE}/{vehicle}/{law}",
+                partial(Envelope, laws=(law,), vehicle=vehicle, quick=True),
+            )
+            yield (
+                f"{SURVIVE}/{vehicle}/{law}",
+                partial(SurviveSuite, laws=(law,), vehicle=vehicle, quick=True),
+            )
     for law in dict.fromkeys((*PRESSING, *names("law"))):
         yield f"{CONTACT}/{law}", partial(ContactSuite, laws=(law,), worlds=16)
     for team in TEAMS:
@@ -65,7 +86,9 @@ def rows() -> Iterator[tuple[str, Any]]:
 ROWS: Mapping[str, Any] = dict(rows())
 
 
-LATER = {"Dryden": "least_airspeed"} | dict.fromkeys(("ObjectWrench", "LeaderFollower", "Decentralised", "Team"), "com")
+LATER = {"Dryden": "least_airspeed"} | dict.fromkeys(
+    ("ObjectWrench", "LeaderFollower", "Decentralised", "Team"), "com"
+)
 """Class of a record -> field that it did not have yet when the digests were taken."""
 
 
@@ -74,7 +97,9 @@ MOVED = {"skyarm.world.team.virtual_masses:Member": "skyarm.world.team.team:Memb
 
 
 def short(data: Any) -> Any:
-    """Plain data with numbers of nine digits, those below 1e-12 as none, without fields of ``LATER``."""
+    """Plain data with numbers of nine digits, those below 1e-12 as none, without fields
+    of ``LATER``.
+    """
     match data:
         case dict():
             later = LATER.get(str(data.get("type")).rpartition(":")[2])
@@ -100,13 +125,29 @@ def of_scenario(scenario: Any) -> str:
 
 
 def of_cell(work: Work) -> str:
-    """Digest of all that the numbers of a cell's flights depend on but versions and code."""
+    """Digest of all that the numbers of a cell's flights depend on but versions and
+    code.
+    """
     columns = {
-        path: short(np.asarray(column).tolist()) for path, column in (*work.columns.items(), *work.fixed.items())
+        path: short(np.asarray(column).tolist())
+        for path, column in (*work.columns.items(), *work.fixed.items())
     }
-    facts = {"metrics": list(work.metrics), "windows": short(plain(work.windows)), "alone": work.alone}
-    scenarios = [of_scenario(each) for each in (work.scenario, work.stiffest) if each is not None]
-    return digest(facts | {"scenarios": scenarios, "keys": work.episodes.tolist(), "columns": columns})
+    facts = {
+        "metrics": list(work.metrics),
+        "windows": short(plain(work.windows)),
+        "alone": work.alone,
+    }
+    scenarios = [
+        of_scenario(each) for each in (work.scenario, work.stiffest) if each is not None
+    ]
+    return digest(
+        facts
+        | {
+            "scenarios": scenarios,
+            "keys": work.episodes.tolist(),
+            "columns": columns,
+        }
+    )
 
 
 def cells(name: str) -> tuple[dict[str, str], dict[str, str]]:
@@ -122,12 +163,17 @@ def cells(name: str) -> tuple[dict[str, str], dict[str, str]]:
 def of_row(name: str) -> str:
     """Number of cells and of refusals of a row, and a digest of all."""
     flown, refused = cells(name)
-    return f"{len(flown)} {len(refused)} {digest({'cells': flown, 'refused': refused})[:16]}"
+    return (
+        f"{len(flown)} {len(refused)}"
+        f" {digest({'cells': flown, 'refused': refused})[:16]}"
+    )
 
 
 if __name__ == "__main__":
     if sys.argv[1:] == ["--write"]:
-        FILE.write_text(json.dumps({name: of_row(name) for name in ROWS}, indent=1) + "\n", "utf-8")
+        FILE.write_text(
+            json.dumps({name: of_row(name) for name in ROWS}, indent=1) + "\n", "utf-8"
+        )
     elif sys.argv[1:] and sys.argv[1] in ROWS:
         print(json.dumps(cells(sys.argv[1]), indent=1))
     else:

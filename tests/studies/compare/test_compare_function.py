@@ -20,9 +20,15 @@ from skyarm.view.pages import Report, Section, Table
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Suites that would have flown, in place of flying."""
     seen: list[Any] = []
-    monkeypatch.setattr(compare_laws, "fly_suite", lambda suite, folder, **_: seen.append((suite, folder)) or {"a": 1})
+    monkeypatch.setattr(
+        compare_laws,
+        "fly_suite",
+        lambda suite, folder, **_: seen.append((suite, folder)) or {"a": 1},
+    )
     table = Table(head=["law"], rows=[["<b>"]])
-    report = Report(title="two laws", facts="", sections=[Section(name="all", tables=[table])])
+    report = Report(
+        title="two laws", facts="", sections=[Section(name="all", tables=[table])]
+    )
     for kind in (*compare_laws.SUITES.values(), compare_laws.OwnScenario):
         monkeypatch.setattr(kind, "report", lambda *_: report)
     return seen
@@ -30,16 +36,31 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 def test_a_record_flies_what_its_name_flies(asked: list[Any], tmp_path: Path) -> None:
     record = skyarm.load_scenario("case1")
-    found = [skyarm.compare(given, ["own", "centroidal_tip"], tmp_path / "out", seed=3) for given in (record, "case1")]
-    cells = [[identity(each.scenario()) for each in suite.plan_cells()[0]] for suite, _ in asked]
+    found = [
+        skyarm.compare(given, ["own", "centroidal_tip"], tmp_path / "out", seed=3)
+        for given in (record, "case1")
+    ]
+    cells = [
+        [identity(each.scenario()) for each in suite.plan_cells()[0]]
+        for suite, _ in asked
+    ]
     assert cells[0] == cells[1]
     flights = asked[0][0].plan_cells()[0]
     assert [each.entrant.name for each in flights] == ["own", "centroidal_tip"]
     assert [each.scenario().seed for each in flights] == [3, 3]
-    laws = [record.controller, skyarm.load_scenario("case1", controller="centroidal_tip").controller]
-    assert [identity(each.scenario().controller) for each in flights] == [identity(each) for each in laws]
+    laws = [
+        record.controller,
+        skyarm.load_scenario("case1", controller="centroidal_tip").controller,
+    ]
+    assert [identity(each.scenario().controller) for each in flights] == [
+        identity(each) for each in laws
+    ]
     assert laws[0] != laws[1]
-    assert {each.folder for each in found} == {tmp_path / "out"} == {folder for _, folder in asked}
+    assert (
+        {each.folder for each in found}
+        == {tmp_path / "out"}
+        == {folder for _, folder in asked}
+    )
     assert found[0].document == {"a": 1}
     assert found[0].report.markdown().startswith("# two laws")
     assert "<h2>two laws</h2>" in found[0]._repr_html_()
@@ -47,10 +68,15 @@ def test_a_record_flies_what_its_name_flies(asked: list[Any], tmp_path: Path) ->
     assert len(repr(found[0])) <= 300
 
 
-def test_laws_beside_a_scenario_are_those_of_the_command(asked: list[Any], tmp_path: Path) -> None:
+def test_laws_beside_a_scenario_are_those_of_the_command(
+    asked: list[Any], tmp_path: Path
+) -> None:
     skyarm.compare("case1", ["own", "paper_pd"], tmp_path)
     skyarm.compare("case1", str(tmp_path / "gains.toml"), tmp_path)
-    assert [each.entrant.name for each in asked[0][0].plan_cells()[0]] == ["own", "paper_pd"]
+    assert [each.entrant.name for each in asked[0][0].plan_cells()[0]] == [
+        "own",
+        "paper_pd",
+    ]
     assert asked[1][0].laws == (str(tmp_path / "gains.toml"),)
 
 
@@ -69,14 +95,24 @@ def test_suites_take_their_own_options(asked: list[Any], tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("given", "laws", "words"),
     [
-        ("case1", ["paper_p"], r"^case1: controller = 'paper_p': did you mean 'paper_pd'\?"),
+        (
+            "case1",
+            ["paper_p"],
+            r"^case1: controller = 'paper_p': did you mean 'paper_pd'\?",
+        ),
         ("case1", ["paper_pd", "paper_pd"], r"^laws = .*must be a list of different"),
         ("cas3", ["paper_pd"], r"^scenario = 'cas3': did you mean 'case3'\?"),
         ("paper-suite", ["nothing"], r"^laws = 'nothing': must be one of "),
-        (3, ["paper_pd"], r"^scenario = 3: must be a Scenario, or the name or path of one$"),
+        (
+            3,
+            ["paper_pd"],
+            r"^scenario = 3: must be a Scenario, or the name or path of one$",
+        ),
     ],
 )
-def test_what_cannot_be_compared_is_one_line(given: Any, laws: list[str], words: str, tmp_path: Path) -> None:
+def test_what_cannot_be_compared_is_one_line(
+    given: Any, laws: list[str], words: str, tmp_path: Path
+) -> None:
     with pytest.raises(ValueError, match=words):
         skyarm.compare(given, laws, tmp_path / "out")
 
@@ -86,7 +122,8 @@ def test_a_record_is_compared_as_its_file(tmp_path: Path) -> None:
     record = skyarm.load_scenario("case1", duration=2.0)
     file = skyarm.run(record).save_npz(tmp_path / "flight.npz")
     found = [
-        skyarm.compare(given, ["own", "paper_pd"], tmp_path / name) for name, given in (("a", record), ("b", file))
+        skyarm.compare(given, ["own", "paper_pd"], tmp_path / name)
+        for name, given in (("a", record), ("b", file))
     ]
     assert found[0].document["summaries"] == found[1].document["summaries"]
     assert "| own | 1 of 1 |" in found[0].report.markdown()

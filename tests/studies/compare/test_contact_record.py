@@ -1,4 +1,6 @@
-"""What counts as a success of a task in contact, and what a flight lacked, from metrics made by hand."""
+"""What counts as a success of a task in contact, and what a flight lacked, from metrics
+made by hand.
+"""
 
 from __future__ import annotations
 
@@ -8,29 +10,63 @@ import numpy as np
 import pytest
 
 from skyarm.studies.compare.cell_flights import Cell
-from skyarm.studies.compare.contact_suite import NUMBERS, ContactSuite, cell_record, lacks
+from skyarm.studies.compare.contact_suite import (
+    NUMBERS,
+    ContactSuite,
+    cell_record,
+    lacks,
+)
 from skyarm.studies.compare.contact_tasks import TASKS
 from skyarm.studies.compare.run_suite import write_suite
 
 GOOD = {
-    "tilt_max": 0.2, "phases_done": 3.0, "contact_held": 0.95, "mechanism_furthest": 1.0, "tip_lowest": 0.7725,
-    "object_last_x": 0.604, "object_last_y": -0.004, "contact_last": 2.0, "ee_error_last_mean_continuous": 0.02,
-    **{each.metric: np.nan if each.metric.startswith("grip") else 0.5 for each in NUMBERS.values()},
+    "tilt_max": 0.2,
+    "phases_done": 3.0,
+    "contact_held": 0.95,
+    "mechanism_furthest": 1.0,
+    "tip_lowest": 0.7725,
+    "object_last_x": 0.604,
+    "object_last_y": -0.004,
+    "contact_last": 2.0,
+    "ee_error_last_mean_continuous": 0.02,
+    **{
+        each.metric: np.nan if each.metric.startswith("grip") else 0.5
+        for each in NUMBERS.values()
+    },
 }
 WEIGHT = 10.0
 
 
 def cell(*status, **changed):
-    """A cell of one flight for each ending, in all of which some metrics are changed."""
+    """A cell of one flight for each ending, in all of which some metrics are
+    changed.
+    """
     names = status or ("completed",)
-    return Cell({name: np.full(len(names), changed.get(name, value)) for name, value in GOOD.items()}, np.array(names))
+    return Cell(
+        {
+            name: np.full(len(names), changed.get(name, value))
+            for name, value in GOOD.items()
+        },
+        np.array(names),
+    )
 
 
 def lacked(task, found):
-    return [word for word, flags in lacks(TASKS[task], found, WEIGHT, 3).items() if flags[0]]
+    return [
+        word for word, flags in lacks(TASKS[task], found, WEIGHT, 3).items() if flags[0]
+    ]
 
 
-@pytest.mark.parametrize("task", ["press_and_hold", "push_button", "peg_in_hole", "pick_and_carry", "perch_on_shelf"])
+@pytest.mark.parametrize(
+    "task",
+    [
+        "press_and_hold",
+        "push_button",
+        "peg_in_hole",
+        "pick_and_carry",
+        "perch_on_shelf",
+    ],
+)
 def test_a_flight_that_does_all_of_it_succeeds(task):
     assert lacked(task, cell()) == []
 
@@ -80,9 +116,21 @@ def test_numbers_are_medians_over_whole_flights_and_none_where_there_are_none():
 def test_the_time_of_a_task_is_that_of_finished_ones():
     """A flight that came to its end in phase 3 of 3 ended its second phase early."""
     found = cell("completed", "completed", "completed")
-    found.metrics["phases_time"][:], found.metrics["phases_done"][:] = [9.0, 11.0, 2.0], [3.0, 3.0, 2.0]
-    assert cell_record(TASKS["press_and_hold"], found, WEIGHT, 3)["time"] == pytest.approx(10.0)
-    assert cell_record(TASKS["press_and_hold"], cell(phases_done=2.0), WEIGHT, 3)["time"] is None
+    found.metrics["phases_time"][:], found.metrics["phases_done"][:] = (
+        [
+            9.0,
+            11.0,
+            2.0,
+        ],
+        [3.0, 3.0, 2.0],
+    )
+    assert cell_record(TASKS["press_and_hold"], found, WEIGHT, 3)[
+        "time"
+    ] == pytest.approx(10.0)
+    assert (
+        cell_record(TASKS["press_and_hold"], cell(phases_done=2.0), WEIGHT, 3)["time"]
+        is None
+    )
 
 
 def test_handles_have_a_median_and_what_nearly_all_stay_below():
@@ -99,9 +147,21 @@ def test_tables_page_and_files_tell_the_same(tmp_path):
     flown = cell_record(task, cell("completed", "rotor_contact"), WEIGHT, 3)
     conditions = {"perfect": {"centroidal": flown}, "noisy": {}}
     found = {
-        "suite": "contact-suite", "seed": 0, "plant": "rigid_body", "worlds": 2, "laws": ["centroidal", "paper_ct"],
+        "suite": "contact-suite",
+        "seed": 0,
+        "plant": "rigid_body",
+        "worlds": 2,
+        "laws": ["centroidal", "paper_ct"],
         "not_flown": {"<b> in press_and_hold": "has no <gains>"},
-        "tasks": {task.name: {"title": task.title, "worlds": 2, "drawn": 3, "discarded": 1, "conditions": conditions}},
+        "tasks": {
+            task.name: {
+                "title": task.title,
+                "worlds": 2,
+                "drawn": 3,
+                "discarded": 1,
+                "conditions": conditions,
+            }
+        },
     }
     suite = ContactSuite(worlds=2)
     text, page = suite.report(found).markdown(), suite.report(found).html()

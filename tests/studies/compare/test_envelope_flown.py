@@ -19,7 +19,11 @@ from skyarm.studies.trial.facts import PAPER, setting_of
 from skyarm.vehicle.vehicle_files import load_vehicle
 from support.studies import cell_of
 
-QUICK = Envelope(laws=("paper_pd", "paper_ct"), axes=("circle", "step", "measurement_delay"), quick=True)
+QUICK = Envelope(
+    laws=("paper_pd", "paper_ct"),
+    axes=("circle", "step", "measurement_delay"),
+    quick=True,
+)
 FILES = ["envelope.json", "envelope.png", "flights.parquet", "report.html", "tables.md"]
 
 
@@ -28,7 +32,11 @@ def flown(tmp_path_factory):
     """A quick envelope and its folder."""
     folder = tmp_path_factory.mktemp("envelope")
     told = []
-    return fly_suite(QUICK, folder, progress=lambda *heard: told.append(heard[:2])), folder, told
+    return (
+        fly_suite(QUICK, folder, progress=lambda *heard: told.append(heard[:2])),
+        folder,
+        told,
+    )
 
 
 def test_every_file_is_there_and_holds_what_was_flown(flown):
@@ -39,7 +47,9 @@ def test_every_file_is_there_and_holds_what_was_flown(flown):
     assert list(found["axes"]) == ["circle", "step", "measurement_delay"]
     assert found["axes"]["measurement_delay"]["values"] == [0.0, 30.0]
     for axis in found["axes"].values():
-        assert [len(points) for points in axis["laws"].values()] == [len(axis["values"])] * 2
+        assert [len(points) for points in axis["laws"].values()] == [
+            len(axis["values"])
+        ] * 2
     # one cell a batch, one for each value where values are no data
     assert told[-1] == (8, 8)
     assert len(list((folder / "rows").iterdir())) == 8
@@ -65,10 +75,14 @@ def test_a_lane_is_the_flight_of_its_value_with_the_tip_of_a_level_base(flown):
     assert point["tip_mean"] == pytest.approx(error.mean(), rel=1e-6)
     assert point["tip_max"] == pytest.approx(error.max(), rel=1e-6)
     assert point["tip_max"] > point["tip_mean"] > 0.3
-    change = np.diff(log.rotor_commands, axis=0, prepend=log.rotor_commands[:1])[log.time >= 7.0]
+    change = np.diff(log.rotor_commands, axis=0, prepend=log.rotor_commands[:1])[
+        log.time >= 7.0
+    ]
     assert point["jitter"] == pytest.approx(np.sqrt(np.mean(change**2)), rel=1e-6)
     sent = log.rotor_commands[log.time >= 7.0]
-    assert point["limited"] == pytest.approx(((sent <= 0.0) | (sent > 838.0 - 1e-6)).any(axis=1).mean(), abs=1e-9)
+    assert point["limited"] == pytest.approx(
+        ((sent <= 0.0) | (sent > 838.0 - 1e-6)).any(axis=1).mean(), abs=1e-9
+    )
 
 
 def test_an_overshoot_is_how_far_the_base_goes_beyond_the_step(flown):
@@ -76,14 +90,19 @@ def test_an_overshoot_is_how_far_the_base_goes_beyond_the_step(flown):
     (cell,) = axis_flights("paper_ct", QUICK.axis("step"), QUICK.setting)
     log = skyarm.run(with_numbers(cell.scenario(), {"reference.x.height": 3.0}))
     beyond = log.position[log.time > 1.0, 0].max() - 3.0
-    assert found["axes"]["step"]["laws"]["paper_ct"][-1]["judged"] == pytest.approx(beyond, rel=1e-6)
+    assert found["axes"]["step"]["laws"]["paper_ct"][-1]["judged"] == pytest.approx(
+        beyond, rel=1e-6
+    )
     assert beyond > 0.0
 
 
 def test_every_value_meets_the_same_noise():
     axis = dataclasses.replace(AXES["payload"], values=(0.0, 0.0, 0.2))
     (cell,) = axis_flights("paper_pd", axis, setting_of(PAPER, 5.0))
-    lanes, alone = (cell_of(each).metrics["rotor_jitter"] for each in (cell, dataclasses.replace(cell, points=(0.0,))))
+    lanes, alone = (
+        cell_of(each).metrics["rotor_jitter"]
+        for each in (cell, dataclasses.replace(cell, points=(0.0,)))
+    )
     assert lanes[0] == lanes[1] == alone[0] != lanes[2]
 
 
@@ -91,13 +110,20 @@ def test_a_lane_of_wrong_plants_is_the_flight_of_one_and_values_meet_the_same_on
     (cell,) = axis_flights("paper_pd", AXES["wrong_plants"], setting_of(PAPER, 8.0))
     scenario = cell.scenario()
     values = cell.values(scenario)
-    half, once = draw(scenario, widen(Spread(), 0.5), PLANTS, seed=0), draw(scenario, Spread(), PLANTS, seed=0)
+    half, once = (
+        draw(scenario, widen(Spread(), 0.5), PLANTS, seed=0),
+        draw(scenario, Spread(), PLANTS, seed=0),
+    )
     mass, delay = "plant.vehicle.links.1.body.mass", "delays.command"
     for path in values:
-        assert np.array_equal(values[path][: 2 * PLANTS], np.concatenate([half[path], once[path]])), path
+        assert np.array_equal(
+            values[path][: 2 * PLANTS], np.concatenate([half[path], once[path]])
+        ), path
     assert widen(Spread(), 0.5).thrust == (-0.05, 0.025)
     nominal = scenario.plant.vehicle.links[1].body.mass
-    assert values[mass][:PLANTS] - nominal == pytest.approx(0.5 * (values[mass][PLANTS : 2 * PLANTS] - nominal))
+    assert values[mass][:PLANTS] - nominal == pytest.approx(
+        0.5 * (values[mass][PLANTS : 2 * PLANTS] - nominal)
+    )
     few = dataclasses.replace(cell, points=(2.0,))
     assert np.array_equal(few.values(scenario)[mass], values[mass][-PLANTS:])
     flown = cell_of(few)
@@ -107,11 +133,15 @@ def test_a_lane_of_wrong_plants_is_the_flight_of_one_and_values_meet_the_same_on
     log = skyarm.run(with_numbers(scenario, numbers))
     assert log.status == flown.status[-1]
     # a batch rounds the delay to its own step
-    assert flown.metrics[TIP][-1] == pytest.approx(skyarm.score(log, [TIP], few.case.windows)[TIP], rel=1e-2)
+    assert flown.metrics[TIP][-1] == pytest.approx(
+        skyarm.score(log, [TIP], few.case.windows)[TIP], rel=1e-2
+    )
 
 
 def test_wrong_plants_of_another_vehicle_are_its_own_spread():
-    (cell,) = axis_flights("centroidal_tip", AXES["wrong_plants"], setting_of("hexarotor_arm6", 8.0))
+    (cell,) = axis_flights(
+        "centroidal_tip", AXES["wrong_plants"], setting_of("hexarotor_arm6", 8.0)
+    )
     scenario = cell.scenario()
     masses = cell.values(scenario)["plant.payload.mass"]
     weight = float(scenario.plant.vehicle.mass)
@@ -123,14 +153,21 @@ def test_values_seeds_and_vehicles_are_part_of_what_a_cell_is(flown):
     setting = setting_of(PAPER, 10.0)
     axis = QUICK.axis("circle")
     (one,) = axis_flights("paper_ct", axis, setting)
-    (other,) = axis_flights("paper_ct", dataclasses.replace(axis, values=(0.5, 2.0)), setting)
+    (other,) = axis_flights(
+        "paper_ct", dataclasses.replace(axis, values=(0.5, 2.0)), setting
+    )
     (seeded,) = axis_flights("paper_ct", axis, setting, seed=1)
     (longer,) = axis_flights("paper_ct", axis, setting_of(PAPER, 12.0))
     assert len({each.work().key for each in (one, other, seeded, longer)}) == 4
 
 
 def test_a_law_that_does_not_fit_a_vehicle_is_told_and_the_others_fly_on():
-    asked = Envelope(laws=("paper_ct", "centroidal_tip"), axes=("circle",), vehicle="crazyflie_arm1", quick=True)
+    asked = Envelope(
+        laws=("paper_ct", "centroidal_tip"),
+        axes=("circle",),
+        vehicle="crazyflie_arm1",
+        quick=True,
+    )
     todo, refused = asked.plan_cells()
     assert {each.entrant.name for each in todo} == {"centroidal_tip"}
     assert "2 values, must be 1" in refused["paper_ct"]
@@ -142,34 +179,49 @@ def test_joints_with_servos_do_not_fly_the_lag_of_torques():
 
 
 def test_other_vehicles_fly_their_axes_with_gains_for_them():
-    asked = Envelope(laws=("paper_ct", "centroidal_tip"), axes=("circle", *VEHICLES), quick=True)
+    asked = Envelope(
+        laws=("paper_ct", "centroidal_tip"), axes=("circle", *VEHICLES), quick=True
+    )
     todo, refused = asked.plan_cells()
     assert refused == {}
     flown = {(each.case.name, each.entrant.name): each for each in todo}
     for vehicle in VEHICLES:
         tuned, own = flown[vehicle, "paper_ct"], flown[vehicle, "centroidal_tip"]
         assert tuned.entrant.law == "hybrid_computed_torque_tuned"
-        assert tuned.scenario().plant.vehicle == own.scenario().plant.vehicle == load_vehicle(vehicle)
+        assert (
+            tuned.scenario().plant.vehicle
+            == own.scenario().plant.vehicle
+            == load_vehicle(vehicle)
+        )
     assert flown["circle", "paper_ct"].entrant.law == "paper_ct"
     assert flown["circle", "paper_ct"].scenario().plant.vehicle == load_vehicle(PAPER)
     alone = dataclasses.replace(asked, vehicle="pelican_arm2", axes=VEHICLES)
-    with pytest.raises(ValueError, match="--only: must name trials that the vehicle flies"):
+    with pytest.raises(
+        ValueError, match="--only: must name trials that the vehicle flies"
+    ):
         fly_suite(alone, None)
 
 
 @pytest.mark.thorough
 def test_commands_that_become_late_are_on_time_before():
-    """A lane is the flight with a change at 8 s; until then all lanes are the flight without delay, to the bit."""
+    """A lane is the flight with a change at 8 s; until then all lanes are the flight
+    without delay, to the bit.
+    """
     axis = dataclasses.replace(AXES["delay_in_flight"], values=(0.0, 0.02))
     (cell,) = axis_flights("paper_pd", axis, setting_of(PAPER, 8.3))
     scenario = cell.scenario()
     (path,) = cell.values(scenario)
     logs = [skyarm.run(with_numbers(scenario, {path: late})) for late in (0.0, 0.02)]
     early = logs[0].time < 8.0
-    same = [np.array_equal(logs[0].position[at], logs[1].position[at]) for at in (early, ~early)]
+    same = [
+        np.array_equal(logs[0].position[at], logs[1].position[at])
+        for at in (early, ~early)
+    ]
     assert same == [True, False]
     for value, log in zip(cell_of(cell).metrics[TIP], logs, strict=True):
-        assert value == pytest.approx(skyarm.score(log, [TIP], cell.case.windows)[TIP], rel=1e-6)
+        assert value == pytest.approx(
+            skyarm.score(log, [TIP], cell.case.windows)[TIP], rel=1e-6
+        )
 
 
 @pytest.mark.thorough
@@ -179,7 +231,9 @@ def test_in_processes_the_numbers_are_the_same(flown, tmp_path):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("vehicle", ["crazyflie_arm1", "hexarotor_arm6", "quadrotor_roll_arm2"])
+@pytest.mark.parametrize(
+    "vehicle", ["crazyflie_arm1", "hexarotor_arm6", "quadrotor_roll_arm2"]
+)
 def test_every_axis_flies_on_any_vehicle_with_an_arm(vehicle, tmp_path):
     envelope = Envelope(laws=("centroidal_tip",), vehicle=vehicle, quick=True)
     found = fly_suite(envelope, tmp_path, workers=2)
@@ -187,5 +241,10 @@ def test_every_axis_flies_on_any_vehicle_with_an_arm(vehicle, tmp_path):
     for name in ("circle", "vertical", "swing", "payload", "noise"):
         easiest, hardest = found["axes"][name]["laws"]["centroidal_tip"]
         assert not easiest["lost"], name
-        # the Crazyflie's single joint swings at any of the frequencies with less than 1 mm at the tip
-        assert hardest["lost"] or hardest["judged"] > easiest["judged"] or easiest["judged"] < 1e-3, name
+        # the Crazyflie's single joint swings at any of the frequencies with less than 1
+        # mm at the tip
+        assert (
+            hardest["lost"]
+            or hardest["judged"] > easiest["judged"]
+            or easiest["judged"] < 1e-3
+        ), name

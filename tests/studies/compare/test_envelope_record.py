@@ -1,4 +1,6 @@
-"""What an envelope says of its numbers: where a law is good, where it is lost; its tables."""
+"""What an envelope says of its numbers: where a law is good, where it is lost; its
+tables.
+"""
 
 from __future__ import annotations
 
@@ -37,9 +39,13 @@ def test_lost_is_what_ended_early_or_tilted_over_or_was_far_away_or_has_no_numbe
         "tilt_max": np.radians([79.9, 80.1, 5.0, 5.0, 5.0, 5.0]),
         "rotor_jitter": np.array([1.0, 2.0, 3.0, np.nan, 5.0, 6.0]),
         "rotor_saturation": np.array([0.0, 0.1, 0.2, np.nan, 0.4, 0.5]),
-        "ee_error_last_mean_continuous": np.array([0.01, 0.01, 0.01, np.nan, 0.5, 0.501]),
+        "ee_error_last_mean_continuous": np.array(
+            [0.01, 0.01, 0.01, np.nan, 0.5, 0.501]
+        ),
     }
-    cell = Cell(found, np.array(["completed", "completed", "ground", *["completed"] * 3]))
+    cell = Cell(
+        found, np.array(["completed", "completed", "ground", *["completed"] * 3])
+    )
     points = points_of(cell, AXES["circle"])
     assert [each["lost"] for each in points] == [False, True, True, True, False, True]
     assert [each["tip_mean"] for each in points] == [0.01, 0.01, 0.01, None, 0.4, 0.4]
@@ -65,12 +71,22 @@ def envelope():
 
 
 def test_tables_hold_mean_and_largest_error_and_how_far_each_law_is_good():
-    assert axis_rows(AXES_FLOWN["circle"])[1] == ["l1_adaptive", "20.0 / 40.0", "lost", "lost"]
+    assert axis_rows(AXES_FLOWN["circle"])[1] == [
+        "l1_adaptive",
+        "20.0 / 40.0",
+        "lost",
+        "lost",
+    ]
     assert cell_text(point(0.3), JUDGED[OVERSHOOT]) == "300; 1.50 s"
     assert cell_text(LOST, JUDGED[OVERSHOOT]) == "lost"
     assert summary_rows(AXES_FLOWN, ["paper_ct", "centroidal_tip", "nmpc"]) == [
         ["circle, 1 to 3 m/s", "- / 2; 40, 25 %", "1 / 2; 50, 25 %", "-"],
-        ["turning wind, 20 to 5 s", "- / -, lost at 5; 70, 25 %", "20 / 20, lost at 5; 0.9", "-"],
+        [
+            "turning wind, 20 to 5 s",
+            "- / -, lost at 5; 70, 25 %",
+            "20 / 20, lost at 5; 0.9",
+            "-",
+        ],
     ]
     assert command_rows(AXES_FLOWN["circle"])[1:] == [
         ["l1_adaptive", "2.00; 0.00 %", "lost", "lost"],
@@ -96,8 +112,17 @@ def test_the_page_holds_every_number_and_lets_no_name_through_unescaped():
 
 
 def test_a_value_of_wrong_plants_counts_by_the_worst_that_flies_and_is_lost_with_one():
-    both = plants(point(0.004, largest=0.0201), point(0.002, largest=0.0199), point(0.009, largest=0.019))
-    assert (both["judged"], both["tip_mean"], both["tip_max"], both["lost"]) == (0.009, 0.004, 0.0201, False)
+    both = plants(
+        point(0.004, largest=0.0201),
+        point(0.002, largest=0.0199),
+        point(0.009, largest=0.019),
+    )
+    assert (both["judged"], both["tip_mean"], both["tip_max"], both["lost"]) == (
+        0.009,
+        0.004,
+        0.0201,
+        False,
+    )
     assert [both["plants"][key] for key in ("of", "held", "lost")] == [3, 2, 0]
     assert cell_text(both, "") == "2 of 3; 4.00 / 20.1"
     assert command_text(both) == "0.90; 0.00 %", "the largest of the plants"
@@ -111,8 +136,18 @@ def test_a_value_of_wrong_plants_counts_by_the_worst_that_flies_and_is_lost_with
 
 
 def test_lanes_are_grouped_value_by_value():
-    columns = {TIP: np.arange(6) * 1e-3, TIP_MAX: np.arange(6) * 1e-2, OUTSIDE: np.zeros(6), "tilt_max": np.zeros(6)}
-    columns |= dict.fromkeys(("ee_error_last_mean_continuous", "rotor_jitter", "rotor_saturation"), np.zeros(6))
-    found = points_of(Cell(columns, np.array(["completed"] * 6)), AXES["wrong_plants"], 2)
+    columns = {
+        TIP: np.arange(6) * 1e-3,
+        TIP_MAX: np.arange(6) * 1e-2,
+        OUTSIDE: np.zeros(6),
+        "tilt_max": np.zeros(6),
+    }
+    columns |= dict.fromkeys(
+        ("ee_error_last_mean_continuous", "rotor_jitter", "rotor_saturation"),
+        np.zeros(6),
+    )
+    found = points_of(
+        Cell(columns, np.array(["completed"] * 6)), AXES["wrong_plants"], 2
+    )
     assert [each["judged"] for each in found] == [2e-3, 5e-3]
     assert [each["plants"]["held"] for each in found] == [3, 0]

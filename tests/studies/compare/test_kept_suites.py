@@ -1,4 +1,6 @@
-"""What a suite keeps: each cell once, all that is damaged flown again, one writer, folders of before, no pyarrow."""
+"""What a suite keeps: each cell once, all that is damaged flown again, one writer,
+folders of before, no pyarrow.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ LABELS = ["given__case1__own", "given__case1__paper_pd", "given__case1__paper_ct
 @pytest.fixture(scope="module")
 def suite() -> OwnScenario:
     return OwnScenario(
-        scenario=skyarm.load_scenario("case1", duration=0.1), laws=("own", "paper_pd", "paper_ct"), seeds=1
+        scenario=skyarm.load_scenario("case1", duration=0.1),
+        laws=("own", "paper_pd", "paper_ct"),
+        seeds=1,
     )
 
 
@@ -46,7 +50,11 @@ def again(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Labels of what flies from here on."""
     labels: list[str] = []
     honest = executor.fly
-    monkeypatch.setattr(executor, "fly", lambda work, threads: labels.append(work.label) or honest(work, threads))
+    monkeypatch.setattr(
+        executor,
+        "fly",
+        lambda work, threads: labels.append(work.label) or honest(work, threads),
+    )
     return labels
 
 
@@ -59,7 +67,9 @@ def renamed(path: Path, content: bytes) -> None:
     """Write other content under the name that it has to have."""
     path.unlink()
     label, *_ = path.name.rsplit(".", 2)
-    path.with_name(f"{label}.{hashlib.sha256(content).hexdigest()}.parquet").write_bytes(content)
+    path.with_name(
+        f"{label}.{hashlib.sha256(content).hexdigest()}.parquet"
+    ).write_bytes(content)
 
 
 def flip(path: Path) -> None:
@@ -81,20 +91,33 @@ def forge_key(path: Path) -> None:
 
 
 def of_another(path: Path) -> None:
-    renamed(path, next(each for each in path.parent.iterdir() if each != path).read_bytes())
+    renamed(
+        path, next(each for each in path.parent.iterdir() if each != path).read_bytes()
+    )
 
 
 @pytest.mark.parametrize("harm", [Path.unlink, flip, cut, forge_key, of_another])
-@pytest.mark.parametrize("label", [LABELS[0], pytest.param(LABELS[1], marks=pytest.mark.thorough)])
+@pytest.mark.parametrize(
+    "label", [LABELS[0], pytest.param(LABELS[1], marks=pytest.mark.thorough)]
+)
 def test_what_is_damaged_alone_is_flown_again_with_the_same_bytes(
-    suite: OwnScenario, whole: Path, again: list[str], tmp_path: Path, harm: Callable[[Path], Any], label: str
+    suite: OwnScenario,
+    whole: Path,
+    again: list[str],
+    tmp_path: Path,
+    harm: Callable[[Path], Any],
+    label: str,
 ) -> None:
     folder = shutil.copytree(whole, tmp_path / "copy")
     fly_suite(suite, folder)
     assert again == []
     broken = row_file(folder, label)
     harm(broken)
-    told = pytest.warns(UserWarning, match=rf"damaged, and flown again: {label}\.") if harm in (flip, cut) else None
+    told = (
+        pytest.warns(UserWarning, match=rf"damaged, and flown again: {label}\.")
+        if harm in (flip, cut)
+        else None
+    )
     with contextlib.nullcontext() if told is None else told:
         fly_suite(suite, folder)
     assert again == [label]
@@ -130,17 +153,27 @@ def test_a_suite_that_was_interrupted_flies_the_rest(
 def test_a_folder_has_one_writer(suite: OwnScenario, tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
     with Store(tmp_path).alone():
-        with pytest.raises(TakenError, match=r"must be written by one process at a time"):
+        with pytest.raises(
+            TakenError, match=r"must be written by one process at a time"
+        ):
             fly_suite(suite, tmp_path)
-        refused(typed("compare", "case1", "--out", str(tmp_path)), "must be written by one process at a time")
+        refused(
+            typed("compare", "case1", "--out", str(tmp_path)),
+            "must be written by one process at a time",
+        )
     assert not list((tmp_path / "rows").iterdir())
 
 
-def test_a_folder_of_before_is_flown_again_and_left_as_it_is(suite: OwnScenario, whole: Path, tmp_path: Path) -> None:
+def test_a_folder_of_before_is_flown_again_and_left_as_it_is(
+    suite: OwnScenario, whole: Path, tmp_path: Path
+) -> None:
     (tmp_path / "cells").mkdir()
     old = tmp_path / "cells" / "given__case1__own.cell"
     old.write_bytes(b"of 0.3")
-    with pytest.warns(UserWarning, match=r"cells of skyarm 0\.3 do not count: what they hold is flown again"):
+    with pytest.warns(
+        UserWarning,
+        match=r"cells of skyarm 0\.3 do not count: what they hold is flown again",
+    ):
         fly_suite(suite, tmp_path)
     fly_suite(suite, tmp_path)  # it says so once
     assert old.read_bytes() == b"of 0.3"
@@ -152,31 +185,54 @@ def test_without_pyarrow_it_flies_and_says_that_nothing_is_kept(
     suite: OwnScenario, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(store, "_parquet", lambda: None)
-    with pytest.warns(UserWarning, match=r"pyarrow: is missing: what has flown is not kept; needs the extra 'sweep'"):
+    with pytest.warns(
+        UserWarning,
+        match=(
+            r"pyarrow: is missing: what has flown is not kept; needs the extra 'sweep'"
+        ),
+    ):
         fly_suite(suite, tmp_path)
-    wanted = {name: content for name, content in files_of(whole).items() if not name.endswith(".parquet")}
+    wanted = {
+        name: content
+        for name, content in files_of(whole).items()
+        if not name.endswith(".parquet")
+    }
     assert files_of(tmp_path) == wanted
 
 
-def test_a_place_that_is_none_is_refused_before_anything_is_made(tmp_path: Path) -> None:
-    refused(typed("compare", "case1", "--on", "cloud", "--out", str(tmp_path / "out")), "--on = 'cloud': must be")
-    with pytest.raises(ValueError, match=r"^on = 'cloud': must be local, processes, ray or ray:HOST:PORT$"):
+def test_a_place_that_is_none_is_refused_before_anything_is_made(
+    tmp_path: Path,
+) -> None:
+    refused(
+        typed("compare", "case1", "--on", "cloud", "--out", str(tmp_path / "out")),
+        "--on = 'cloud': must be",
+    )
+    with pytest.raises(
+        ValueError,
+        match=r"^on = 'cloud': must be local, processes, ray or ray:HOST:PORT$",
+    ):
         skyarm.compare("case1", ["paper_pd"], tmp_path / "out", on="cloud")
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.thorough
-def test_in_processes_the_bytes_are_the_same(suite: OwnScenario, whole: Path, tmp_path: Path) -> None:
+def test_in_processes_the_bytes_are_the_same(
+    suite: OwnScenario, whole: Path, tmp_path: Path
+) -> None:
     fly_suite(suite, tmp_path, workers=2, on="processes")
     assert files_of(tmp_path) == files_of(whole)
 
 
-def test_a_suite_and_a_sweep_keep_their_rows_apart(suite: OwnScenario, whole: Path, tmp_path: Path) -> None:
+def test_a_suite_and_a_sweep_keep_their_rows_apart(
+    suite: OwnScenario, whole: Path, tmp_path: Path
+) -> None:
     pytest.importorskip("pyarrow")
     run_sweep(small_study(episodes=2, chunk=1), tmp_path)
     there = files_of(tmp_path)
     with pytest.raises(ValueError, match="holds rows of a sweep; choose another --out"):
         fly_suite(suite, tmp_path)
     assert files_of(tmp_path) == there
-    with pytest.raises(ValueError, match="holds rows of no sweep; choose another --out"):
+    with pytest.raises(
+        ValueError, match="holds rows of no sweep; choose another --out"
+    ):
         run_sweep(small_study(episodes=2), whole)

@@ -1,4 +1,6 @@
-"""No change of the suites changes what they fly: digests of their cells, taken before they became one Trial."""
+"""No change of the suites changes what they fly: digests of their cells, taken before
+they became one Trial.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Comparison of laws on a scenario of several vehicles: every vehicle flies the law, a row for each."""
+"""Comparison of laws on a scenario of several vehicles: every vehicle flies the law, a
+row for each.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ from support.teams import team
 
 def two() -> Scenario:
     """Two vehicles with arms in one scenario, which nothing joins."""
-    one, other = (skyarm.load_scenario(name, duration=0.6) for name in ("case1", "case3"))
+    one, other = (
+        skyarm.load_scenario(name, duration=0.6) for name in ("case1", "case3")
+    )
     return dataclasses.replace(one, agents={"left": one.agent, "right": other.agent})
 
 
@@ -27,7 +31,9 @@ def test_every_vehicle_flies_the_law_and_has_a_row(tmp_path: Path) -> None:
     found = skyarm.compare(scenario, ["own", "paper_pd"], tmp_path)
     ((laws,),) = (found.document["summaries"]["given"].values(),)
     assert [*laws] == ["own", "paper_pd"]
-    flown = skyarm.score(skyarm.run(under_law(scenario, "paper_pd")), ["position_error_mean_continuous"])
+    flown = skyarm.score(
+        skyarm.run(under_law(scenario, "paper_pd")), ["position_error_mean_continuous"]
+    )
     means = {name: laws["paper_pd"]["metrics"][name]["mean"] for name in flown}
     assert means == pytest.approx(flown, rel=1e-9)
     assert [row[:3] for row in found.report.sections[0].tables[0].rows] == [
@@ -37,9 +43,13 @@ def test_every_vehicle_flies_the_law_and_has_a_row(tmp_path: Path) -> None:
 
 
 def test_a_success_is_one_of_all_vehicles() -> None:
-    """Four flights: both tips near, the left one away, the right one away, and near in a flight that ended early."""
+    """Four flights: both tips near, the left one away, the right one away, and near in
+    a flight that ended early.
+    """
     errors = {"left": [0.01, 0.03, 0.01, 0.01], "right": [0.019, 0.01, 0.021, 0.01]}
-    metrics = {f"{name}/{SUCCESS_METRIC}": np.array(column) for name, column in errors.items()}
+    metrics = {
+        f"{name}/{SUCCESS_METRIC}": np.array(column) for name, column in errors.items()
+    }
     cell = Cell(metrics=metrics, status=np.array(["completed"] * 3 + ["ground"]))
     assert successes(cell).tolist() == [True, False, False, False]
 
@@ -58,14 +68,19 @@ def test_a_law_of_all_vehicles_ends_the_changes_of_their_laws() -> None:
     mass = Change(at=0.1, path="agents.left.plant.vehicle.base.mass", value=0.8)
     changed = under_law(dataclasses.replace(two(), changes=(gains, mass)), "paper_ct")
     assert changed.changes == (mass,)
-    assert {each.controller.name for each in changed.agents.values()} == {"hybrid_computed_torque"}
+    assert {each.controller.name for each in changed.agents.values()} == {
+        "hybrid_computed_torque"
+    }
 
 
 def test_each_vehicle_has_the_law_for_its_own_model() -> None:
     one, other = skyarm.load_scenario("case1"), skyarm.load_scenario("pull_door")
     pair = dataclasses.replace(one, agents={"left": one.agent, "right": other.agent})
     under = under_law(pair, "centroidal")
-    models = {name: each.controller.par.model.vehicle.name for name, each in under.agents.items()}
+    models = {
+        name: each.controller.par.model.vehicle.name
+        for name, each in under.agents.items()
+    }
     assert models == {"left": "hummingbird_arm2", "right": "hexarotor_arm6"}
 
 

@@ -1,4 +1,6 @@
-"""The plants that nobody believes in: bounds, independence of what flies, and that each of them can be."""
+"""The plants that nobody believes in: bounds, independence of what flies, and that each
+of them can be.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +61,9 @@ def test_centres_of_mass_move_by_a_centimetre_at_most_along_each_axis(drawn):
 
 
 def test_the_wind_blows_from_every_side_with_an_even_strength(drawn):
-    force = np.stack([drawn[f"environment.wind.force_W.{axis}"] for axis in "xyz"], axis=1)
+    force = np.stack(
+        [drawn[f"environment.wind.force_W.{axis}"] for axis in "xyz"], axis=1
+    )
     strength = np.linalg.norm(force, axis=1)
     assert stats.kstest(strength / 3.0, "uniform").pvalue > 1e-3
     height = force[:, 2] / strength
@@ -69,20 +73,34 @@ def test_the_wind_blows_from_every_side_with_an_even_strength(drawn):
 
 
 def test_numbers_of_different_things_are_not_correlated(drawn):
-    paths = ["plant.vehicle.base.mass", "plant.vehicle.base.inertia.xx", "plant.payload.mass", "delays.command"]
-    paths += ["plant.vehicle.rotors.0.thrust_coefficient", "plant.vehicle.base.com.x", "environment.wind.force_W.x"]
+    paths = [
+        "plant.vehicle.base.mass",
+        "plant.vehicle.base.inertia.xx",
+        "plant.payload.mass",
+        "delays.command",
+    ]
+    paths += [
+        "plant.vehicle.rotors.0.thrust_coefficient",
+        "plant.vehicle.base.com.x",
+        "environment.wind.force_W.x",
+    ]
     table = np.corrcoef([drawn[path] for path in paths]) - np.eye(len(paths))
     # standard error 1 / sqrt(2000) = 0.022
     assert np.abs(table).max() < 0.1
 
 
 def test_the_moments_of_a_body_change_together_so_that_it_stays_a_body(drawn):
-    xx, yy = shares(drawn, "plant.vehicle.base.inertia.xx"), shares(drawn, "plant.vehicle.base.inertia.yy")
+    xx, yy = (
+        shares(drawn, "plant.vehicle.base.inertia.xx"),
+        shares(drawn, "plant.vehicle.base.inertia.yy"),
+    )
     assert np.allclose(xx, yy, rtol=1e-15)
 
 
 def test_every_one_of_them_is_a_vehicle(drawn):
-    late = SCENARIO.__class__(**{**_fields(SCENARIO), "delays": Delays(longest_command=0.010)})
+    late = SCENARIO.__class__(
+        **{**_fields(SCENARIO), "delays": Delays(longest_command=0.010)}
+    )
     for k in range(0, COUNT, 100):
         with_numbers(late, {path: float(values[k]) for path, values in drawn.items()})
 
@@ -94,7 +112,9 @@ def test_the_first_plants_do_not_depend_on_how_many_there_are(drawn):
 
 def test_another_seed_gives_other_plants(drawn):
     other = draw(SCENARIO, Spread(), COUNT, seed=4)
-    assert not np.any(other["plant.vehicle.base.mass"] == drawn["plant.vehicle.base.mass"])
+    assert not np.any(
+        other["plant.vehicle.base.mass"] == drawn["plant.vehicle.base.mass"]
+    )
 
 
 def test_all_conditions_name_cases_of_the_suite():

@@ -23,7 +23,9 @@ def cluster(nodes: int = 2) -> Iterator[Any]:
     """Nodes of one processor each, the head first; ``address`` is that of the head."""
     from ray.cluster_utils import Cluster
 
-    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    made = Cluster(
+        initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False}
+    )
     try:
         for _ in range(nodes - 1):
             made.add_node(num_cpus=1)
@@ -42,7 +44,10 @@ class Program:
     def __init__(self, folder: Path, *words: str) -> None:
         self.mark = uuid.uuid4().hex
         paths = [str(TESTS), *sys.path]
-        environment = os.environ | {MARK: self.mark, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+        environment = os.environ | {
+            MARK: self.mark,
+            "PYTHONPATH": os.pathsep.join(filter(None, paths)),
+        }
         self.process = subprocess.Popen(
             [sys.executable, *words],
             stdout=subprocess.PIPE,
@@ -65,7 +70,9 @@ class Program:
         return self.process.returncode, out, err
 
     def left(self, seconds: float = 20.0) -> list[str]:
-        """Command lines of processes that it started and that are still there after some seconds."""
+        """Command lines of processes that it started and that are still there after
+        some seconds.
+        """
         end = time.monotonic() + seconds
         while (found := self._there()) and time.monotonic() < end:
             time.sleep(0.2)
@@ -76,7 +83,9 @@ class Program:
         for folder in Path("/proc").glob("[0-9]*"):
             try:
                 if f"{MARK}={self.mark}".encode() in (folder / "environ").read_bytes():
-                    found.append((folder / "cmdline").read_bytes().replace(b"\0", b" ").decode())
+                    found.append(
+                        (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+                    )
             except OSError:
                 continue
         return [line for line in found if line]

@@ -1,4 +1,6 @@
-"""Works whose flights fly one by one: what their rows hold, and what their keys depend on."""
+"""Works whose flights fly one by one: what their rows hold, and what their keys depend
+on.
+"""
 
 from __future__ import annotations
 
@@ -18,20 +20,32 @@ from skyarm.studies.flights.fly import fly
 from skyarm.studies.flights.store import pack_rows, unpack_rows
 from support.components import same_logs
 
-NOISY = with_numbers(skyarm.load_scenario("case3_wind", duration=0.1), {"sensors.position": 0.005})
+NOISY = with_numbers(
+    skyarm.load_scenario("case3_wind", duration=0.1), {"sensors.position": 0.005}
+)
 SHORT = dataclasses.replace(NOISY, seed=5, episode=3)
 MASS = "plant.vehicle.base.mass"
 
 
 def measured(log: Log, factor: float = 1.0) -> dict[str, float | None]:
     """A metric that all flights have, and one that only those at the back have."""
-    back = {"behind": factor} if log.position[-1, 2] < log.position[0, 2] else {"above": None}
+    back = (
+        {"behind": factor}
+        if log.position[-1, 2] < log.position[0, 2]
+        else {"above": None}
+    )
     return {"height": factor * float(log.position[-1, 2]), **back}
 
 
 def work(**fields: object) -> Work:
     plain = Work(
-        label="x", scenario=SHORT, seed=5, episodes=np.array([3]), alone=True, measure=measured, keeps_log=True
+        label="x",
+        scenario=SHORT,
+        seed=5,
+        episodes=np.array([3]),
+        alone=True,
+        measure=measured,
+        keeps_log=True,
     )
     return dataclasses.replace(plain, **fields)  # type: ignore[arg-type]
 
@@ -46,7 +60,11 @@ def test_the_log_of_a_row_is_the_flight_of_the_scenario_itself() -> None:
 
 
 def test_a_metric_that_a_flight_lacks_is_not_a_number_there() -> None:
-    heavy = work(columns={MASS: np.array([0.4, 2.0, 0.4])}, episodes=np.zeros(3, int), keeps_log=False)
+    heavy = work(
+        columns={MASS: np.array([0.4, 2.0, 0.4])},
+        episodes=np.zeros(3, int),
+        keeps_log=False,
+    )
     rows = fly(heavy)
     assert np.array_equal(rows["behind"], [np.nan, 1.0, np.nan], equal_nan=True)
     assert np.isnan(rows["above"]).all()
@@ -67,10 +85,16 @@ def test_the_key_depends_on_what_measures_and_what_is_kept() -> None:
     assert work().key == work(label="y").key
 
 
-def test_the_key_depends_on_the_version_of_mujoco_only_where_it_may_fly(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_key_depends_on_the_version_of_mujoco_only_where_it_may_fly(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     batch = partial(work, alone=False, measure=None, keeps_log=False)
     before = work().key, batch().key
     usual = module.versions
     newer = {"mujoco-core": "99.0"}
-    monkeypatch.setattr(module, "versions", lambda *names: {n: newer.get(n, v) for n, v in usual(*names).items()})
+    monkeypatch.setattr(
+        module,
+        "versions",
+        lambda *names: {n: newer.get(n, v) for n, v in usual(*names).items()},
+    )
     assert (work().key == before[0], batch().key == before[1]) == (False, True)

@@ -1,4 +1,6 @@
-"""Crews: what they keep when they end early, whose scenario changed, and where they fly what is left."""
+"""Crews: what they keep when they end early, whose scenario changed, and where they fly
+what is left.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,15 @@ from skyarm.records.files.writing import TakenError
 from skyarm.records.registry import RegistryError
 from skyarm.records.travel import pack
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.studies.flights import Crew, Store, Work, executor, processes, ray_cluster, work
+from skyarm.studies.flights import (
+    Crew,
+    Store,
+    Work,
+    executor,
+    processes,
+    ray_cluster,
+    work,
+)
 from skyarm.studies.flights.processes import MOST_TRIES, Processes
 from skyarm.studies.sweep import run_sweep
 from support.components import registry_kept
@@ -36,7 +46,9 @@ class Push(skyarm.Force):
 
     size: float = 0.1
 
-    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Sequence[Any]) -> Sequence[Any]:
+    def wrenches(
+        self, memory: Any, t: Any, motion: Any, rotor_speeds: Sequence[Any]
+    ) -> Sequence[Any]:
         return (skyarm.Wrench(force_W=skyarm.Vec3(0.0, 0.0, self.size)),)
 
 
@@ -46,7 +58,16 @@ def test_a_component_that_was_changed_between_two_crews_flies_as_it_is() -> None
 
     def flown() -> float:
         with Crew() as crew:
-            (rows,) = crew.rows([Work(label="x", scenario=scenario, metrics=("position_error_mean",), effort=0)])
+            (rows,) = crew.rows(
+                [
+                    Work(
+                        label="x",
+                        scenario=scenario,
+                        metrics=("position_error_mean",),
+                        effort=0,
+                    )
+                ]
+            )
             return float(rows["position_error_mean"][0])
 
     before, push.size = flown(), 5.0
@@ -81,15 +102,26 @@ def scaled(log: Log, gain: Gain) -> dict[str, float | None]:
     return {"height": gain.size * float(log.position[-1, 2])}
 
 
-def test_the_key_depends_on_the_content_and_the_code_of_what_measures(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_key_depends_on_the_content_and_the_code_of_what_measures(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     gains = [Gain(1.0), Gain(1.0), Gain(2.0)]
 
     def keys() -> list[str]:
-        return [Work(label="x", scenario=CASE, alone=True, measure=partial(scaled, gain=gain)).key for gain in gains]
+        return [
+            Work(
+                label="x", scenario=CASE, alone=True, measure=partial(scaled, gain=gain)
+            ).key
+            for gain in gains
+        ]
 
     first, second, third = usual = keys()
     assert first == second != third
-    monkeypatch.setattr(work, "own_files", lambda thing: {"test_crews.py": "other"} if callable(thing) else {})
+    monkeypatch.setattr(
+        work,
+        "own_files",
+        lambda thing: {"test_crews.py": "other"} if callable(thing) else {},
+    )
     assert not {*keys()} & {*usual}
 
 
@@ -109,10 +141,14 @@ def test_what_another_part_flew_meanwhile_is_not_counted(tmp_path: Path) -> None
 @pytest.fixture
 def threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pools of threads in place of processes."""
-    monkeypatch.setattr(processes, "ProcessPoolExecutor", lambda count, **_: ThreadPoolExecutor(count))
+    monkeypatch.setattr(
+        processes, "ProcessPoolExecutor", lambda count, **_: ThreadPoolExecutor(count)
+    )
 
 
-def test_what_has_landed_is_kept_when_a_crew_is_interrupted(tmp_path: Path, threads: None) -> None:
+def test_what_has_landed_is_kept_when_a_crew_is_interrupted(
+    tmp_path: Path, threads: None
+) -> None:
     pytest.importorskip("pyarrow")
     works = [Work(label=f"w{k}", scenario=CASE, seed=k, effort=0) for k in range(3)]
 
@@ -133,7 +169,9 @@ def fails() -> None:
     raise ZeroDivisionError
 
 
-def test_what_has_landed_beside_an_error_is_given_when_processes_end(threads: None) -> None:
+def test_what_has_landed_beside_an_error_is_given_when_processes_end(
+    threads: None,
+) -> None:
     pool = Processes(2)
     for k in (2, 3):
         pool.submit(k, divmod, 7, k)
@@ -159,7 +197,9 @@ class Breaking:
         pass
 
 
-def test_a_call_that_never_began_is_not_charged_for_a_process_that_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_call_that_never_began_is_not_charged_for_a_process_that_ends(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(processes, "ProcessPoolExecutor", Breaking)
     Breaking.made.clear()
     pool, last = Processes(1), 2 * MOST_TRIES
@@ -189,10 +229,17 @@ def test_a_call_that_never_began_is_not_charged_for_a_process_that_ends(monkeypa
     assert len(Breaking.made) == 1 + last + MOST_TRIES - 1
 
 
-def test_the_usual_place_is_that_of_the_works_that_are_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_usual_place_is_that_of_the_works_that_are_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("pyarrow")
-    works, places = [Work(label=f"w{k}", scenario=CASE, seed=k, effort=0) for k in range(3)], list[str]()
-    monkeypatch.setattr(executor, "_executor", lambda on, _: (places.append(on), executor.Here())[1])
+    works, places = (
+        [Work(label=f"w{k}", scenario=CASE, seed=k, effort=0) for k in range(3)],
+        list[str](),
+    )
+    monkeypatch.setattr(
+        executor, "_executor", lambda on, _: (places.append(on), executor.Here())[1]
+    )
     with Crew(store=Store(tmp_path)) as crew:
         list(crew.fly(works[:1]))
     for _ in range(2):
@@ -208,7 +255,9 @@ def test_a_place_without_a_name_is_not_one_left_out() -> None:
         run_campaign(("rigid_body",), sensitivity=False, inferred=False, on="")
 
 
-def test_a_process_that_refused_one_outfit_performs_the_calls_of_another(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_refused_one_outfit_performs_the_calls_of_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(ray_cluster, "_arrived", {})
     monkeypatch.setattr(processes, "_REFUSED", [])
 
@@ -217,7 +266,11 @@ def test_a_process_that_refused_one_outfit_performs_the_calls_of_another(monkeyp
             raise RegistryError("plugin: is missing")
 
     monkeypatch.setattr(processes, "unload", unload)
-    wrong, right, call = pack((b"wrong", ())), pack((b"right", ())), pack((divmod, (7, 2)))
+    wrong, right, call = (
+        pack((b"wrong", ())),
+        pack((b"right", ())),
+        pack((divmod, (7, 2))),
+    )
     for _ in range(2):
         with pytest.raises(RegistryError, match="is missing"):
             ray_cluster.perform_on_node({}, wrong, call)
@@ -225,19 +278,29 @@ def test_a_process_that_refused_one_outfit_performs_the_calls_of_another(monkeyp
 
 
 @pytest.mark.parametrize(("held", "part"), [("1_of_2", "01/2"), ("", "1/1")])
-def test_a_part_is_one_however_it_is_written(tmp_path: Path, held: str, part: str) -> None:
+def test_a_part_is_one_however_it_is_written(
+    tmp_path: Path, held: str, part: str
+) -> None:
     pytest.importorskip("pyarrow")
     with Store(tmp_path).alone(held), pytest.raises(TakenError):
         run_sweep(small_study(episodes=2), tmp_path, part=part)
 
 
-def test_a_folder_named_ray_is_no_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_named_ray_is_no_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "ray").mkdir()
     monkeypatch.delitem(sys.modules, "ray", raising=False)
-    monkeypatch.setattr(sys, "path", [str(tmp_path), *(each for each in sys.path if "site-packages" not in each)])
+    monkeypatch.setattr(
+        sys,
+        "path",
+        [str(tmp_path), *(each for each in sys.path if "site-packages" not in each)],
+    )
     importlib.invalidate_caches()
     try:
-        with pytest.raises(ValueError, match=r"^--on = 'ray:h:1': needs the extra 'ray'"):
+        with pytest.raises(
+            ValueError, match=r"^--on = 'ray:h:1': needs the extra 'ray'"
+        ):
             executor.require_place("ray:h:1", "--on")
     finally:
         sys.modules.pop("ray", None)
@@ -245,7 +308,9 @@ def test_a_folder_named_ray_is_no_package(tmp_path: Path, monkeypatch: pytest.Mo
 
 @pytest.mark.parametrize("workers", ["x", None, 1.5, 0, -1, True])
 def test_workers_are_a_whole_number_wherever_they_fly(workers: Any) -> None:
-    with pytest.raises(ValueError, match=r"^workers = .*: must be a whole number, at least 1"):
+    with pytest.raises(
+        ValueError, match=r"^workers = .*: must be a whole number, at least 1"
+    ):
         Crew("processes", workers)
 
 

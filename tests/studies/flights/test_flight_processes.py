@@ -1,4 +1,6 @@
-"""Processes that fly end with what asked for them, whatever they are doing; a killed one costs only what it flew."""
+"""Processes that fly end with what asked for them, whatever they are doing; a killed
+one costs only what it flew.
+"""
 
 from __future__ import annotations
 
@@ -44,10 +46,14 @@ if __name__ == "__main__":
 """
 
 
-def test_an_interrupt_while_a_process_sends_a_result_ends_at_once(tmp_path: Path) -> None:
+def test_an_interrupt_while_a_process_sends_a_result_ends_at_once(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "cut_off.py").write_text(CUT_OFF)
     command = [sys.executable, "cut_off.py"]
-    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=45.0, check=False)
+    ended = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=45.0, check=False
+    )
     assert (ended.returncode, ended.stdout) == (0, "over\n"), ended.stderr
 
 
@@ -66,7 +72,9 @@ def test_an_error_in_a_process_is_the_parents() -> None:
 
 
 def killed_until(flag: str, times: int) -> int:
-    """Kill the own process some times; returns the number of the try that is let live."""
+    """Kill the own process some times; returns the number of the try that is let
+    live.
+    """
     with open(flag, "ab") as file:
         file.write(b"x")
     count = Path(flag).stat().st_size
@@ -78,7 +86,9 @@ def killed_until(flag: str, times: int) -> int:
 @pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 def test_a_killed_process_costs_its_calls_alone(tmp_path: Path) -> None:
-    """Those that are done stay; the one that dies, and what flew beside it, begins again."""
+    """Those that are done stay; the one that dies, and what flew beside it, begins
+    again.
+    """
     with processes(2) as pool:
         pool.submit("before", divmod, 7, 2)
         assert pool.collect() == ("before", (3, 1))
@@ -107,9 +117,15 @@ def raises_exit() -> None:
 
 
 @pytest.mark.parametrize(
-    ("function", "words"), [(raises_value, "ValueError: gain must be positive"), (raises_exit, "SystemExit: 7")]
+    ("function", "words"),
+    [
+        (raises_value, "ValueError: gain must be positive"),
+        (raises_exit, "SystemExit: 7"),
+    ],
 )
-def test_what_own_code_raises_in_a_process_comes_back_with_file_and_line(function, words) -> None:
+def test_what_own_code_raises_in_a_process_comes_back_with_file_and_line(
+    function, words
+) -> None:
     line = function.__code__.co_firstlineno + 1
     with pytest.raises(OwnCodeError) as caught:
         elsewhere(function)

@@ -1,4 +1,6 @@
-"""Files of rows that someone made up: never code, never gigabytes, never a traceback; they are flown again."""
+"""Files of rows that someone made up: never code, never gigabytes, never a traceback;
+they are flown again.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,13 @@ pytest.importorskip("pyarrow")
 @pytest.fixture(scope="module")
 def work() -> Work:
     scenario = skyarm.load_scenario("case1", duration=0.1)
-    return Work(label="one", scenario=scenario, episodes=np.arange(3), metrics=("tilt_max",), effort=0)
+    return Work(
+        label="one",
+        scenario=scenario,
+        episodes=np.arange(3),
+        metrics=("tilt_max",),
+        effort=0,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +44,9 @@ def good(work: Work, tmp_path_factory: pytest.TempPathFactory) -> bytes:
 def put(folder: Path, content: bytes) -> Store:
     """Folder that holds a content under the name that its bytes give it."""
     (folder / "rows").mkdir(parents=True)
-    (folder / "rows" / f"one.{hashlib.sha256(content).hexdigest()}.parquet").write_bytes(content)
+    (
+        folder / "rows" / f"one.{hashlib.sha256(content).hexdigest()}.parquet"
+    ).write_bytes(content)
     return Store(folder)
 
 
@@ -65,13 +75,21 @@ def changed(good: bytes, kind: str) -> bytes:
     elif kind == "a metric is there twice":
         table = table.append_column("tilt_max", table["tilt_max"])
     elif kind == "words in place of numbers":
-        table = table.set_column(place, "tilt_max", pa.array(["a"] * count).dictionary_encode())
+        table = table.set_column(
+            place, "tilt_max", pa.array(["a"] * count).dictionary_encode()
+        )
     elif kind == "numbers in place of words":
-        table = table.set_column(table.column_names.index("status"), "status", pa.array([1.0] * count))
+        table = table.set_column(
+            table.column_names.index("status"), "status", pa.array([1.0] * count)
+        )
     elif kind == "plain text":
-        table = table.set_column(table.column_names.index("status"), "status", table["status"].cast("string"))
+        table = table.set_column(
+            table.column_names.index("status"), "status", table["status"].cast("string")
+        )
     elif kind == "empty values":
-        table = table.set_column(place, "tilt_max", pa.array([None] * count, pa.float64()))
+        table = table.set_column(
+            place, "tilt_max", pa.array([None] * count, pa.float64())
+        )
     elif kind == "lists":
         table = table.set_column(place, "tilt_max", pa.array([[1.0]] * count))
     elif kind == "a row less":
@@ -79,19 +97,33 @@ def changed(good: bytes, kind: str) -> bytes:
     return written(table)
 
 
-KINDS = ("a metric is missing", "a metric is there twice", "words in place of numbers", "numbers in place of words")
+KINDS = (
+    "a metric is missing",
+    "a metric is there twice",
+    "words in place of numbers",
+    "numbers in place of words",
+)
 
 
-@pytest.mark.parametrize("kind", [*KINDS, "plain text", "empty values", "lists", "a row less"])
-def test_rows_that_cannot_be_are_named_and_flown_again(work: Work, good: bytes, tmp_path: Path, kind: str) -> None:
+@pytest.mark.parametrize(
+    "kind", [*KINDS, "plain text", "empty values", "lists", "a row less"]
+)
+def test_rows_that_cannot_be_are_named_and_flown_again(
+    work: Work, good: bytes, tmp_path: Path, kind: str
+) -> None:
     store = put(tmp_path, changed(good, kind))
-    with pytest.warns(UserWarning, match=r"damaged, and flown again: one\."), Crew(store=store) as crew:
+    with (
+        pytest.warns(UserWarning, match=r"damaged, and flown again: one\."),
+        Crew(store=store) as crew,
+    ):
         ((_, content),) = crew.fly([work])
     assert content == good
     assert [path.read_bytes() for path in (tmp_path / "rows").iterdir()] == [good]
 
 
-def test_the_same_rows_under_their_own_name_count(work: Work, good: bytes, tmp_path: Path) -> None:
+def test_the_same_rows_under_their_own_name_count(
+    work: Work, good: bytes, tmp_path: Path
+) -> None:
     assert put(tmp_path, good).get(work) == good
     assert changed(good, "nothing") != good
     assert put(tmp_path / "again", changed(good, "nothing")).get(work) is not None
@@ -116,18 +148,26 @@ def test_a_pickle_before_a_good_end_is_no_file_of_rows(
     assert not Path("evil").exists()
 
 
-def test_a_word_that_every_row_repeats_is_unpacked_once(work: Work, tmp_path: Path) -> None:
+def test_a_word_that_every_row_repeats_is_unpacked_once(
+    work: Work, tmp_path: Path
+) -> None:
     import pyarrow as pa
 
     word = pa.array(["x" * 400_000] * 60)
     metadata = {KEY: work.key.encode()}
     plain = written(
-        pa.table({"status": word}).replace_schema_metadata(metadata), store_schema=False, compression="zstd"
+        pa.table({"status": word}).replace_schema_metadata(metadata),
+        store_schema=False,
+        compression="zstd",
     )
     assert len(plain) < 10_000
-    with pytest.raises(ValueError, match="must have columns of numbers, words and logs"):
+    with pytest.raises(
+        ValueError, match="must have columns of numbers, words and logs"
+    ):
         unpack_rows(plain)
-    shared = unpack_rows(written(pa.table({"status": word.dictionary_encode()})))["status"]
+    shared = unpack_rows(written(pa.table({"status": word.dictionary_encode()})))[
+        "status"
+    ]
     assert shared[0] is shared[59]
     logs = written(pa.table({"log": pa.array([b"x" * 400_000] * 60)}))
     with pytest.raises(ValueError, match="must have each log by itself"):
@@ -142,7 +182,9 @@ def test_pipes_and_links_are_no_files_of_rows(work: Work, tmp_path: Path) -> Non
     assert Store(tmp_path).get(work) is None
 
 
-def test_rows_of_other_numbers_stay_until_their_own_command_needs_them(work: Work, good: bytes, tmp_path: Path) -> None:
+def test_rows_of_other_numbers_stay_until_their_own_command_needs_them(
+    work: Work, good: bytes, tmp_path: Path
+) -> None:
     import dataclasses
 
     store, other = put(tmp_path, good), dataclasses.replace(work, seed=5)

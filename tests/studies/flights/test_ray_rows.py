@@ -1,4 +1,6 @@
-"""Rows of a Ray cluster: those of this process to the byte, whoever's laws and metrics, whatever dies."""
+"""Rows of a Ray cluster: those of this process to the byte, whoever's laws and metrics,
+whatever dies.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +21,16 @@ from skyarm.studies.sweep import run_sweep
 from support.studies import files_of, small_study
 
 ray = pytest.importorskip("ray", reason="needs the extra ray: make ray")
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="clusters of several nodes on one machine")
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="clusters of several nodes on one machine"
+)
 
-STUDY: dict[str, Any] = {"precision": "bit_exact", "episodes": 48, "chunk": 8, "duration": 0.5}
+STUDY: dict[str, Any] = {
+    "precision": "bit_exact",
+    "episodes": 48,
+    "chunk": 8,
+    "duration": 0.5,
+}
 STUDY["windows"] = {"steady": [0.2, 0.5]}
 
 
@@ -38,7 +47,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return files_of(folder)
 
 
-def test_local_processes_and_two_nodes_fly_the_same_bytes(tmp_path: Path, nodes: Any, whole: dict[str, bytes]) -> None:
+def test_local_processes_and_two_nodes_fly_the_same_bytes(
+    tmp_path: Path, nodes: Any, whole: dict[str, bytes]
+) -> None:
     run_sweep(small_study(**STUDY), tmp_path / "processes", on="processes", workers=2)
     flown = run_sweep(small_study(**STUDY), tmp_path / "ray", on=f"ray:{nodes.address}")
     assert flown.flown == STUDY["episodes"]
@@ -56,8 +67,12 @@ def longer(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return files_of(folder)
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(k, marks=pytest.mark.thorough) for k in range(2, 20))])
-def test_a_node_killed_in_flight_costs_its_works_alone(tmp_path: Path, longer: dict[str, bytes], seed: int) -> None:
+@pytest.mark.parametrize(
+    "seed", [0, 1, *(pytest.param(k, marks=pytest.mark.thorough) for k in range(2, 20))]
+)
+def test_a_node_killed_in_flight_costs_its_works_alone(
+    tmp_path: Path, longer: dict[str, bytes], seed: int
+) -> None:
     dice, reports, killed = random.Random(seed), list[int](), list[int]()
     with cluster() as nodes:
         (second,) = nodes.worker_nodes
@@ -73,7 +88,12 @@ def test_a_node_killed_in_flight_costs_its_works_alone(tmp_path: Path, longer: d
         killer = threading.Thread(target=kill, daemon=True)
         killer.start()
         study = small_study(**LONGER)
-        run_sweep(study, tmp_path, on=f"ray:{nodes.address}", progress=lambda there, _: reports.append(there))
+        run_sweep(
+            study,
+            tmp_path,
+            on=f"ray:{nodes.address}",
+            progress=lambda there, _: reports.append(there),
+        )
         killer.join(30.0)
     assert killed[0] < LONGER["episodes"] == reports[-1]
     assert files_of(tmp_path) == longer
@@ -148,7 +168,9 @@ if __name__ == "__main__":
 """
 
 
-def test_laws_of_lost_files_laws_of_functions_and_metrics_of_a_script_travel(tmp_path: Path, nodes: Any) -> None:
+def test_laws_of_lost_files_laws_of_functions_and_metrics_of_a_script_travel(
+    tmp_path: Path, nodes: Any
+) -> None:
     program = Program.of_text(tmp_path, OWN, nodes.address, json.dumps(STUDY))
     code, out, err = program.end()
     assert code == 0, err
@@ -193,8 +215,12 @@ if __name__ == "__main__":
 """
 
 
-def test_an_error_of_own_code_is_the_same_line_from_everywhere(tmp_path: Path, nodes: Any) -> None:
-    code, out, err = Program.of_text(tmp_path, WRONG, nodes.address, json.dumps(STUDY)).end()
+def test_an_error_of_own_code_is_the_same_line_from_everywhere(
+    tmp_path: Path, nodes: Any
+) -> None:
+    code, out, err = Program.of_text(
+        tmp_path, WRONG, nodes.address, json.dumps(STUDY)
+    ).end()
     assert code == 0, err
     local, processes, cluster_s = json.loads(out)
     assert processes == cluster_s
@@ -207,9 +233,17 @@ def test_another_version_is_refused_before_it_flies(
     tmp_path: Path, nodes: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     true = ray_cluster.kinship()
-    monkeypatch.setattr(ray_cluster, "kinship", lambda: true | {"numpy": "1.0", "code": "0123456789abcdef"})
+    monkeypatch.setattr(
+        ray_cluster,
+        "kinship",
+        lambda: true | {"numpy": "1.0", "code": "0123456789abcdef"},
+    )
     with pytest.raises(
-        ValueError, match=r"^node \S+ has numpy [2-9]\S*, code \w{12}: must have numpy 1\.0, code 0123"
+        ValueError,
+        match=(
+            r"^node \S+ has numpy [2-9]\S*, code \w{12}: must have numpy 1\.0, code"
+            r" 0123"
+        ),
     ) as told:
         run_sweep(small_study(**STUDY), tmp_path / "rows", on=f"ray:{nodes.address}")
     assert "\n" not in str(told.value)

@@ -1,4 +1,6 @@
-"""Works whose rows are asked for together: one batch flies them, and rows and files are those of each by itself."""
+"""Works whose rows are asked for together: one batch flies them, and rows and files are
+those of each by itself.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,13 @@ def files_of(folder: Path) -> dict[str, bytes]:
 def test_works_of_one_program_fly_as_one_batch_and_their_files_are_those_of_each(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    works = [work("one", 0, 3), work("two", 3, 21), work("none", 0, 0), work("other", 0, 2, seed=1), work("four", 9, 1)]
+    works = [
+        work("one", 0, 3),
+        work("two", 3, 21),
+        work("none", 0, 0),
+        work("other", 0, 2, seed=1),
+        work("four", 9, 1),
+    ]
     batches: list[list[str]] = []
 
     def together(group: Any, threads: int) -> Any:
@@ -57,7 +65,13 @@ def test_works_of_one_program_fly_as_one_batch_and_their_files_are_those_of_each
         rows = crew.rows(works)
     assert batches == [["one", "two", "none", "four"], ["other"]]
     with Crew(store=Store(tmp_path / "each")) as each:
-        assert [label.label for label, _ in each.fly(works)] == ["one", "two", "none", "other", "four"]
+        assert [label.label for label, _ in each.fly(works)] == [
+            "one",
+            "two",
+            "none",
+            "other",
+            "four",
+        ]
     assert files_of(tmp_path / "together") == files_of(tmp_path / "each")
     batches.clear()
     with Crew(store=Store(tmp_path / "each")) as again:

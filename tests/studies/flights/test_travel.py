@@ -1,4 +1,6 @@
-"""Laws made inside functions travel to other processes, with what they were closed over."""
+"""Laws made inside functions travel to other processes, with what they were closed
+over.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ def make(model, *, push: float = 3.0):
 """
 
 
-def test_a_law_made_inside_a_function_flies_in_a_worker_as_it_does_here(tmp_path: Path) -> None:
+def test_a_law_made_inside_a_function_flies_in_a_worker_as_it_does_here(
+    tmp_path: Path,
+) -> None:
     file = tmp_path / "mine.py"
     file.write_text(MADE_INSIDE, "utf-8")
     with registry_kept():
@@ -47,7 +51,9 @@ def test_a_law_made_inside_a_function_flies_in_a_worker_as_it_does_here(tmp_path
         theirs = elsewhere(run, planned)
         ours = run(planned)
     assert same_logs(theirs, ours)
-    assert not same_logs(ours, run(skyarm.load_scenario("case1", controller="paper_pd", duration=0.1)))
+    assert not same_logs(
+        ours, run(skyarm.load_scenario("case1", controller="paper_pd", duration=0.1))
+    )
 
 
 def _countdown():
@@ -84,5 +90,10 @@ def test_what_cannot_travel_is_one_line() -> None:
     def law(*_: object) -> object:
         return values
 
-    with pytest.raises(ValueError, match=r"^workers: cannot pickle 'generator' object; what flies in other processes"):
+    with pytest.raises(
+        ValueError,
+        match=(
+            r"^workers: cannot pickle 'generator' object; what flies in other processes"
+        ),
+    ):
         pack(law)

@@ -12,7 +12,9 @@ KP, KD, T = 160.0, 18.0, 0.005
 
 
 def double_integrator(*, delay: float = 0.0, measured_late: int = 0) -> OpenLoop:
-    """x = [position, velocity], u = acceleration held from ``late`` on, all in closed form."""
+    """x = [position, velocity], u = acceleration held from ``late`` on, all in closed
+    form.
+    """
     lates = np.arange(5) * 0.001
     x_x = np.array([[[1.0, T], [0.0, 1.0]]] * 5)
     new = [[[0.5 * (T - late) ** 2], [T - late]] for late in lates]
@@ -37,7 +39,9 @@ def double_integrator(*, delay: float = 0.0, measured_late: int = 0) -> OpenLoop
 
 
 def coupled(seed=3, channels=3):
-    """A stable loop of several channels that act on one another, with a memory in the law."""
+    """A stable loop of several channels that act on one another, with a memory in the
+    law.
+    """
     rng = np.random.default_rng(seed)
     one = double_integrator()
     mixed = np.eye(channels) + 0.35 * rng.normal(size=(channels, channels))

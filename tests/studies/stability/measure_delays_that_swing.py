@@ -1,8 +1,10 @@
-"""Measure from which delay of the commands on a vehicle swings in hover: a table of docs/margins.md.
+"""Measure from which delay of the commands on a vehicle swings in hover: a table of
+docs/margins.md.
 
     python tests/studies/stability/measure_delays_that_swing.py [--small]
 
-Next to the margin of the worse linearisation and the delay that the nominal one predicts.
+Next to the margin of the worse linearisation and the delay that the nominal one
+predicts.
 """
 
 from __future__ import annotations
@@ -29,16 +31,32 @@ def rows(table: Sequence[tuple[str, str, tuple[float, ...]]]) -> Iterator[list[s
         scenario = hover(vehicle, law, joints)
         found = hover_delay(scenario)
         flown = swings_from(scenario, found.swings * np.arange(0.7, 1.35, 0.05))
-        title = f"{vehicle} (servos, battery)" if skyarm.load_vehicle(vehicle).drives else vehicle
-        yield [title, law, *(f"{1e3 * each:#.3g}" for each in (found.margin, found.swings, flown))]
+        title = (
+            f"{vehicle} (servos, battery)"
+            if skyarm.load_vehicle(vehicle).drives
+            else vehicle
+        )
+        yield [
+            title,
+            law,
+            *(f"{1e3 * each:#.3g}" for each in (found.margin, found.swings, flown)),
+        ]
 
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--small", action="store_true", help="one row")
     small = parser.parse_args().small
-    heads = ("vehicle", "law", ">margin (the worse), ms", ">predicted, ms", ">flown, ms")
+    heads = (
+        "vehicle",
+        "law",
+        ">margin (the worse), ms",
+        ">predicted, ms",
+        ">flown, ms",
+    )
     print_table(heads, rows(TABLE[1:2] if small else TABLE))
 
 

@@ -1,4 +1,6 @@
-"""Central differences of fourth order: their points, and slopes of functions whose derivatives are known."""
+"""Central differences of fourth order: their points, and slopes of functions whose
+derivatives are known.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +22,24 @@ def base() -> np.ndarray:
 
 def test_steps_are_relative_above_one_and_in_the_number_s_unit_below():
     points, widths = stencil_points(base(), ATTITUDE)
-    assert widths == pytest.approx(STEP_SIZE * np.array([3000.0, 1.0, 7.0, 1.0, 1.0, 1.0, 2e8, 1.0, 40.0]), rel=1e-15)
+    assert widths == pytest.approx(
+        STEP_SIZE * np.array([3000.0, 1.0, 7.0, 1.0, 1.0, 1.0, 2e8, 1.0, 40.0]),
+        rel=1e-15,
+    )
     moved = points[0, :4] - 3000.0
     assert moved == pytest.approx(np.array([-2.0, -1.0, 1.0, 2.0]) * 0.3, rel=1e-9)
     # each column moves one number, or turns
-    others = np.delete(points, [3, 4, 5, 6], axis=0) != np.delete(base(), [3, 4, 5, 6])[:, None]
+    others = (
+        np.delete(points, [3, 4, 5, 6], axis=0)
+        != np.delete(base(), [3, 4, 5, 6])[:, None]
+    )
     assert others.sum(axis=0).tolist() == [1] * 12 + [0] * 12 + [1] * 12
 
 
 def test_slopes_of_large_numbers_are_as_exact_as_of_small_ones():
-    """Of 2 x at x = -2e8 a step of 1e-4 would leave 1e-4 of rounding, a relative one 1e-12."""
+    """Of 2 x at x = -2e8 a step of 1e-4 would leave 1e-4 of rounding, a relative one
+    1e-12.
+    """
     points, widths = stencil_points(base(), ATTITUDE)
     out = np.vstack([2.0 * points[7], np.sin(points[8]), points[9] ** 3])
     still = np.array([2.0 * PLAIN[0], math.sin(PLAIN[1]), PLAIN[2] ** 3])

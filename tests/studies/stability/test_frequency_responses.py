@@ -21,11 +21,19 @@ from skyarm.studies.stability.loop_channels import vehicle_channels
 def test_a_response_is_that_of_its_modes():
     rng = np.random.default_rng(7)
     modes, vectors = rng.uniform(-0.9, 0.9, 9), rng.normal(size=(9, 9))
-    A, B, C = vectors @ np.diag(modes) @ np.linalg.inv(vectors), rng.normal(size=(9, 3)), rng.normal(size=(2, 9))
+    A, B, C = (
+        vectors @ np.diag(modes) @ np.linalg.inv(vectors),
+        rng.normal(size=(9, 3)),
+        rng.normal(size=(2, 9)),
+    )
     w = np.linspace(0.1, 600.0, 200)
     residues = np.einsum("om,mi->moi", C @ vectors, np.linalg.solve(vectors, B))
-    wanted = np.einsum("moi,fm->foi", residues, 1.0 / (np.exp(1j * w * 0.005)[:, None] - modes))
-    np.testing.assert_allclose(Response(A, B, C, 0.005).at(w), wanted, rtol=1e-9, atol=1e-9)
+    wanted = np.einsum(
+        "moi,fm->foi", residues, 1.0 / (np.exp(1j * w * 0.005)[:, None] - modes)
+    )
+    np.testing.assert_allclose(
+        Response(A, B, C, 0.005).at(w), wanted, rtol=1e-9, atol=1e-9
+    )
 
 
 def test_the_grid_sees_a_faint_resonance():
@@ -59,11 +67,18 @@ def test_gains_at_the_edge_are_where_eigenvalues_leave_the_circle(seed):
 
 @pytest.fixture(scope="module")
 def cut():
-    """Channels of a hexarotor with an arm, tilted, its rotors at speeds of their own."""
+    """Channels of a hexarotor with an arm, tilted, its rotors at speeds of their
+    own.
+    """
     vehicle = skyarm.load_vehicle("hexarotor_arm6")
     speeds = np.linspace(400.0, 500.0, 6)
     x, y, z, w = Rotation.from_rotvec([0.3, -0.2, 0.9]).as_quat()
-    return vehicle, speeds, Quaternion(w, x, y, z), vehicle_channels(vehicle, speeds, Quaternion(w, x, y, z))
+    return (
+        vehicle,
+        speeds,
+        Quaternion(w, x, y, z),
+        vehicle_channels(vehicle, speeds, Quaternion(w, x, y, z)),
+    )
 
 
 def test_channels_read_what_they_enter_and_pushes_nothing_of_one_another(cut):
@@ -72,7 +87,12 @@ def test_channels_read_what_they_enter_and_pushes_nothing_of_one_another(cut):
     for each in channels:
         assert each.reads @ each.enters == pytest.approx(1.0, abs=1e-12)
     pushes = [each for each in channels if each.group == "pushes"]
-    assert [each.name for each in pushes] == ["roll torque", "pitch torque", "yaw torque", "thrust"]
+    assert [each.name for each in pushes] == [
+        "roll torque",
+        "pitch torque",
+        "yaw torque",
+        "thrust",
+    ]
     both = np.array([[a.reads @ b.enters for b in pushes] for a in pushes])
     np.testing.assert_allclose(both, np.eye(4), atol=1e-12)
 
@@ -81,7 +101,10 @@ def test_a_push_is_what_the_rotors_of_the_plant_make_of_its_commands(cut):
     vehicle, speeds, _, channels = cut
 
     def wrench(at):
-        parts = [rotor_force(rotor, w, ZERO3) for rotor, w in zip(vehicle.rotors, at, strict=True)]
+        parts = [
+            rotor_force(rotor, w, ZERO3)
+            for rotor, w in zip(vehicle.rotors, at, strict=True)
+        ]
         return np.array([[*part.torque, part.force.z] for part in parts]).sum(axis=0)
 
     for place, each in enumerate(c for c in channels if c.group == "pushes"):
@@ -96,7 +119,10 @@ def test_an_attitude_is_cut_in_rotations_about_the_base_s_axes(cut):
     turns = [each for each in channels if each.group == "attitude"]
     base = Rotation.from_quat([q.x, q.y, q.z, q.w])
     for axis, each in enumerate(turns):
-        (x, y, z, w), v = (base * Rotation.from_rotvec(1e-6 * np.eye(3)[axis])).as_quat(), each.enters[4:8]
+        (x, y, z, w), v = (
+            (base * Rotation.from_rotvec(1e-6 * np.eye(3)[axis])).as_quat(),
+            each.enters[4:8],
+        )
         moved = (np.array([w, x, y, z]) - np.array([*q])) / 1e-6
         np.testing.assert_allclose(v, moved, atol=1e-5)
         assert not np.delete(each.enters, range(4, 8)).any()
@@ -106,7 +132,9 @@ def test_a_tilted_hexarotor_pushes_sideways_too():
     vehicle = skyarm.load_vehicle("tilted_hexarotor")
 
     def pushes(speed):
-        channels = vehicle_channels(vehicle, [speed] * 6, Quaternion(1.0, 0.0, 0.0, 0.0))
+        channels = vehicle_channels(
+            vehicle, [speed] * 6, Quaternion(1.0, 0.0, 0.0, 0.0)
+        )
         return [channel.name for channel in channels if channel.group == "pushes"]
 
     assert pushes(500.0)[-2:] == ["forward force", "sideways force"]

@@ -1,4 +1,6 @@
-"""Margins at their ends: an unstable loop has none; and the edges of a map are those of its own axes."""
+"""Margins at their ends: an unstable loop has none; and the edges of a map are those of
+its own axes.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +21,19 @@ def with_gain(factor):
     return dataclasses.replace(loop, u_y=loop.u_y * factor)
 
 
-@pytest.mark.parametrize("factor", [1.001 * HIGHEST, 1.3 * HIGHEST, 50.0 * HIGHEST, -1.0])
+@pytest.mark.parametrize(
+    "factor", [1.001 * HIGHEST, 1.3 * HIGHEST, 50.0 * HIGHEST, -1.0]
+)
 def test_a_loop_that_is_unstable_as_it_is_has_no_margin_to_either_side(factor):
     """Though a lower gain would make it stable: margins are of the loop as it is."""
     loop = with_gain(factor)
     assert radius(loop) > EDGE
     found = margins(loop)
-    assert (found.rotor_gain, found.joint_gain, found.delay) == ((1.0, 1.0), (1.0, 1.0), 0.0)
+    assert (found.rotor_gain, found.joint_gain, found.delay) == (
+        (1.0, 1.0),
+        (1.0, 1.0),
+        0.0,
+    )
 
 
 @pytest.mark.parametrize("factor", [0.999 * HIGHEST, 0.5 * HIGHEST, 1.0])

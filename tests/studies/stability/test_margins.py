@@ -16,7 +16,9 @@ from skyarm.studies.stability.closed_loop import close_loop, closed_loop, radius
 
 
 def sampled(delay):
-    """Eigenvalues of the delayed loop by SciPy: matrix exponential over each part of a period, then a queue."""
+    """Eigenvalues of the delayed loop by SciPy: matrix exponential over each part of a
+    period, then a queue.
+    """
     whole, part = divmod(round(delay * 1e6), round(T * 1e6))
     late = part * 1e-6
     A = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
@@ -43,12 +45,16 @@ def test_eigenvalues_of_a_delayed_loop_are_scipys(delay):
     theirs = sampled(delay)
     # a queue that nothing reads is no part of our loop; its eigenvalues are zero
     size = max(len(ours), len(theirs))
-    pad = [np.sort_complex(np.pad(np.asarray(e, dtype=complex), (0, size - len(e)))) for e in (ours, theirs)]
+    pad = [
+        np.sort_complex(np.pad(np.asarray(e, dtype=complex), (0, size - len(e))))
+        for e in (ours, theirs)
+    ]
     np.testing.assert_allclose(np.poly(pad[0]), np.poly(pad[1]), atol=1e-10)
 
 
 def test_the_gain_margin_is_that_of_jury():
-    # z^2 - 2 z + 1 + k ((kp T^2 / 2 + kd T) z + kp T^2 / 2 - kd T) has its roots inside the circle for k kd T < 2
+    # z^2 - 2 z + 1 + k ((kp T^2 / 2 + kd T) z + kp T^2 / 2 - kd T) has its roots inside
+    # the circle for k kd T < 2
     found = margins(double_integrator())
     assert found.rotor_gain[1] == pytest.approx(2.0 / (KD * T), rel=1e-6)
     # a double integrator under PD bears any lower gain
@@ -69,13 +75,18 @@ def test_the_delay_margin_is_phase_margin_over_crossover():
 
 def test_the_delay_margin_is_where_scipys_loop_leaves_the_circle():
     found = margins(double_integrator()).delay
-    edge = optimize.brentq(lambda d: np.abs(sampled(d)).max() - 1.0, found - 0.002, found + 0.002)
+    edge = optimize.brentq(
+        lambda d: np.abs(sampled(d)).max() - 1.0, found - 0.002, found + 0.002
+    )
     # a straight line over 1 ms
     assert found == pytest.approx(edge, abs=2e-5)
 
 
 def test_delay_that_is_there_already_is_no_margin_left():
-    bare, delayed = margins(double_integrator()).delay, margins(double_integrator(delay=0.012)).delay
+    bare, delayed = (
+        margins(double_integrator()).delay,
+        margins(double_integrator(delay=0.012)).delay,
+    )
     assert delayed == pytest.approx(bare - 0.012, abs=1e-5)
     measured = margins(double_integrator(measured_late=3)).delay
     assert measured == pytest.approx(bare - 3 * T, abs=1e-5)
@@ -100,8 +111,15 @@ def test_rates_are_logarithms_of_eigenvalues():
 def test_clocks_are_no_part_of_the_loop():
     loop = double_integrator()
     # a memory that counts, and one that keeps what it sees but is never read
-    clock = dataclasses.replace(loop, m_m=np.eye(2), m_y=np.array([[0.0, 0.0], [1.0, 0.0]]), u_m=np.zeros((1, 2)))
-    np.testing.assert_allclose(np.sort(np.abs(margins(clock).z)), np.sort(np.abs(margins(loop).z)), rtol=1e-12)
+    clock = dataclasses.replace(
+        loop,
+        m_m=np.eye(2),
+        m_y=np.array([[0.0, 0.0], [1.0, 0.0]]),
+        u_m=np.zeros((1, 2)),
+    )
+    np.testing.assert_allclose(
+        np.sort(np.abs(margins(clock).z)), np.sort(np.abs(margins(loop).z)), rtol=1e-12
+    )
 
 
 def test_a_delay_between_steps_is_refused():
@@ -110,16 +128,28 @@ def test_a_delay_between_steps_is_refused():
 
 
 def two_axes(other_gain):
-    """Two double integrators side by side, each with an actuator of its own; the second under another gain."""
+    """Two double integrators side by side, each with an actuator of its own; the second
+    under another gain.
+    """
     one = double_integrator()
 
     def both(a, b):
-        return np.block([[a, np.zeros((a.shape[0], b.shape[1]))], [np.zeros((b.shape[0], a.shape[1])), b]])
+        return np.block(
+            [
+                [a, np.zeros((a.shape[0], b.shape[1]))],
+                [np.zeros((b.shape[0], a.shape[1])), b],
+            ]
+        )
 
     parts = {name: getattr(one, name) for name in ("y_x", "y_old", "m_m", "m_y", "u_m")}
     twice = {name: both(value, value) for name, value in parts.items()}
-    acting = {name: np.array([both(a, a) for a in getattr(one, name)]) for name in ("x_x", "x_old", "x_new")}
-    return dataclasses.replace(one, rotors=2, u_y=both(one.u_y, other_gain * one.u_y), **twice, **acting)
+    acting = {
+        name: np.array([both(a, a) for a in getattr(one, name)])
+        for name in ("x_x", "x_old", "x_new")
+    }
+    return dataclasses.replace(
+        one, rotors=2, u_y=both(one.u_y, other_gain * one.u_y), **twice, **acting
+    )
 
 
 def test_the_margin_of_all_rotors_is_that_of_the_most_delicate():
@@ -154,9 +184,15 @@ def test_actuators_that_share_a_load_bear_a_common_factor():
 
 
 def test_a_loop_is_closed_once_for_all_gains(monkeypatch):
-    """Loops of six joints have hundreds of gains to try: what a gain does not change is put together once."""
+    """Loops of six joints have hundreds of gains to try: what a gain does not change is
+    put together once.
+    """
     module = sys.modules["skyarm.studies.stability.margins"]
     counted = []
-    monkeypatch.setattr(module, "close_loop", lambda *arguments: counted.append(arguments) or close_loop(*arguments))
+    monkeypatch.setattr(
+        module,
+        "close_loop",
+        lambda *arguments: counted.append(arguments) or close_loop(*arguments),
+    )
     margins(double_integrator())
     assert len(counted) == 1

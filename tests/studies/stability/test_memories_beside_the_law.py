@@ -1,4 +1,6 @@
-"""Margins are of a loop in which only the law and joint drives remember: disturbances are left out and named."""
+"""Margins are of a loop in which only the law and joint drives remember: disturbances
+are left out and named.
+"""
 
 from __future__ import annotations
 
@@ -26,20 +28,36 @@ GUSTY = dataclasses.replace(
 def test_a_loop_is_that_of_the_scenario_without_weather_that_has_a_memory() -> None:
     calm = dataclasses.replace(GUSTY, air=GUSTY.air[:1], forces=GUSTY.forces[1:])
     assert nominal(GUSTY) == nominal(calm)
-    assert disturbances(GUSTY) == ("environment.air[1] = Turbulence", "environment.forces[0] = RandomPush")
+    assert disturbances(GUSTY) == (
+        "environment.air[1] = Turbulence",
+        "environment.forces[0] = RandomPush",
+    )
     assert disturbances(calm) == ()
 
 
 @pytest.mark.thorough
 def test_weather_with_a_memory_is_left_out_and_named() -> None:
-    """The margins along the flight are those of the same scenario without it; hover is in calm air."""
+    """The margins along the flight are those of the same scenario without it; hover is
+    in calm air.
+    """
     calm = dataclasses.replace(GUSTY, air=GUSTY.air[:1], forces=GUSTY.forces[1:])
     found, wanted = skyarm.margins(GUSTY, 1), skyarm.margins(calm, 1)
-    assert found.left_out == ("environment.air[1] = Turbulence", "environment.forces[0] = RandomPush")
+    assert found.left_out == (
+        "environment.air[1] = Turbulence",
+        "environment.forces[0] = RandomPush",
+    )
     assert wanted.left_out == ()
-    assert [each.radius for each in found.instants] == [each.radius for each in wanted.instants]
-    assert [each.swings for each in found.instants] == [each.swings for each in wanted.instants]
-    assert hover_delay(GUSTY).margin == hover_delay(dataclasses.replace(calm, air=())).margin > 0.0
+    assert [each.radius for each in found.instants] == [
+        each.radius for each in wanted.instants
+    ]
+    assert [each.swings for each in found.instants] == [
+        each.swings for each in wanted.instants
+    ]
+    assert (
+        hover_delay(GUSTY).margin
+        == hover_delay(dataclasses.replace(calm, air=())).margin
+        > 0.0
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -66,14 +84,24 @@ class LaggedDrag(own.RandomPush):
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"forces": (LaggedDrag(gain=30.0),)}, r"environment.forces\[0\] = LaggedDrag: "),
+        (
+            {"forces": (LaggedDrag(gain=30.0),)},
+            r"environment.forces\[0\] = LaggedDrag: ",
+        ),
         ({"forces": (own.RandomPush(), Swing())}, r"environment.forces\[1\] = Swing: "),
-        ({"sensors": (NamedSensor(name="gps", sensor=own.Fix()),)}, "sensors.gps = Fix: "),
+        (
+            {"sensors": (NamedSensor(name="gps", sensor=own.Fix()),)},
+            "sensors.gps = Fix: ",
+        ),
         ({"estimator": own.Blend(), "sensors": ()}, "estimator = Blend: "),
     ],
 )
 def test_what_remembers_is_named_by_its_field(changes, told) -> None:
     with pytest.raises(
-        ScenarioError, match=f"{told}must be left out of margins, whose loop has no memory but the law's and drives'"
+        ScenarioError,
+        match=(
+            f"{told}must be left out of margins, whose loop has no memory but the law's"
+            " and drives'"
+        ),
     ):
         Differentiator(dataclasses.replace(CASE3, **changes))

@@ -1,4 +1,6 @@
-"""Margins of many sets of gains by one code, and the functions of the library that give margins."""
+"""Margins of many sets of gains by one code, and the functions of the library that give
+margins.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,10 @@ def test_each_set_has_the_margins_of_a_controller_made_with_it(scenario, hovers)
     from skyarm.scenario.numbers import number_at, with_numbers
 
     base = [number_at(scenario, path) for path in PATHS]
-    values = {path: value * np.array([1.0, 1.6]) for path, value in zip(PATHS, base, strict=True)}
+    values = {
+        path: value * np.array([1.0, 1.6])
+        for path, value in zip(PATHS, base, strict=True)
+    }
     found = hovers.margins(values)
     for k in range(2):
         numbers = {path: float(column[k]) for path, column in values.items()}
@@ -39,8 +44,13 @@ def test_each_set_has_the_margins_of_a_controller_made_with_it(scenario, hovers)
         assert one is not None
         assert one.delay == pytest.approx(alone.delay, rel=1e-6)
         assert one.swings == pytest.approx(alone.swings, rel=1e-6)
-        assert one.gain("joint_gain") == pytest.approx(alone.gain("joint_gain"), rel=1e-6)
-        several = [next(e for e in each.by_lag["up"].together if e.name == "all commands") for each in (one, alone)]
+        assert one.gain("joint_gain") == pytest.approx(
+            alone.gain("joint_gain"), rel=1e-6
+        )
+        several = [
+            next(e for e in each.by_lag["up"].together if e.name == "all commands")
+            for each in (one, alone)
+        ]
         assert several[0].disk == pytest.approx(several[1].disk, rel=1e-6)
     assert found[0].delay != pytest.approx(found[1].delay, rel=1e-3)
 
@@ -58,7 +68,9 @@ def test_what_a_law_learns_is_held_also_under_guard():
     from skyarm.studies.stability.frozen_scenario import without_adaptation
 
     learning = skyarm.load_scenario("case3", controller="centroidal_tip")
-    guarded = dataclasses.replace(learning, controller=with_safety_layer(learning.controller))
+    guarded = dataclasses.replace(
+        learning, controller=with_safety_layer(learning.controller)
+    )
     for scenario in (learning, guarded):
         par = scenario.controller.par
         assert getattr(par, "inner", par).parts.adaptation.load is not None
@@ -77,8 +89,13 @@ def test_a_hover_says_its_delay_margin_as_its_margins_do(scenario):
 
 
 def test_a_vehicle_without_drag_and_joints_has_margins():
-    """Nothing pushes it along x and y, which is no reason for a measurement to have two numbers less."""
+    """Nothing pushes it along x and y, which is no reason for a measurement to have two
+    numbers less.
+    """
     bare = skyarm.load_vehicle("hummingbird")
-    free = [dataclasses.replace(each, drag_coefficient=0, rolling_moment_coefficient=0) for each in bare.rotors]
+    free = [
+        dataclasses.replace(each, drag_coefficient=0, rolling_moment_coefficient=0)
+        for each in bare.rotors
+    ]
     scenario = of_vehicle(dataclasses.replace(bare, rotors=tuple(free)), "decoupled_pd")
     assert 0.01 < hover_delay(scenario).margin < 0.1

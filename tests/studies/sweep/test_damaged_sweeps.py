@@ -1,4 +1,6 @@
-"""Rows and manifests that are damaged or forged: never other numbers, never a traceback; folders of 0.3 are read."""
+"""Rows and manifests that are damaged or forged: never other numbers, never a
+traceback; folders of 0.3 are read.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,13 @@ from support.studies import rows_file, small_study
 
 pytest.importorskip("pyarrow")
 
-TINY: dict[str, Any] = {"episodes": 4, "chunk": 2, "metrics": ["position_error_mean"], "duration": 0.4, "windows": None}
+TINY: dict[str, Any] = {
+    "episodes": 4,
+    "chunk": 2,
+    "metrics": ["position_error_mean"],
+    "duration": 0.4,
+    "windows": None,
+}
 OLD = Path(__file__).parents[2] / "data" / "sweep_of_0_3"
 
 
@@ -42,11 +50,15 @@ def done(whole: Path, tmp_path: Path) -> Path:
 
 def some(step: int) -> Any:
     """Every so many cases by day, all by night."""
-    return pytest.mark.parametrize("step", [step, pytest.param(1, marks=pytest.mark.thorough)])
+    return pytest.mark.parametrize(
+        "step", [step, pytest.param(1, marks=pytest.mark.thorough)]
+    )
 
 
 @some(661)
-def test_a_flipped_bit_of_rows_is_seen_by_statistics_and_when_the_sweep_goes_on(done: Path, step: int) -> None:
+def test_a_flipped_bit_of_rows_is_seen_by_statistics_and_when_the_sweep_goes_on(
+    done: Path, step: int
+) -> None:
     path = rows_file(done, 0)
     content, believed = path.read_bytes(), []
     for bit in range(0, 8 * len(content), step):
@@ -65,7 +77,9 @@ def test_a_flipped_bit_of_rows_is_seen_by_statistics_and_when_the_sweep_goes_on(
 
 
 @some(61)
-def test_a_flipped_bit_of_a_manifest_is_refused_or_changes_nothing(done: Path, step: int) -> None:
+def test_a_flipped_bit_of_a_manifest_is_refused_or_changes_nothing(
+    done: Path, step: int
+) -> None:
     path = done / MANIFEST
     content, right = path.read_bytes(), statistics(Rows(done))
     taken = 0
@@ -85,7 +99,24 @@ def test_a_flipped_bit_of_a_manifest_is_refused_or_changes_nothing(done: Path, s
 
 def forged(value: Any) -> Iterator[Any]:
     """Other values in the place of one."""
-    yield from (None, 3, -1, 0, 1.5, True, 10**30, "x", "", [], [3], [[1]], {}, {"a": 1}, {"a": None}, {"a": {"b": []}})
+    yield from (
+        None,
+        3,
+        -1,
+        0,
+        1.5,
+        True,
+        10**30,
+        "x",
+        "",
+        [],
+        [3],
+        [[1]],
+        {},
+        {"a": 1},
+        {"a": None},
+        {"a": {"b": []}},
+    )
 
 
 def places(table: dict[str, Any]) -> Iterator[tuple[str, ...]]:
@@ -108,7 +139,9 @@ def in_one_line(folder: Path) -> str:
 
 @some(17)
 @pytest.mark.parametrize("old", [False, True])
-def test_a_forged_field_of_a_manifest_is_one_line_or_without_effect(done: Path, old: bool, step: int) -> None:
+def test_a_forged_field_of_a_manifest_is_one_line_or_without_effect(
+    done: Path, old: bool, step: int
+) -> None:
     folder = Path(shutil.copytree(OLD, done.parent / "old")) if old else done
     path = folder / MANIFEST
     table = json.loads(path.read_bytes())
@@ -122,13 +155,22 @@ def test_a_forged_field_of_a_manifest_is_one_line_or_without_effect(done: Path, 
             inner = inner[name]
         inner[place[-1]] = value
         if not old:
-            wrong["sha256"] = hashlib.sha256(json.dumps(wrong, sort_keys=True).encode()).hexdigest()
+            wrong["sha256"] = hashlib.sha256(
+                json.dumps(wrong, sort_keys=True).encode()
+            ).hexdigest()
         path.write_text(json.dumps(wrong))
         said = in_one_line(folder)
         assert "\n" not in said, (place, value)
-        if not said and place[0] in ("study", "scenarios", "versions") and inner != table:
+        if (
+            not said
+            and place[0] in ("study", "scenarios", "versions")
+            and inner != table
+        ):
             found = statistics(Rows(folder))
-            assert found["controllers"] == right["controllers"] or place == ("study", "metrics"), (place, value)
+            assert found["controllers"] == right["controllers"] or place == (
+                "study",
+                "metrics",
+            ), (place, value)
         if not old and number % 20 == 0:
             try:
                 run_sweep(small_study(**TINY), folder)
@@ -147,12 +189,16 @@ def test_a_forged_folder_of_old_or_new_is_never_a_traceback(done: Path) -> None:
 
 
 def rewritten(path: Path, table: Any, **options: Any) -> Path:
-    """Write a table in the place of a file of rows, under the name that its bytes give it, with the same metadata."""
+    """Write a table in the place of a file of rows, under the name that its bytes give
+    it, with the same metadata.
+    """
     import pyarrow.parquet as pq
 
     metadata = pq.read_schema(path).metadata
     sink = io.BytesIO()
-    pq.write_table(table.replace_schema_metadata(metadata), sink, compression="zstd", **options)
+    pq.write_table(
+        table.replace_schema_metadata(metadata), sink, compression="zstd", **options
+    )
     digest = hashlib.sha256(sink.getvalue()).hexdigest()
     path.unlink()
     named = path.with_name(f"{'.'.join(path.name.split('.')[:-2])}.{digest}.parquet")
@@ -188,21 +234,33 @@ def test_rows_of_other_types_are_one_line(done: Path) -> None:
     assert "column 'position_error_mean': must be readable" in in_one_line(done)
 
 
-def test_a_sweep_of_0_3_is_summed_up_as_before_and_not_continued(tmp_path: Path) -> None:
+def test_a_sweep_of_0_3_is_summed_up_as_before_and_not_continued(
+    tmp_path: Path,
+) -> None:
     folder = Path(shutil.copytree(OLD, tmp_path / "old"))
     rows = Rows(folder)
     found = json.loads(json.dumps(statistics(rows)))
     assert found == json.loads((OLD / "stats_before.json").read_text())
     assert len(robustness_maps(rows, None)) == 2
     study = small_study(episodes=24, metrics=["position_error_mean", "peak_pitch"])
-    with pytest.raises(StudyError, match=r"holds rows of skyarm 0\.3.*, which can be summed up and not continued"):
+    with pytest.raises(
+        StudyError,
+        match=r"holds rows of skyarm 0\.3.*, which can be summed up and not continued",
+    ):
         run_sweep(study, folder)
 
 
-def test_rows_of_0_3_without_a_manifest_are_not_mixed_with_others(tmp_path: Path) -> None:
+def test_rows_of_0_3_without_a_manifest_are_not_mixed_with_others(
+    tmp_path: Path,
+) -> None:
     folder = Path(shutil.copytree(OLD, tmp_path / "old"))
     (folder / MANIFEST).unlink()
-    with pytest.raises(StudyError, match=r"holds rows of skyarm 0\.3 without a manifest\.json; choose another --out"):
+    with pytest.raises(
+        StudyError,
+        match=(
+            r"holds rows of skyarm 0\.3 without a manifest\.json; choose another --out"
+        ),
+    ):
         run_sweep(small_study(**TINY), folder)
     assert len([*(folder / "rows").iterdir()]) == 2
 
@@ -216,7 +274,9 @@ def test_a_damaged_file_of_0_3_does_not_count(tmp_path: Path) -> None:
 
 @pytest.mark.thorough
 def test_five_thousand_flipped_bits_of_a_large_file_are_seen(tmp_path: Path) -> None:
-    run_sweep(small_study(episodes=2000, chunk=2000, duration=0.2, windows=None), tmp_path)
+    run_sweep(
+        small_study(episodes=2000, chunk=2000, duration=0.2, windows=None), tmp_path
+    )
     path, dice = rows_file(tmp_path, 0), random.Random(17)
     content = path.read_bytes()
     assert len(content) > 200_000

@@ -1,4 +1,6 @@
-"""Draws of a sweep: distributions, grids, Sobol points, and independence of the company they are drawn in."""
+"""Draws of a sweep: distributions, grids, Sobol points, and independence of the company
+they are drawn in.
+"""
 
 from __future__ import annotations
 
@@ -28,41 +30,82 @@ KINDS: list[tuple[dict[str, Any], Any]] = [
 ]
 
 
-def drawn(design: str, *tables: dict[str, Any], episodes: int = COUNT, seed: int = 3) -> list[np.ndarray]:
-    paths = [MASS, WIND, "environment.wind.force_W.y", "environment.wind.force_W.z"][: len(tables)]
-    study = small_study(design=design, vary=dict(zip(paths, tables, strict=True)), episodes=episodes, seed=seed)
+def drawn(
+    design: str, *tables: dict[str, Any], episodes: int = COUNT, seed: int = 3
+) -> list[np.ndarray]:
+    paths = [MASS, WIND, "environment.wind.force_W.y", "environment.wind.force_W.z"][
+        : len(tables)
+    ]
+    study = small_study(
+        design=design,
+        vary=dict(zip(paths, tables, strict=True)),
+        episodes=episodes,
+        seed=seed,
+    )
     return list(values(study, np.arange(episodes)).values())
 
 
 @pytest.mark.parametrize("design", ["random", "sobol"])
 @pytest.mark.parametrize(("table", "truth"), KINDS, ids=lambda each: str(each)[:20])
-def test_draws_follow_their_distribution(design: str, table: dict[str, Any], truth: Any) -> None:
+def test_draws_follow_their_distribution(
+    design: str, table: dict[str, Any], truth: Any
+) -> None:
     (column,) = drawn(design, table)
-    # a wrong law of these is off by over 0.02; 20000 random draws of the right one by 0.014 once in 1000 seeds
+    # a wrong law of these is off by over 0.02; 20000 random draws of the right one by
+    # 0.014 once in 1000 seeds
     assert stats.kstest(column, truth.cdf).statistic < 0.014
     if design == "random":
         assert stats.kstest(column, truth.cdf).pvalue > 1e-3
 
 
 def test_draws_have_the_bits_of_no_library_and_the_values_of_scipy() -> None:
-    """Of u near 0, 1/2 and 1 too; log-uniform draws are the floats' own exponential, which every engine evaluates."""
-    ends = [1e-300, 1e-20, 1e-9, 0.0749, 0.0751, 0.5, 0.9249, 0.9251, 1.0 - 1e-9, 1.0 - 2.0**-53]
+    """Of u near 0, 1/2 and 1 too; log-uniform draws are the floats' own exponential,
+    which every engine evaluates.
+    """
+    ends = [
+        1e-300,
+        1e-20,
+        1e-9,
+        0.0749,
+        0.0751,
+        0.5,
+        0.9249,
+        0.9251,
+        1.0 - 1e-9,
+        1.0 - 2.0**-53,
+    ]
     u = np.concatenate([ends, np.random.default_rng(1).uniform(size=2000)])
-    np.testing.assert_allclose(normal_quantile(u), stats.norm.ppf(u), rtol=2e-15, atol=1e-15)
+    np.testing.assert_allclose(
+        normal_quantile(u), stats.norm.ppf(u), rtol=2e-15, atol=1e-15
+    )
     drawn = distribution_from({"log_uniform": [0.0005, 0.01]}, "x").quantile(u)
-    assert drawn.tolist() == [0.0005 * exp(log(0.01 / 0.0005) * each) for each in u.tolist()]
+    assert drawn.tolist() == [
+        0.0005 * exp(log(0.01 / 0.0005) * each) for each in u.tolist()
+    ]
 
 
 @pytest.mark.thorough
-def test_a_bit_exact_sweep_has_the_same_rows_where_libm_takes_no_fused_operations(tmp_path: Path) -> None:
+def test_a_bit_exact_sweep_has_the_same_rows_where_libm_takes_no_fused_operations(
+    tmp_path: Path,
+) -> None:
     plain = "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2,-AVX2_Usable"
     names = []
     for folder, more in (("with", {}), ("without", {"GLIBC_TUNABLES": plain})):
         study = tmp_path / "study.toml"
         study.write_text(STUDY)
-        command = [sys.executable, "-m", "skyarm", "sweep", study, "--out", tmp_path / folder]
+        command = [
+            sys.executable,
+            "-m",
+            "skyarm",
+            "sweep",
+            study,
+            "--out",
+            tmp_path / folder,
+        ]
         subprocess.run(command, check=True, capture_output=True, env=os.environ | more)
-        names.append(sorted(each.name for each in (tmp_path / folder / "rows").iterdir()))
+        names.append(
+            sorted(each.name for each in (tmp_path / folder / "rows").iterdir())
+        )
     assert names[0] == names[1]
 
 
@@ -84,7 +127,8 @@ precision = "bit_exact"
 
 def test_two_parameters_are_independent_and_seeds_differ() -> None:
     a, b = drawn("random", {"uniform": [0.5, 1.0]}, {"uniform": [0.0, 1.0]})
-    # the deviation of a correlation of 20000 independent pairs is 0.007; four are allowed
+    # the deviation of a correlation of 20000 independent pairs is 0.007; four are
+    # allowed
     assert abs(np.corrcoef(a, b)[0, 1]) < 0.028
     assert abs(np.corrcoef(a[1:], a[:-1])[0, 1]) < 0.028
     (other,) = drawn("random", {"uniform": [0.5, 1.0]}, seed=4)
@@ -110,7 +154,9 @@ def test_a_grid_design_is_every_combination_once_in_the_order_of_nested_loops() 
     )
     assert study.episodes == 12
     found = values(study, np.arange(12))
-    wanted = [(mass, wind) for mass in np.linspace(0.5, 0.8, 4) for wind in (2.0, 0.0, 1.0)]
+    wanted = [
+        (mass, wind) for mass in np.linspace(0.5, 0.8, 4) for wind in (2.0, 0.0, 1.0)
+    ]
     assert list(zip(found[MASS].tolist(), found[WIND].tolist(), strict=True)) == wanted
     assert np.unique(found["sensors.position"]).size == 12
 
@@ -129,18 +175,26 @@ def test_an_episode_draws_the_same_in_any_company(design: str) -> None:
     together = values(study, np.arange(40))
     for episodes in ([7], [39, 7], range(5, 12)):
         some = values(study, np.array(episodes))
-        assert all(np.array_equal(some[path], together[path][list(episodes)]) for path in vary)
+        assert all(
+            np.array_equal(some[path], together[path][list(episodes)]) for path in vary
+        )
 
 
-def test_unshifted_points_are_those_of_an_independent_generator_in_every_dimension() -> None:
+def test_unshifted_points_are_those_of_an_independent_generator_in_every_dimension() -> (
+    None
+):
     wanted = qmc.Sobol(DIMENSIONS, scramble=False, bits=30).random(2**10)
     for dimension in range(DIMENSIONS):
-        assert np.array_equal(sobol(np.arange(2**10), dimension) * 2.0**-BITS, wanted[:, dimension]), dimension
+        assert np.array_equal(
+            sobol(np.arange(2**10), dimension) * 2.0**-BITS, wanted[:, dimension]
+        ), dimension
 
 
 def test_sobol_points_are_more_even_than_random_ones() -> None:
     tables = [{"uniform": [0.0, 1.0]}] * 4
-    even = np.array(drawn("sobol", *[{"uniform": [0.5, 1.0]}, *tables[1:]], episodes=1024)).T
+    even = np.array(
+        drawn("sobol", *[{"uniform": [0.5, 1.0]}, *tables[1:]], episodes=1024)
+    ).T
     even[:, 0] = 2.0 * even[:, 0] - 1.0
     loose = np.random.default_rng(0).random((1024, 4))
     assert qmc.discrepancy(even) < 0.1 * qmc.discrepancy(loose)
@@ -149,7 +203,9 @@ def test_sobol_points_are_more_even_than_random_ones() -> None:
 def test_extremes_are_those_of_all_episodes() -> None:
     study = small_study(episodes=70_000, vary={MASS: {"normal": [1.0, 0.1]}})
     found = values(study, np.arange(70_000))[MASS]
-    assert extremes(study) == {MASS: (found.min(), found.max(), found.argmin(), found.argmax())}
+    assert extremes(study) == {
+        MASS: (found.min(), found.max(), found.argmin(), found.argmax())
+    }
 
 
 @pytest.mark.parametrize(
@@ -198,6 +254,8 @@ def test_a_study_has_the_numbers_that_it_had_in_every_version_before(
     design: str, masses: list[float], winds: list[float]
 ) -> None:
     """Else rows of a study that is gone on with would not belong together."""
-    mass, wind = drawn(design, {"uniform": [0.5, 1.5]}, {"normal": [0.0, 1.0]}, episodes=3)
+    mass, wind = drawn(
+        design, {"uniform": [0.5, 1.5]}, {"normal": [0.0, 1.0]}, episodes=3
+    )
     assert mass.tolist() == masses
     assert wind == pytest.approx(winds, abs=1e-8)

@@ -1,4 +1,6 @@
-"""Expressions of named numbers: values found by another way; hostile texts are refused in one line with their place."""
+"""Expressions of named numbers: values found by another way; hostile texts are refused
+in one line with their place.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +12,21 @@ import pytest
 
 from skyarm.studies.sweep.expressions import LONGEST, ExpressionError, read_expression
 
-NUMBERS = {"a": 2.0, "b_2": -0.75, "plant.vehicle.links.0.body.mass": 0.25, "plant.payload.tip-2.mass": 1.5}
+NUMBERS = {
+    "a": 2.0,
+    "b_2": -0.75,
+    "plant.vehicle.links.0.body.mass": 0.25,
+    "plant.payload.tip-2.mass": 1.5,
+}
 
 
 def drawn(chance: random.Random, depth: int) -> tuple[str, float]:
     """A text and its value, made together: no parser has a part in it."""
-    kind = chance.choice(["number", "name"] if depth == 0 else ["sum", "product", "sign", "root", "number", "name"])
+    kind = chance.choice(
+        ["number", "name"]
+        if depth == 0
+        else ["sum", "product", "sign", "root", "number", "name"]
+    )
     if kind == "number":
         value = chance.choice([0.5, 3.0, 12.25, 1e-3, 2e2])
         return chance.choice([repr(value), f"{value:e}", f" {value} "]), value
@@ -30,7 +41,9 @@ def drawn(chance: random.Random, depth: int) -> tuple[str, float]:
         return f"sqrt(({text}) * ({text}))", math.sqrt(value * value)
     (left, one), (right, other) = drawn(chance, depth - 1), drawn(chance, depth - 1)
     if kind == "sum":
-        return chance.choice([(f"{left} + ({right})", one + other), (f"{left} - ({right})", one - other)])
+        return chance.choice(
+            [(f"{left} + ({right})", one + other), (f"{left} - ({right})", one - other)]
+        )
     if other != 0.0 and chance.random() < 0.5:
         return f"({left}) / ({right})", one / other
     return f"({left})*({right})", one * other
@@ -44,7 +57,9 @@ def test_values_are_those_of_the_text() -> None:
         if len(text) > LONGEST:
             continue
         tried += 1
-        assert float(read_expression(text, NUMBERS).value(NUMBERS)) == pytest.approx(value, rel=1e-12, abs=1e-12), text
+        assert float(read_expression(text, NUMBERS).value(NUMBERS)) == pytest.approx(
+            value, rel=1e-12, abs=1e-12
+        ), text
 
 
 @pytest.mark.parametrize(
@@ -73,14 +88,19 @@ def test_columns_give_a_column() -> None:
     read = read_expression("sqrt(x*x + z*z) / n", ("x", "z", "n"))
     assert read.names == ("x", "z", "n")
     x = np.array([3.0, 0.0, 5.0])
-    np.testing.assert_array_equal(read.value({"x": x, "z": np.array([4.0, 2.0, 12.0]), "n": 2.0}), [2.5, 1.0, 6.5])
+    np.testing.assert_array_equal(
+        read.value({"x": x, "z": np.array([4.0, 2.0, 12.0]), "n": 2.0}), [2.5, 1.0, 6.5]
+    )
 
 
 GRAMMAR = "must be of finite numbers, names"
 
 HOSTILE = [
     ("a.__class__", "at 1: 'a.__class__' must be a named number"),
-    ("__import__('os')", "at 1: '__import__' must not be called; the one function is sqrt"),
+    (
+        "__import__('os')",
+        "at 1: '__import__' must not be called; the one function is sqrt",
+    ),
     ("exec(a)", "at 1: 'exec' must not be called"),
     ("a(2)", "at 1: 'a' must not be called"),
     ("sqrt", "at 1: 'sqrt' must be a named number"),
@@ -93,10 +113,46 @@ HOSTILE = [
     ("a)", f"at 2: {GRAMMAR}"),
     ("a+" * LONGEST + "a", f"must have at most {LONGEST} characters"),
     *((text, "must be an expression") for text in ("", "   ", 3, None, ["a"])),
-    *((text, GRAMMAR) for text in ("sqrt()", "sqrt(a, a)", "sqrt(*a)", "a ** 2", "a // 2", "a % 2", "a[0]", "a, a")),
-    *((text, GRAMMAR) for text in ("a; a", "a = 2", "2a", "1.2.3", "(a", "a +", "1e999", "2j", "'9'", '"', "...")),
-    *((text, GRAMMAR) for text in ("\N{CYRILLIC SMALL LETTER A}", "\N{LATIN SMALL LETTER E WITH ACUTE}0")),
-    *((text, GRAMMAR) for text in ("(" * 199 + "a", "a < a", "a == a", "{a}", "[a]", "-" * 200)),
+    *(
+        (text, GRAMMAR)
+        for text in (
+            "sqrt()",
+            "sqrt(a, a)",
+            "sqrt(*a)",
+            "a ** 2",
+            "a // 2",
+            "a % 2",
+            "a[0]",
+            "a, a",
+        )
+    ),
+    *(
+        (text, GRAMMAR)
+        for text in (
+            "a; a",
+            "a = 2",
+            "2a",
+            "1.2.3",
+            "(a",
+            "a +",
+            "1e999",
+            "2j",
+            "'9'",
+            '"',
+            "...",
+        )
+    ),
+    *(
+        (text, GRAMMAR)
+        for text in (
+            "\N{CYRILLIC SMALL LETTER A}",
+            "\N{LATIN SMALL LETTER E WITH ACUTE}0",
+        )
+    ),
+    *(
+        (text, GRAMMAR)
+        for text in ("(" * 199 + "a", "a < a", "a == a", "{a}", "[a]", "-" * 200)
+    ),
 ]
 
 
@@ -115,7 +171,10 @@ def test_another_text_is_refused_in_one_line_with_its_place() -> None:
     ("text", "words"),
     [
         ("1 / x", "at 1: must not divide by zero (1 / 0)"),
-        ("2 + sqrt(x - 1)", "at 5: must take the root of a number of at least 0, not of -1"),
+        (
+            "2 + sqrt(x - 1)",
+            "at 5: must take the root of a number of at least 0, not of -1",
+        ),
         ("1e300 * 1e300 * (x + 1)", "at 1: must give a finite number"),
     ],
 )
@@ -129,7 +188,9 @@ def test_what_has_no_value_is_said_with_its_place(text: str, words: str) -> None
 
 def test_a_long_chain_has_its_value() -> None:
     terms = (LONGEST + 1) // 2
-    assert float(read_expression("+".join("a" * terms), ("a",)).value({"a": 1.0})) == terms
+    assert (
+        float(read_expression("+".join("a" * terms), ("a",)).value({"a": 1.0})) == terms
+    )
 
 
 def test_what_is_not_there_stays_so() -> None:

@@ -1,4 +1,6 @@
-"""What a study's folder claims is what is on its disk, whatever vanishes, fails or is of an earlier version."""
+"""What a study's folder claims is what is on its disk, whatever vanishes, fails or is
+of an earlier version.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def copied(whole: Path, folder: Path) -> Path:
     return folder
 
 
-def test_chunks_that_vanish_in_a_sweep_do_not_count_and_the_command_completes_them(whole: Path, tmp_path: Path) -> None:
+def test_chunks_that_vanish_in_a_sweep_do_not_count_and_the_command_completes_them(
+    whole: Path, tmp_path: Path
+) -> None:
     def progress(done: int, total: int) -> None:
         if done == 32:
             for path in chunks(tmp_path):
@@ -63,9 +67,17 @@ def test_statistics_count_the_rows_that_are_there(whole: Path, tmp_path: Path) -
     found = statistics(Rows(folder))
     assert (found["complete"], found["rows"], found["rows_planned"]) == (False, 36, 100)
     assert found["files_not_counted"] == [damaged.name]
-    assert found["controllers"]["paper_ct"]["status"].keys() <= {"completed", "ground", "diverged"}
+    assert found["controllers"]["paper_ct"]["status"].keys() <= {
+        "completed",
+        "ground",
+        "diverged",
+    }
     whole_one = statistics(Rows(whole))
-    assert (whole_one["complete"], whole_one["rows"], whole_one["files_not_counted"]) == (True, 100, [])
+    assert (
+        whole_one["complete"],
+        whole_one["rows"],
+        whole_one["files_not_counted"],
+    ) == (True, 100, [])
 
 
 def test_statistics_need_a_manifest(whole: Path, tmp_path: Path) -> None:
@@ -86,7 +98,11 @@ def test_rows_of_another_study_do_not_count(whole: Path, tmp_path: Path) -> None
 
 def test_two_parts_in_turn_fly_the_whole(whole: Path, tmp_path: Path) -> None:
     first = run_sweep(small_study(), tmp_path, part="1/2")
-    assert (first.flown, first.rows, manifest_of(tmp_path)["complete"]) == (32, 64, False)
+    assert (first.flown, first.rows, manifest_of(tmp_path)["complete"]) == (
+        32,
+        64,
+        False,
+    )
     second = run_sweep(small_study(), tmp_path, part="2/2")
     assert (second.flown, second.found, second.rows) == (18, 32, 100)
     assert files_of(tmp_path) == files_of(whole)
@@ -117,7 +133,11 @@ def test_a_disk_that_fails_is_one_line_and_the_sweep_goes_on_when_it_works_again
     assert "\n" not in str(caught.value)
     left = files_of(tmp_path)
     assert len(left) == 5
-    assert all(content == files_of(whole)[name] for name, content in left.items() if name != MANIFEST)
+    assert all(
+        content == files_of(whole)[name]
+        for name, content in left.items()
+        if name != MANIFEST
+    )
     state["full"] = False
     assert run_sweep(small_study(), tmp_path).found == 32
     assert files_of(tmp_path) == files_of(whole)

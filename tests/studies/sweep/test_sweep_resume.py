@@ -1,4 +1,6 @@
-"""A sweep that is killed, changed or damaged: the folder ends as if nothing had happened, or the change is refused."""
+"""A sweep that is killed, changed or damaged: the folder ends as if nothing had
+happened, or the change is refused.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,15 @@ from skyarm.records.files.writing import LOCK, TakenError
 from skyarm.studies.sweep import StudyError, run_sweep
 from skyarm.studies.sweep.manifest import MANIFEST
 from support.cases import sampled
-from support.studies import MASS, document, files_of, read, rows_file, small_study, write_manifest
+from support.studies import (
+    MASS,
+    document,
+    files_of,
+    read,
+    rows_file,
+    small_study,
+    write_manifest,
+)
 
 pytest.importorskip("pyarrow")
 
@@ -41,12 +51,16 @@ LONG = {"episodes": 480, "chunk": 8, "duration": 2.0}
 
 def started(folder: Path) -> subprocess.Popen[str]:
     command = [sys.executable, "-c", PROGRAM, json.dumps(document(**LONG)), str(folder)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
 
 
 @pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
-def test_a_sweep_killed_again_and_again_ends_with_the_files_of_an_uninterrupted_one(tmp_path: Path) -> None:
+def test_a_sweep_killed_again_and_again_ends_with_the_files_of_an_uninterrupted_one(
+    tmp_path: Path,
+) -> None:
     run_sweep(small_study(**LONG), tmp_path / "whole")
     killed, chunks_before = 0, 0
     for attempt in range(3):
@@ -73,11 +87,15 @@ def test_a_sweep_killed_again_and_again_ends_with_the_files_of_an_uninterrupted_
     assert summary.found == 8 * chunks_before // 2
     assert files_of(tmp_path / "killed") == files_of(tmp_path / "whole")
     for rows in read(tmp_path / "killed").values():
-        assert rows["episode"].tolist() == list(range(480)), "no row is lost, none is there twice"
+        assert rows["episode"].tolist() == list(range(480)), (
+            "no row is lost, none is there twice"
+        )
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
-def test_a_second_sweep_at_the_same_time_is_refused_and_a_killed_one_holds_nobody_up(tmp_path: Path) -> None:
+def test_a_second_sweep_at_the_same_time_is_refused_and_a_killed_one_holds_nobody_up(
+    tmp_path: Path,
+) -> None:
     folder = tmp_path / "out"
     process = started(folder)
     try:
@@ -85,13 +103,17 @@ def test_a_second_sweep_at_the_same_time_is_refused_and_a_killed_one_holds_nobod
         process.stdout.readline()
         before = sorted(path.name for path in folder.rglob("*.parquet"))
         words = (
-            rf"^folder = '{folder}': must be written by one process at a time; another one \(process {process.pid}\)"
+            rf"^folder = '{folder}': must be written by one process at a time; another"
+            rf" one \(process {process.pid}\)"
         )
         with pytest.raises(TakenError, match=words) as error:
             run_sweep(small_study(**LONG), folder)
         assert "\n" not in str(error.value)
         assert f"(process {process.pid})" in str(error.value)
-        assert sorted(path.name for path in folder.rglob("*.parquet"))[: len(before)] == before
+        assert (
+            sorted(path.name for path in folder.rglob("*.parquet"))[: len(before)]
+            == before
+        )
     finally:
         process.kill()
         process.communicate()
@@ -121,7 +143,9 @@ def test_a_finished_sweep_flies_nothing_again(done: Path) -> None:
     assert told[-1] == (50, 50)
     assert not [each for each in told if each[0] > 50]
     assert files_of(done) == before
-    assert times == {path: path.stat().st_mtime_ns for path in (done / "rows").iterdir()}
+    assert times == {
+        path: path.stat().st_mtime_ns for path in (done / "rows").iterdir()
+    }
 
 
 def _cut(path: Path) -> None:
@@ -140,19 +164,27 @@ def _empty(path: Path) -> None:
 
 @pytest.mark.parametrize("damage", sampled([_flip, Path.unlink, _cut, _empty], 2))
 @pytest.mark.parametrize("manifest", ["there", "lost"])
-def test_a_lost_or_damaged_chunk_is_flown_again(done: Path, damage: Any, manifest: str) -> None:
+def test_a_lost_or_damaged_chunk_is_flown_again(
+    done: Path, damage: Any, manifest: str
+) -> None:
     before = files_of(done)
     if manifest == "lost":
         (done / MANIFEST).unlink()
     damage(rows_file(done, 1))
-    says = nullcontext() if damage is Path.unlink else pytest.warns(UserWarning, match="damaged, and flown again")
+    says = (
+        nullcontext()
+        if damage is Path.unlink
+        else pytest.warns(UserWarning, match="damaged, and flown again")
+    )
     with says:
         summary = run_sweep(small_study(), done)
     assert (summary.found, summary.flown) == (42, 8)
     assert files_of(done) == before
 
 
-def test_a_chunk_of_another_study_is_not_taken_for_one_of_this(done: Path, tmp_path: Path) -> None:
+def test_a_chunk_of_another_study_is_not_taken_for_one_of_this(
+    done: Path, tmp_path: Path
+) -> None:
     run_sweep(small_study(seed=4), tmp_path / "other")
     before = files_of(done)
     theirs = rows_file(tmp_path / "other", 0)
@@ -160,7 +192,10 @@ def test_a_chunk_of_another_study_is_not_taken_for_one_of_this(done: Path, tmp_p
     os.replace(theirs, done / "rows" / theirs.name)
     # another chunk's rows under the name of this one
     digest = rows_file(done, 2).name.split(".")[-2]
-    os.replace(rows_file(done, 2), rows_file(done, 1).with_name(f"chunk_0000001.paper_ct.{digest}.parquet"))
+    os.replace(
+        rows_file(done, 2),
+        rows_file(done, 1).with_name(f"chunk_0000001.paper_ct.{digest}.parquet"),
+    )
     assert len(list((done / "rows").glob("chunk_0000001.paper_ct.*"))) == 2
     rows_file(done, 1, "paper_pd").unlink()
     summary = run_sweep(small_study(), done)
@@ -175,9 +210,15 @@ CHANGES: list[tuple[dict[str, Any], str]] = [
     ({"precision": "single"}, "precision = 'single': must be 'double'"),
     ({"design": "sobol"}, "design = 'sobol': must be 'random'"),
     ({"duration": 1.1}, "duration = 1.1: must be 1.0"),
-    ({"controllers": ["paper_pd", "paper_ct"]}, "controllers = ['paper_pd', 'paper_ct']"),
+    (
+        {"controllers": ["paper_pd", "paper_ct"]},
+        "controllers = ['paper_pd', 'paper_ct']",
+    ),
     ({"scenario": "case3"}, "scenario = 'case3': must be 'case3_wind'"),
-    ({"vary": {MASS: {"uniform": [0.4, 6.0]}}}, "vary.\"environment.wind.force_W.x\" = None: must be {'normal'"),
+    (
+        {"vary": {MASS: {"uniform": [0.4, 6.0]}}},
+        "vary.\"environment.wind.force_W.x\" = None: must be {'normal'",
+    ),
     ({"windows": {"steady": [0.2, 1.0]}}, "windows = "),
     ({"name": "other"}, "name = 'other': must be 'small'"),
 ]
@@ -188,7 +229,9 @@ def test_a_changed_study_is_refused_by_name_and_nothing_is_touched(done: Path) -
     for given, words in CHANGES:
         change = dict(given)
         if "scenario" in change:
-            change["vary"] = {k: v for k, v in document()["vary"].items() if "wind" not in k}
+            change["vary"] = {
+                k: v for k, v in document()["vary"].items() if "wind" not in k
+            }
         with pytest.raises(StudyError, match="choose another --out") as caught:
             run_sweep(small_study(**change), done)
         if words not in str(caught.value) or "\n" in str(caught.value):
@@ -210,7 +253,10 @@ def test_a_changed_scenario_file_is_refused(tmp_path: Path) -> None:
     text = (LIBRARY / "case3_wind.toml").read_text("utf-8")
     path.write_text(text)
     run_sweep(small_study(scenario=str(path)), tmp_path / "out")
-    path.write_text("# a comment changes nothing\n" + text.replace("Case 3 in constant wind", "another title"))
+    path.write_text(
+        "# a comment changes nothing\n"
+        + text.replace("Case 3 in constant wind", "another title")
+    )
     assert run_sweep(small_study(scenario=str(path)), tmp_path / "out").flown == 0
     path.write_text(text.replace("radius = 0.3 ", "radius = 0.31"))
     with pytest.raises(StudyError, match="scenario of 'paper_ct'"):
@@ -226,12 +272,16 @@ def test_rows_of_another_version_are_refused(done: Path) -> None:
     manifest = manifest_of(done)
     manifest["versions"]["skyarm"] = "0.0.1"
     write_manifest(done, manifest)
-    with pytest.raises(StudyError, match=r"version of skyarm = '.*': must be '0\.0\.1'"):
+    with pytest.raises(
+        StudyError, match=r"version of skyarm = '.*': must be '0\.0\.1'"
+    ):
         run_sweep(small_study(), done)
 
 
 @pytest.mark.parametrize("text", [None, "", "{", '{"schema": 1, "na', "\xff"])
-def test_a_manifest_that_is_lost_or_cut_off_is_made_anew(done: Path, text: str | None) -> None:
+def test_a_manifest_that_is_lost_or_cut_off_is_made_anew(
+    done: Path, text: str | None
+) -> None:
     before = files_of(done)
     if text is None:
         (done / MANIFEST).unlink()
@@ -246,7 +296,10 @@ def test_rows_of_another_study_are_known_without_a_manifest(done: Path) -> None:
     before = files_of(done)
     with pytest.raises(
         StudyError,
-        match=r"holds rows of another study \(chunk_0000000\.paper_ct\.[0-9a-f]{64}\.parquet\) without a manifest",
+        match=(
+            r"holds rows of another study"
+            r" \(chunk_0000000\.paper_ct\.[0-9a-f]{64}\.parquet\) without a manifest"
+        ),
     ):
         run_sweep(small_study(seed=4), done)
     assert files_of(done) == before
@@ -261,7 +314,9 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("text", "words"), WRONG)
-def test_what_is_no_manifest_is_refused_in_one_line(done: Path, text: str, words: str) -> None:
+def test_what_is_no_manifest_is_refused_in_one_line(
+    done: Path, text: str, words: str
+) -> None:
     (done / MANIFEST).write_text(text)
     with pytest.raises(StudyError, match=r"manifest\.json: ") as caught:
         run_sweep(small_study(), done)
@@ -271,6 +326,10 @@ def test_what_is_no_manifest_is_refused_in_one_line(done: Path, text: str, words
 def test_the_manifest_says_what_the_rows_are(done: Path) -> None:
     manifest = manifest_of(done)
     assert manifest["study"] == json.loads(json.dumps(dict(small_study().document)))
-    assert (manifest["schema"], manifest["complete"], manifest["rows"]) == (3, True, 100)
+    assert (manifest["schema"], manifest["complete"], manifest["rows"]) == (
+        3,
+        True,
+        100,
+    )
     assert manifest["chunks"] == {"done": 4, "of": 4}
     assert set(manifest["versions"]) == {"skyarm", "numpy", "llvmlite", "code"}

@@ -11,7 +11,13 @@ import numpy as np
 import pytest
 
 from skyarm.studies.sweep import StudyError, run_sweep
-from skyarm.studies.sweep.maps import Axis, RobustnessMap, axis, robustness_maps, success_map
+from skyarm.studies.sweep.maps import (
+    Axis,
+    RobustnessMap,
+    axis,
+    robustness_maps,
+    success_map,
+)
 from skyarm.studies.sweep.stats import Pictures, Rows, page, parse_limits, statistics
 from skyarm.studies.sweep.sweep_figures import robustness_figure
 from skyarm.view.figures.style import image_bytes
@@ -42,7 +48,9 @@ def test_success_is_flying_to_the_end_within_the_limits(folder: Path) -> None:
 
 
 def test_metrics_are_of_episodes_that_flew_to_their_end(folder: Path) -> None:
-    found = statistics(Rows(folder))["controllers"]["paper_pd"]["metrics"]["peak_position"]
+    found = statistics(Rows(folder))["controllers"]["paper_pd"]["metrics"][
+        "peak_position"
+    ]
     rows = read(folder)["paper_pd"]
     kept = rows["peak_position"][rows["status"] == "completed"]
     assert found["count"] == kept.size < 120
@@ -73,9 +81,18 @@ def test_success_is_compared_episode_by_episode(folder: Path) -> None:
     rows = read(folder)
     ct, pd = rows["paper_ct"], rows["paper_pd"]
     limit = float(np.nanmedian(ct["joint_error_mean"][ct["status"] == "completed"]))
-    found = statistics(Rows(folder, {"joint_error_mean": limit}))["paired"]["paper_ct - paper_pd"]
-    won = [(each["status"] == "completed") & (each["joint_error_mean"] <= limit) for each in (ct, pd)]
-    counts = {"both": won[0] & won[1], "only_first": won[0] & ~won[1], "only_second": ~won[0] & won[1]}
+    found = statistics(Rows(folder, {"joint_error_mean": limit}))["paired"][
+        "paper_ct - paper_pd"
+    ]
+    won = [
+        (each["status"] == "completed") & (each["joint_error_mean"] <= limit)
+        for each in (ct, pd)
+    ]
+    counts = {
+        "both": won[0] & won[1],
+        "only_first": won[0] & ~won[1],
+        "only_second": ~won[0] & won[1],
+    }
     assert all(found["success"][name] == at.sum() for name, at in counts.items())
     assert sum(found["success"].values()) == 120
     assert abs(won[0].sum() - won[1].sum()) > 5, "or a wrong sign would not show"
@@ -91,9 +108,17 @@ def test_statistics_are_the_same_again(folder: Path) -> None:
 def test_limits_may_be_given_anew(folder: Path) -> None:
     rows = Rows(folder, {})
     assert rows.succeeded("paper_ct").sum() > Rows(folder).succeeded("paper_ct").sum()
-    with pytest.raises(StudyError, match=r"success\.speed: is no metric of these rows; there are position_error_mean"):
+    with pytest.raises(
+        StudyError,
+        match=(
+            r"success\.speed: is no metric of these rows; there are position_error_mean"
+        ),
+    ):
         Rows(folder, {"speed": 1.0})
-    assert parse_limits(["peak_pitch=0.5", "roll_rms = 1e-3"]) == {"peak_pitch": 0.5, "roll_rms": 1e-3}
+    assert parse_limits(["peak_pitch=0.5", "roll_rms = 1e-3"]) == {
+        "peak_pitch": 0.5,
+        "roll_rms": 1e-3,
+    }
     for text in ("peak_pitch", "peak_pitch=", "peak_pitch=low", "peak_pitch=nan"):
         with pytest.raises(StudyError, match="must be METRIC=LARGEST"):
             parse_limits([text])
@@ -108,9 +133,13 @@ def test_a_map_counts_every_episode_once() -> None:
     x = np.array([0.0, 0.1, 0.9, 1.0, 1.0, 0.5])
     y = np.array([5.0, 5.0, 6.0, 7.0, 5.1, 5.5])
     won = np.array([True, False, True, True, False, False])
-    sides = Axis(path="x", edges=np.array([0.0, 0.5, 1.0])), Axis(path="y", edges=np.array([5.0, 6.0, 7.0]))
+    sides = (
+        Axis(path="x", edges=np.array([0.0, 0.5, 1.0])),
+        Axis(path="y", edges=np.array([5.0, 6.0, 7.0])),
+    )
     found = success_map("c", *sides, x, y, won)
-    # a value on an edge between cells belongs to the cell it begins, one on the last edge to the last cell
+    # a value on an edge between cells belongs to the cell it begins, one on the last
+    # edge to the last cell
     assert found.count.tolist() == [[2, 2], [0, 2]]
     assert found.rate[0].tolist() == [0.5, 0.0]
     assert np.isnan(found.rate[1, 0])
@@ -124,8 +153,12 @@ def test_cells_surround_the_values_of_a_grid_and_share_the_range_of_draws() -> N
     assert len(draws.edges) == 21, "25 episodes a cell"
     assert draws.edges[[0, -1]] == pytest.approx([2.0, 3.0], abs=1e-3)
     ratios = axis("r", np.geomspace(0.1, 10.0, 5000), logarithmic=True)
-    assert np.diff(np.log(ratios.edges)) == pytest.approx(np.log(100.0) / (len(ratios.edges) - 1))
-    assert ratios.centers == pytest.approx(np.sqrt(ratios.edges[1:] * ratios.edges[:-1]))
+    assert np.diff(np.log(ratios.edges)) == pytest.approx(
+        np.log(100.0) / (len(ratios.edges) - 1)
+    )
+    assert ratios.centers == pytest.approx(
+        np.sqrt(ratios.edges[1:] * ratios.edges[:-1])
+    )
 
 
 def test_maps_of_a_sweep_hold_all_its_episodes(folder: Path) -> None:
@@ -137,7 +170,7 @@ def test_maps_of_a_sweep_hold_all_its_episodes(folder: Path) -> None:
         assert np.nansum(found.rate * found.count) == pytest.approx(won.sum())
         light = rows[MASS] < found.across.edges[1]
         assert found.count[:, 0].sum() == light.sum()
-    (other, *_) = robustness_maps(Rows(folder), ("sensors.position", MASS))
+    other, *_ = robustness_maps(Rows(folder), ("sensors.position", MASS))
     assert other.across.path == "sensors.position"
     with pytest.raises(StudyError, match="must be a varied number; there are"):
         robustness_maps(Rows(folder), (MASS, "plant.gravity"))
@@ -150,26 +183,41 @@ def half_plane(rate: Any) -> RobustnessMap:
     across = Axis(path="x", edges=np.arange(values.shape[1] + 1.0))
     upward = Axis(path="y", edges=np.arange(values.shape[0] + 1.0))
     return RobustnessMap(
-        controller="c", across=across, upward=upward, rate=values, count=np.ones(values.shape, dtype=int)
+        controller="c",
+        across=across,
+        upward=upward,
+        rate=values,
+        count=np.ones(values.shape, dtype=int),
     )
 
 
 def test_the_boundary_lies_where_half_of_the_episodes_succeed() -> None:
     figure = robustness_figure(half_plane(np.tile([1.0, 1.0, 0.0, 0.0], (3, 1))))
-    lines = [each for each in figure.axes[0].collections if each.get_label() == "half succeed"]
-    points = np.concatenate([path.vertices for each in lines for path in each.get_paths()])
-    # cells 0 and 1 are centred on 0.5 and 1.5, cell 2 on 2.5: the line is between 1.5 and 2.5
+    lines = [
+        each
+        for each in figure.axes[0].collections
+        if each.get_label() == "half succeed"
+    ]
+    points = np.concatenate(
+        [path.vertices for each in lines for path in each.get_paths()]
+    )
+    # cells 0 and 1 are centred on 0.5 and 1.5, cell 2 on 2.5: the line is between 1.5
+    # and 2.5
     assert points[:, 0] == pytest.approx(2.0)
 
 
-@pytest.mark.parametrize("rate", [np.ones((3, 3)), np.zeros((3, 3)), [[1.0, 0.0]], [[np.nan, 1.0], [0.0, np.nan]]])
+@pytest.mark.parametrize(
+    "rate",
+    [np.ones((3, 3)), np.zeros((3, 3)), [[1.0, 0.0]], [[np.nan, 1.0], [0.0, np.nan]]],
+)
 def test_a_map_without_a_boundary_is_drawn_without_one(rate: Any) -> None:
     assert image_bytes(robustness_figure(half_plane(rate)))[:4] == b"\x89PNG"
 
 
 def test_a_map_of_ratios_has_logarithmic_axes() -> None:
     ratios = dataclasses.replace(
-        half_plane(np.eye(3)), across=Axis(path="r", edges=np.geomspace(1, 8, 4), logarithmic=True)
+        half_plane(np.eye(3)),
+        across=Axis(path="r", edges=np.geomspace(1, 8, 4), logarithmic=True),
     )
     axes = robustness_figure(ratios).axes[0]
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "linear")
@@ -186,7 +234,10 @@ class Tags(HTMLParser):
 
 def test_the_page_needs_nothing_else_and_escapes_what_a_file_says(folder: Path) -> None:
     rows = Rows(folder)
-    images = {each.controller: image_bytes(robustness_figure(each), dpi=40) for each in robustness_maps(rows)}
+    images = {
+        each.controller: image_bytes(robustness_figure(each), dpi=40)
+        for each in robustness_maps(rows)
+    }
     text = page(statistics(rows), rows.manifest, Pictures(maps=images))
     assert "http:" not in text
     assert "https:" not in text
@@ -195,16 +246,38 @@ def test_the_page_needs_nothing_else_and_escapes_what_a_file_says(folder: Path) 
     sources = [held["src"] for tag, held in tags.found if "src" in held]
     assert len(sources) == 2
     assert all(str(source).startswith("data:image/png;base64,") for source in sources)
-    assert not [tag for tag, held in tags.found if tag in ("script", "link", "iframe", "b") or "href" in held]
-    (policy,) = [held["content"] for _, held in tags.found if held.get("http-equiv") == "Content-Security-Policy"]
+    assert not [
+        tag
+        for tag, held in tags.found
+        if tag in ("script", "link", "iframe", "b") or "href" in held
+    ]
+    (policy,) = [
+        held["content"]
+        for _, held in tags.found
+        if held.get("http-equiv") == "Content-Security-Policy"
+    ]
     assert str(policy).startswith("default-src 'none'")
     assert "&lt;b&gt;&#34;mass&#34;&lt;/b&gt;" in text
-    for word in ("paper_ct", "paper_pd", "position_error_mean", MASS, "ground", "mean position error [m] at most 0.25"):
+    for word in (
+        "paper_ct",
+        "paper_pd",
+        "position_error_mean",
+        MASS,
+        "ground",
+        "mean position error [m] at most 0.25",
+    ):
         assert word in text
 
 
-def test_a_study_of_one_controller_and_no_survivor_still_makes_a_page(tmp_path: Path) -> None:
-    run_sweep(small_study(controllers=["paper_ct"], vary={MASS: {"uniform": [8.0, 9.0]}}, episodes=8), tmp_path)
+def test_a_study_of_one_controller_and_no_survivor_still_makes_a_page(
+    tmp_path: Path,
+) -> None:
+    run_sweep(
+        small_study(
+            controllers=["paper_ct"], vary={MASS: {"uniform": [8.0, 9.0]}}, episodes=8
+        ),
+        tmp_path,
+    )
     rows = Rows(tmp_path)
     found = statistics(rows)
     assert found["controllers"]["paper_ct"]["metrics"]["roll_rms"] is None

@@ -1,4 +1,6 @@
-"""The page of a study says whether it is complete, and ties of two controllers are shared between them."""
+"""The page of a study says whether it is complete, and ties of two controllers are
+shared between them.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,13 @@ import numpy as np
 import pytest
 
 from skyarm.studies.sweep.manifest import Manifest
-from skyarm.studies.sweep.stats import SHARES, Pictures, _difference_statistics, _success_difference, page
+from skyarm.studies.sweep.stats import (
+    SHARES,
+    Pictures,
+    _difference_statistics,
+    _success_difference,
+    page,
+)
 
 STUDY = {
     "name": "small",
@@ -31,7 +39,11 @@ MANIFEST = Manifest(
 
 
 def found(*, complete, paired=None, deterministic=False):
-    one = {"status": {"completed": 11, "fell": 1}, "success_rate": 0.75, "success_interval": (0.4, 0.9)}
+    one = {
+        "status": {"completed": 11, "fell": 1},
+        "success_rate": 0.75,
+        "success_interval": (0.4, 0.9),
+    }
     return {
         "complete": complete,
         "deterministic": deterministic,
@@ -47,7 +59,9 @@ def found(*, complete, paired=None, deterministic=False):
 
 
 def text(complete):
-    return html.unescape(re.sub(r"<[^>]*>", " ", page(found(complete=complete), MANIFEST, Pictures())))
+    return html.unescape(
+        re.sub(r"<[^>]*>", " ", page(found(complete=complete), MANIFEST, Pictures()))
+    )
 
 
 def test_a_page_says_that_a_study_is_not_complete_and_only_then():
@@ -61,7 +75,9 @@ def test_a_page_without_pairs_and_maps_has_no_empty_sections():
     bare = page(found(complete=True), MANIFEST, Pictures())
     for title in ("Paired differences", "Robustness maps"):
         assert title not in bare
-    assert "Robustness maps" in page(found(complete=True), MANIFEST, Pictures(maps={"law": b"png"}))
+    assert "Robustness maps" in page(
+        found(complete=True), MANIFEST, Pictures(maps={"law": b"png"})
+    )
 
 
 def test_a_study_without_a_title_is_called_by_its_name():
@@ -72,18 +88,32 @@ def test_a_study_without_a_title_is_called_by_its_name():
 
 
 def test_a_map_that_is_the_same_everywhere_is_a_sentence():
-    pictures = Pictures(maps={"one": b"png"}, constant={"law": 1.0, "other": 0.0, "third": 0.25})
+    pictures = Pictures(
+        maps={"one": b"png"}, constant={"law": 1.0, "other": 0.0, "third": 0.25}
+    )
     text = page(found(complete=True), MANIFEST, pictures)
     assert text.count("<img") == 1
-    for words in ("law: every episode succeeds", "other: no episode succeeds", "third: 25.0% succeed"):
+    for words in (
+        "law: every episode succeeds",
+        "other: no episode succeeds",
+        "third: 25.0% succeed",
+    ):
         assert f"<p>{words}, in every cell of the map.</p>" in text
 
 
 def test_a_grid_without_chance_has_no_intervals_and_says_why():
     given = found(complete=True, deterministic=True)
     given["controllers"]["law"]["success_interval"] = None
-    spread = {"count": 11, "mean": 0.5, "quantiles": {str(share): 0.25 for share in SHARES}, "intervals": None}
-    given["controllers"]["law"]["metrics"] = {"ee_error_mean": spread, "pitch_rms": None}
+    spread = {
+        "count": 11,
+        "mean": 0.5,
+        "quantiles": {str(share): 0.25 for share in SHARES},
+        "intervals": None,
+    }
+    given["controllers"]["law"]["metrics"] = {
+        "ee_error_mean": spread,
+        "pitch_rms": None,
+    }
     text = html.unescape(page(given, MANIFEST, Pictures()))
     assert "nothing is drawn at random, and the numbers have no intervals" in text
     assert not re.search(r"[Bb]ootstrap|Wilson|\[0|interval<", text)
@@ -91,18 +121,34 @@ def test_a_grid_without_chance_has_no_intervals_and_says_why():
 
 
 def test_ties_are_shared_between_both_controllers():
-    """Of ten differences three are below zero and four are zero: two of these count for each side."""
+    """Of ten differences three are below zero and four are zero: two of these count for
+    each side.
+    """
     difference = np.array([-1.0, -2.0, -3.0, 0.0, 0.0, -0.0, 0.0, 1.0, 2.0, 3.0])
-    assert _difference_statistics(difference, 0.95)["first_smaller"] == pytest.approx(0.5)
-    assert _difference_statistics(-difference, 0.95)["first_smaller"] == pytest.approx(0.5)
-    assert _difference_statistics(np.zeros(4), 0.95)["first_smaller"] == pytest.approx(0.5)
-    assert _difference_statistics(np.array([-1.0, 0.0, 0.0, 2.0, 3.0]), 0.95)["first_smaller"] == pytest.approx(0.4)
-    assert _difference_statistics(np.zeros(1), 0.95)["first_smaller"] == pytest.approx(0.5), "one tie is half of each"
+    assert _difference_statistics(difference, 0.95)["first_smaller"] == pytest.approx(
+        0.5
+    )
+    assert _difference_statistics(-difference, 0.95)["first_smaller"] == pytest.approx(
+        0.5
+    )
+    assert _difference_statistics(np.zeros(4), 0.95)["first_smaller"] == pytest.approx(
+        0.5
+    )
+    assert _difference_statistics(np.array([-1.0, 0.0, 0.0, 2.0, 3.0]), 0.95)[
+        "first_smaller"
+    ] == pytest.approx(0.4)
+    assert _difference_statistics(np.zeros(1), 0.95)["first_smaller"] == pytest.approx(
+        0.5
+    ), "one tie is half of each"
 
 
 def test_a_page_marks_what_too_few_episodes_leave_without_an_interval():
     given = found(complete=True, paired={"law - other": pair_of_one()})
-    spread = {"count": 1, "mean": 0.5, "quantiles": dict.fromkeys(map(str, SHARES), 0.25)}
+    spread = {
+        "count": 1,
+        "mean": 0.5,
+        "quantiles": dict.fromkeys(map(str, SHARES), 0.25),
+    }
     given["controllers"]["law"]["metrics"] = {
         "pitch_rms": {**spread, "intervals": dict.fromkeys(map(str, SHARES))},
     }
@@ -113,6 +159,11 @@ def test_a_page_marks_what_too_few_episodes_leave_without_an_interval():
 
 
 def pair_of_one():
-    """The first of two laws succeeds in the only episode; Wilson: 0.2065 to 1, and 0 to 0.7935."""
+    """The first of two laws succeeds in the only episode; Wilson: 0.2065 to 1, and 0 to
+    0.7935.
+    """
     success = _success_difference(np.array([True]), np.array([False]), 0.95)
-    return {**success, "metrics": {"pitch_rms": _difference_statistics(np.array([-0.02]), 0.95)}}
+    return {
+        **success,
+        "metrics": {"pitch_rms": _difference_statistics(np.array([-0.02]), 0.95)},
+    }

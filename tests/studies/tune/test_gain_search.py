@@ -1,4 +1,6 @@
-"""The search on costs that need no flight: it finds a known minimum, repeats, looks at few margins."""
+"""The search on costs that need no flight: it finds a known minimum, repeats, looks at
+few margins.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,14 @@ import pytest
 
 from skyarm.studies.sweep.sobol import DIMENSIONS
 from skyarm.studies.tune.candidate_flights import WEIGHTS, Scores
-from skyarm.studies.tune.gain_search import BOX, Effort, costs, scatter, search, with_margins
+from skyarm.studies.tune.gain_search import (
+    BOX,
+    Effort,
+    costs,
+    scatter,
+    search,
+    with_margins,
+)
 from skyarm.studies.tune.law_knobs import GainKnob
 
 KNOBS = tuple(
@@ -35,9 +44,13 @@ def scores_of(logs):
 
 
 def test_the_stiffest_strategy_finds_the_minimum_and_the_calmest_trades_error():
-    logs, found = search(KNOBS, EFFORT, lambda _number, asked, _plants: scores_of(asked), seed=1)
+    logs, found = search(
+        KNOBS, EFFORT, lambda _number, asked, _plants: scores_of(asked), seed=1
+    )
     assert logs.shape == (EFFORT.candidates, len(KNOBS))
-    stiff, calm = (logs[costs(found, weight).argmin()] for weight in (min(WEIGHTS), max(WEIGHTS)))
+    stiff, calm = (
+        logs[costs(found, weight).argmin()] for weight in (min(WEIGHTS), max(WEIGHTS))
+    )
     # the minimum of |x - b|^2 + w x_0 is b_0 - w / 2
     assert stiff == pytest.approx(BEST - [0.5 * min(WEIGHTS), 0, 0, 0], abs=0.15)
     assert calm == pytest.approx(BEST - [0.5 * max(WEIGHTS), 0, 0, 0], abs=0.15)
@@ -47,7 +60,9 @@ def test_the_stiffest_strategy_finds_the_minimum_and_the_calmest_trades_error():
 def test_a_search_asks_the_same_questions_again_and_other_ones_with_another_seed():
     asked = {}
     for name, seed in (("first", 3), ("again", 3), ("other", 4)):
-        asked[name] = search(KNOBS, EFFORT, lambda _number, logs, _plants: scores_of(logs), seed=seed)[0]
+        asked[name] = search(
+            KNOBS, EFFORT, lambda _number, logs, _plants: scores_of(logs), seed=seed
+        )[0]
     np.testing.assert_array_equal(asked["first"], asked["again"])
     assert not np.array_equal(asked["first"], asked["other"])
 
@@ -57,7 +72,9 @@ def test_the_scatter_begins_with_the_law_as_it_is_and_goes_along_one_bandwidth()
     np.testing.assert_array_equal(points[0], 0.0)
     # on the line a stiffness moves as the square of a damping, or all gains alike
     np.testing.assert_allclose(points[2:25:2, 0], 2.0 * points[2:25:2, 1], atol=1e-12)
-    np.testing.assert_allclose(points[1:25:2], np.repeat(points[1:25:2, :1], len(KNOBS), axis=1), atol=1e-12)
+    np.testing.assert_allclose(
+        points[1:25:2], np.repeat(points[1:25:2, :1], len(KNOBS), axis=1), atol=1e-12
+    )
     # gains three times too high or too low are near the right ones somewhere on it
     for off in (np.log(3.0), -np.log(3.0)):
         assert np.abs(points[1:25:2, 0] + off).min() < 0.2
@@ -67,8 +84,13 @@ def test_the_scatter_begins_with_the_law_as_it_is_and_goes_along_one_bandwidth()
 
 
 def test_more_gains_than_a_sobol_sequence_has_dimensions_are_scattered():
-    many = tuple(GainKnob(path=f"k{i}", unit="1/s", numbers=(((f"k{i}",), 2.0),)) for i in range(DIMENSIONS + 4))
-    points, few = (scatter(knobs, 200, seed=3)[-150:] for knobs in (many, many[:DIMENSIONS]))
+    many = tuple(
+        GainKnob(path=f"k{i}", unit="1/s", numbers=(((f"k{i}",), 2.0),))
+        for i in range(DIMENSIONS + 4)
+    )
+    points, few = (
+        scatter(knobs, 200, seed=3)[-150:] for knobs in (many, many[:DIMENSIONS])
+    )
     np.testing.assert_array_equal(points[:, :DIMENSIONS], few)
     np.testing.assert_array_equal(points, scatter(many, 200, seed=3)[-150:])
     assert points[:, DIMENSIONS:].std(axis=0).min() > 0.5 * few.std(axis=0).min()
@@ -89,12 +111,16 @@ def test_margins_are_looked_at_only_where_they_change_who_leads():
         looked.extend(asked.tolist())
         return np.where(asked[:, 2] > 0.0, 4.0, 0.0)
 
-    groups = [(weight, slice(20 * i, 20 * (i + 1)), 5) for i, weight in enumerate((0.1, 1.0))]
+    groups = [
+        (weight, slice(20 * i, 20 * (i + 1)), 5) for i, weight in enumerate((0.1, 1.0))
+    ]
     found = with_margins(scored, logs, groups, short)
     assert len(looked) < 40
     for weight, which, count in groups:
         wanted = (scored.cost(weight) + truth)[which].argsort(kind="stable")[:count]
-        np.testing.assert_array_equal(found.cost(weight)[which].argsort(kind="stable")[:count], wanted)
+        np.testing.assert_array_equal(
+            found.cost(weight)[which].argsort(kind="stable")[:count], wanted
+        )
 
 
 def test_an_effort_flies_about_as_many_candidates_as_are_requested():
@@ -102,6 +128,12 @@ def test_an_effort_flies_about_as_many_candidates_as_are_requested():
     for candidates in (200, 500, 1400, 5000):
         found = Effort().scale(candidates, 6)
         assert abs(found.candidates - candidates) <= each_round / 2
-        assert (found.plants, found.first_plants, found.population) == (6, 6, Effort().population)
+        assert (found.plants, found.first_plants, found.population) == (
+            6,
+            6,
+            Effort().population,
+        )
     assert Effort().scale(Effort().candidates, Effort().plants) == Effort()
-    assert Effort().scale(10, 24).rounds == 2, "the second round is the first that learns of another"
+    assert Effort().scale(10, 24).rounds == 2, (
+        "the second round is the first that learns of another"
+    )

@@ -1,4 +1,6 @@
-"""Margins with gains as data are those of a loop compiled for these gains; tests agree with what is measured."""
+"""Margins with gains as data are those of a loop compiled for these gains; tests agree
+with what is measured.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,12 @@ import pytest
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.stability.flight_margins import evidence
 from skyarm.studies.tune.excitation import tuning_flight
-from skyarm.studies.tune.hover_margins import HoverMargins, calm, required_margins, with_gains
+from skyarm.studies.tune.hover_margins import (
+    HoverMargins,
+    calm,
+    required_margins,
+    with_gains,
+)
 from skyarm.studies.tune.law_knobs import find_knobs
 
 CASE = load_scenario("case3")
@@ -27,10 +34,15 @@ def test_margins_are_those_of_a_loop_compiled_for_these_gains(tests_of_margins):
     flight, made = tests_of_margins
     logs = np.array([[0.4, 0.1, 0.5, 0.3, -0.2, -0.1]])
     (found,) = made.measure(logs)
-    other = dataclasses.replace(calm(flight), controller=with_gains(flight.controller, KNOBS, logs[0]))
+    other = dataclasses.replace(
+        calm(flight), controller=with_gains(flight.controller, KNOBS, logs[0])
+    )
     hover = evidence(other, 0).instants[0]
     assert found.delay == pytest.approx(hover.delay, rel=1e-6)
-    for pair, wanted in ((found.rotors, hover.gain("rotor_gain")), (found.joints, hover.gain("joint_gain"))):
+    for pair, wanted in (
+        (found.rotors, hover.gain("rotor_gain")),
+        (found.joints, hover.gain("joint_gain")),
+    ):
         assert pair == pytest.approx(wanted, rel=1e-4)
 
 

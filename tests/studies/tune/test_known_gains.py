@@ -1,4 +1,6 @@
-"""About which gains a search goes: the catalogue's, whatever was given; the given ones where it has none."""
+"""About which gains a search goes: the catalogue's, whatever was given; the given ones
+where it has none.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +23,17 @@ FLIGHT = tuning_flight(load_scenario("case3", controller=LABEL))
 
 
 def about(flight, label=LABEL):
-    return with_catalogue_gains(flight, find_knobs(flight.controller, flight.controller.name), label)
+    return with_catalogue_gains(
+        flight, find_knobs(flight.controller, flight.controller.name), label
+    )
 
 
 def detuned(factor):
     knobs = find_knobs(FLIGHT.controller, FLIGHT.controller.name)
     logs = np.log(np.broadcast_to(factor, len(knobs)))
-    return dataclasses.replace(FLIGHT, controller=with_gains(FLIGHT.controller, knobs, logs))
+    return dataclasses.replace(
+        FLIGHT, controller=with_gains(FLIGHT.controller, knobs, logs)
+    )
 
 
 @pytest.mark.parametrize("factor", [3.0, 1.0 / 3.0, 10.0])
@@ -36,15 +42,20 @@ def test_gains_that_are_off_lead_to_the_same_search_to_the_bit(factor):
     assert identity(found.flight) == identity(FLIGHT)
     usual = about(FLIGHT)
     # flown beside the others as they were given
-    row = dict(zip((knob.path for knob in found.knobs), found.starts[GIVEN], strict=True))
+    row = dict(
+        zip((knob.path for knob in found.knobs), found.starts[GIVEN], strict=True)
+    )
     assert set(np.round(list(row.values()), 12)) == {round(math.log(factor), 12)}
-    # the same candidates in the same places, also where the given gains are those of the catalogue
+    # the same candidates in the same places, also where the given gains are those of
+    # the catalogue
     assert list(found.starts) == list(usual.starts) == [GIVEN, LABEL]
     assert usual.starts[GIVEN] == (0.0,) * len(usual.knobs)
     for name in list(usual.starts)[1:]:
         assert found.starts[name] == usual.starts[name]
     # nothing is scattered about the given gains
-    off = scatter(found.knobs, 240, 0, np.array([[5.0] * len(found.knobs), *found.rows[1:]]))
+    off = scatter(
+        found.knobs, 240, 0, np.array([[5.0] * len(found.knobs), *found.rows[1:]])
+    )
     np.testing.assert_array_equal(scatter(found.knobs, 240, 0, found.rows)[1:], off[1:])
 
 
@@ -52,15 +63,21 @@ def test_a_start_has_the_numbers_of_its_law():
     """Of two kinds of gains, the law's own and the tuned ones."""
     flight = tuning_flight(load_scenario("case3", controller="indi"))
     found = about(flight, "indi")
-    assert list(found.starts) == [GIVEN, "indi_tuned", "indi"] or list(found.starts) == [GIVEN, "indi", "indi_tuned"]
-    tuned = with_gains(found.flight.controller, found.knobs, found.starts["indi_tuned"]).par
+    assert list(found.starts) == [GIVEN, "indi_tuned", "indi"] or list(
+        found.starts
+    ) == [GIVEN, "indi", "indi_tuned"]
+    tuned = with_gains(
+        found.flight.controller, found.knobs, found.starts["indi_tuned"]
+    ).par
     catalogue = load_scenario("case3", controller="indi_tuned").controller.par
     assert [*tuned.gains.position] == pytest.approx([*catalogue.gains.position])
     assert tuned.joint_gains.stiffness == pytest.approx(catalogue.joint_gains.stiffness)
 
 
 def test_numbers_of_other_ratios_stay_where_they_are():
-    """One factor a knob cannot lead from them to the catalogue's: the search goes about what was given."""
+    """One factor a knob cannot lead from them to the catalogue's: the search goes about
+    what was given.
+    """
     law = FLIGHT.controller
     other = replace_at(law.par, {("joint_gains", "stiffness", "0"): 100.0})
     flight = dataclasses.replace(FLIGHT, controller=dataclasses.replace(law, par=other))

@@ -1,4 +1,6 @@
-"""Knobs are a law's gains and nothing else, for any law: those of the catalogue, and someone's own."""
+"""Knobs are a law's gains and nothing else, for any law: those of the catalogue, and
+someone's own.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,13 @@ from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Mixer
 from skyarm.records.leaves import is_leaf, is_record, part, parts, walk
 from skyarm.records.units import NUMBER, Unit, declared_fields
-from skyarm.studies.tune.law_knobs import GAIN, NOT_GAINS, KnobError, find_knobs, inner_place
+from skyarm.studies.tune.law_knobs import (
+    GAIN,
+    NOT_GAINS,
+    KnobError,
+    find_knobs,
+    inner_place,
+)
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 MODEL = Model(vehicle=load_vehicle("hummingbird_arm2"))
@@ -42,7 +50,9 @@ class Constants:
 
 def own() -> Controller:
     made = make_named("decoupled_pd", MODEL)
-    return Controller(name="own", law=made.law, par=Constants(model=MODEL, mixer=made.par.mixer))
+    return Controller(
+        name="own", law=made.law, par=Constants(model=MODEL, mixer=made.par.mixer)
+    )
 
 
 @pytest.mark.parametrize("law", TRACED)
@@ -63,7 +73,8 @@ def test_every_law_of_the_catalogue_has_knobs_on_positive_numbers_of_its_constan
 
 def test_knobs_of_an_unknown_law_are_numbers_with_the_unit_of_a_gain_or_without_any():
     knobs = {knob.path: dict(knob.numbers) for knob in find_knobs(own())}
-    # items of a fixed pair mean different things, those of a list the same; a zero axis, limits and lengths stay
+    # items of a fixed pair mean different things, those of a list the same; a zero
+    # axis, limits and lengths stay
     assert knobs == {
         "pair.0": {("pair", "0"): 16.0},
         "pair.1": {("pair", "1"): 8.0},
@@ -73,16 +84,26 @@ def test_knobs_of_an_unknown_law_are_numbers_with_the_unit_of_a_gain_or_without_
     }
 
 
-LIMIT = re.compile(r"\b(largest|smallest|least|lowest|highest|most|limits?|bounds?|adapted)\b")
+LIMIT = re.compile(
+    r"\b(largest|smallest|least|lowest|highest|most|limits?|bounds?|adapted)\b"
+)
 OPTIONS = {
-    "centroidal": ({"mode": "tip", "interaction": (0.3, 0.1)}, {"mode": "tip", "load": 0.6}, {"adaptation": 0.0}),
+    "centroidal": (
+        {"mode": "tip", "interaction": (0.3, 0.1)},
+        {"mode": "tip", "load": 0.6},
+        {"adaptation": 0.0},
+    ),
 }
 
 
 def declared(record, place=()):
-    """Place, unit and declaration of each number of constants that may be a gain by its unit."""
+    """Place, unit and declaration of each number of constants that may be a gain by its
+    unit.
+    """
     units = declared_fields(type(record)) if is_record(record) else {}
-    for name, value in parts(record).items() if is_record(record) or isinstance(record, tuple) else ():
+    for name, value in (
+        parts(record).items() if is_record(record) or isinstance(record, tuple) else ()
+    ):
         if place or name not in NOT_GAINS:
             unit = units.get(name, (None, NUMBER))[1]
             if GAIN.search(unit.unit):
@@ -96,18 +117,27 @@ def test_a_limit_of_a_law_is_declared_as_a_bound(law):
     for options in ({}, *OPTIONS.get(law, ())):
         made = make_controller(law, MODEL, **options)
         found = dict(declared(part(made.par, inner_place(made))))
-        assert [place for place, unit in found.items() if unit.bound != bool(LIMIT.search(unit.meaning))] == []
+        assert [
+            place
+            for place, unit in found.items()
+            if unit.bound != bool(LIMIT.search(unit.meaning))
+        ] == []
 
 
 def test_chosen_knobs_are_named_by_their_path_or_its_beginning():
     made = make_named("ct_ladder", MODEL)
-    assert [knob.path for knob in find_knobs(made, made.name, ["observer", "gains.rate"])] == [
+    assert [
+        knob.path for knob in find_knobs(made, made.name, ["observer", "gains.rate"])
+    ] == [
         "gains.rate",
         "observer.force",
         "observer.torque",
         "observer.joints",
     ]
-    with pytest.raises(KnobError, match=r"--knobs: 'observr': did you mean .*must be one of gains.position"):
+    with pytest.raises(
+        KnobError,
+        match=r"--knobs: 'observr': did you mean .*must be one of gains.position",
+    ):
         find_knobs(made, made.name, ["observr"])
 
 
@@ -115,5 +145,8 @@ def test_the_flagships_limits_and_lengths_are_no_knobs():
     made = make_named("centroidal_tip", MODEL)
     found = {knob.path for knob in find_knobs(made, made.name)}
     assert {"base.position", "base.rate", "tip.position", "observer.force"} <= found
-    assert not {"tip.reach", "thrust_floor", "tip_mass_limit", "reference_period", "tilt"} & found
+    assert (
+        not {"tip.reach", "thrust_floor", "tip_mass_limit", "reference_period", "tilt"}
+        & found
+    )
     assert len([at for at, value in walk(made.par) if is_leaf(value)]) > 5 * len(found)

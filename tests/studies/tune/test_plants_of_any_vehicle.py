@@ -1,4 +1,6 @@
-"""Wrong plants of any vehicle: the README's for the paper's, scaled for others; and the flight through them."""
+"""Wrong plants of any vehicle: the README's for the paper's, scaled for others; and the
+flight through them.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,14 @@ import pytest
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PERFECT_SENSORS
-from skyarm.studies.compare.perturbed_plants import RESERVE, Spread, arm_length, draw, spread_of, thrust_margin
+from skyarm.studies.compare.perturbed_plants import (
+    RESERVE,
+    Spread,
+    arm_length,
+    draw,
+    spread_of,
+    thrust_margin,
+)
 from skyarm.studies.flights import Crew
 from skyarm.studies.tune.candidate_flights import CandidateFlights, Flown, scores
 from skyarm.studies.tune.excitation import (
@@ -40,35 +49,59 @@ def test_the_papers_vehicle_meets_the_readmes_plants():
     assert mine.eased == 1.0
     for path, values in usual.items():
         name = path.replace("environment.wind.force_W", FORCE)
-        # the arm is 0.3 m long but for the last digits; the truth's joints have less damping than the spread
-        np.testing.assert_allclose(mine.values[name], values, rtol=0.02, atol=1e-9, err_msg=path)
-    assert set(mine.values) == {path.replace("environment.wind.force_W", FORCE) for path in usual}
+        # the arm is 0.3 m long but for the last digits; the truth's joints have less
+        # damping than the spread
+        np.testing.assert_allclose(
+            mine.values[name], values, rtol=0.02, atol=1e-9, err_msg=path
+        )
+    assert set(mine.values) == {
+        path.replace("environment.wind.force_W", FORCE) for path in usual
+    }
 
 
-@pytest.mark.parametrize("name", ["crazyflie_arm1", "hexarotor_arm6", "quadrotor_roll_arm2", "hummingbird"])
+@pytest.mark.parametrize(
+    "name", ["crazyflie_arm1", "hexarotor_arm6", "quadrotor_roll_arm2", "hummingbird"]
+)
 def test_any_vehicle_gets_plants_that_can_be_made_and_hover(name):
     flight = tuning_flight(of_vehicle(load_vehicle(name)))
     plants = draw_plants(flight, 12, seed=1)
     vehicle, weight = flight.plant.vehicle, float(flight.plant.vehicle.mass) * 9.81
     assert ("plant.payload.mass" in plants.values) == bool(vehicle.end_effector)
     for k in range(plants.count):
-        with_numbers(flight, {path: float(values[k]) for path, values in plants.values.items()})
+        with_numbers(
+            flight, {path: float(values[k]) for path, values in plants.values.items()}
+        )
     pulled = plants.spread.payload * 9.81 + plants.spread.wind
-    assert weight + pulled <= RESERVE * 0.9 * thrust_margin(vehicle, 9.81) * weight * (1.0 + 1e-9)
-    np.testing.assert_array_equal(draw_plants(flight, 4, seed=1).values[f"{FORCE}.x"], plants.values[f"{FORCE}.x"][:4])
+    assert weight + pulled <= RESERVE * 0.9 * thrust_margin(vehicle, 9.81) * weight * (
+        1.0 + 1e-9
+    )
+    np.testing.assert_array_equal(
+        draw_plants(flight, 4, seed=1).values[f"{FORCE}.x"],
+        plants.values[f"{FORCE}.x"][:4],
+    )
 
 
 def test_load_and_wind_shrink_where_the_thrust_would_not_reach():
     vehicle = load_vehicle("hummingbird_arm2_rotors")
     weak = dataclasses.replace(
         vehicle,
-        rotors=tuple(dataclasses.replace(r, max_speed=0.68 * float(r.max_speed)) for r in vehicle.rotors),
+        rotors=tuple(
+            dataclasses.replace(r, max_speed=0.68 * float(r.max_speed))
+            for r in vehicle.rotors
+        ),
     )
-    assert thrust_margin(weak, 9.81) == pytest.approx(0.68**2 * thrust_margin(vehicle, 9.81))
-    (whole, all_of_it), (eased, share) = spread_of(vehicle, 9.81, 0.01), spread_of(weak, 9.81, 0.01)
+    assert thrust_margin(weak, 9.81) == pytest.approx(
+        0.68**2 * thrust_margin(vehicle, 9.81)
+    )
+    (whole, all_of_it), (eased, share) = (
+        spread_of(vehicle, 9.81, 0.01),
+        spread_of(weak, 9.81, 0.01),
+    )
     assert all_of_it == 1.0
     assert 0.0 < share < 1.0
-    assert (eased.payload, eased.wind) == pytest.approx((share * whole.payload, share * whole.wind))
+    assert (eased.payload, eased.wind) == pytest.approx(
+        (share * whole.payload, share * whole.wind)
+    )
     assert eased.mass == whole.mass
     assert arm_length(vehicle) == pytest.approx(0.3, rel=0.01)
 
@@ -80,14 +113,18 @@ def test_the_flight_moves_everything_from_rest_within_the_joints_limits(made):
     for k, signal in enumerate((path.x, path.y, path.z, path.yaw, *path.joints)):
         _, rate, acceleration, *_ = signal.derivatives(0.0)
         assert (float(rate), float(acceleration)) == (0.0, 0.0)
-        moved = [float(signal.derivatives(t)[0]) for t in np.linspace(0.0, STEPPED, 200)]
+        moved = [
+            float(signal.derivatives(t)[0]) for t in np.linspace(0.0, STEPPED, 200)
+        ]
         assert np.ptp(moved) > 0.01, k
         if k >= 4:
             joint = vehicle.links[k - 4].joint
             assert float(joint.lower) < min(moved) <= max(moved) < float(joint.upper)
     if made is unseen_motion:
         return
-    jump = float(path.x.derivatives(STEPPED)[0]) - float(path.x.derivatives(STEPPED - 1e-9)[0])
+    jump = float(path.x.derivatives(STEPPED)[0]) - float(
+        path.x.derivatives(STEPPED - 1e-9)[0]
+    )
     assert jump == pytest.approx(STEP, abs=1e-6)
 
 
@@ -106,8 +143,13 @@ def test_a_scenario_keeps_its_loop_and_gets_noise_only_where_it_has_none():
     aside = tuning_flight(case, unseen=True)
     assert aside.reference == unseen_motion(case.plant.vehicle) != flight.reference
     # once the gust of one second is over
-    assert (aside.windows.steady.start, aside.windows.steady.stop) == (BLOWN + 2.0, aside.duration)
-    noisy = dataclasses.replace(case, noise=dataclasses.replace(case.noise, position=0.01))
+    assert (aside.windows.steady.start, aside.windows.steady.stop) == (
+        BLOWN + 2.0,
+        aside.duration,
+    )
+    noisy = dataclasses.replace(
+        case, noise=dataclasses.replace(case.noise, position=0.01)
+    )
     assert tuning_flight(noisy).noise == noisy.noise
     walled = dataclasses.replace(case, world=Contact(surfaces=(Surface(name="wall"),)))
     assert tuning_flight(walled) == flight
@@ -120,7 +162,9 @@ def test_a_scenario_keeps_its_loop_and_gets_noise_only_where_it_has_none():
 
 @pytest.mark.thorough
 def test_joints_with_servos_are_charged_no_effort():
-    flight = tuning_flight(of_vehicle(load_vehicle("quadrotor_roll_arm2"), "decoupled_pd"))
+    flight = tuning_flight(
+        of_vehicle(load_vehicle("quadrotor_roll_arm2"), "decoupled_pd")
+    )
     flight = dataclasses.replace(flight, duration=1.0)
     flights = CandidateFlights(flight, (), draw_plants(flight, 2, seed=0), Crew())
     flown = flights.fly("few", np.zeros((1, 0)))
@@ -142,7 +186,9 @@ def test_every_plant_flies_its_own_motion_and_the_kinds_take_turns():
     fastest = np.zeros(3)
     time = np.linspace(0.0, STEPPED, 200, endpoint=False)
     for k in range(12):
-        path = with_numbers(flight, {each: float(plants.values[each][k]) for each in moved}).reference
+        path = with_numbers(
+            flight, {each: float(plants.values[each][k]) for each in moved}
+        ).reference
         x, y = (np.array(signal.derivatives(time)[:3]) for signal in (path.x, path.y))
         # what any of the shipped vehicles can fly
         assert np.abs([x[2], y[2]]).max() < 1.5
@@ -152,10 +198,20 @@ def test_every_plant_flies_its_own_motion_and_the_kinds_take_turns():
             np.testing.assert_allclose(away, away[0], rtol=1e-6)
         swung = [np.array(signal.derivatives(time)[:2]) for signal in path.joints]
         for link, (angle, _) in zip(flight.plant.vehicle.links, swung, strict=True):
-            assert float(link.joint.lower) < angle.min() <= angle.max() < float(link.joint.upper)
-        fastest[plants.kinds[k]] = max(fastest[plants.kinds[k]], *(np.abs(rate).max() for _, rate in swung))
+            assert (
+                float(link.joint.lower)
+                < angle.min()
+                <= angle.max()
+                < float(link.joint.upper)
+            )
+        fastest[plants.kinds[k]] = max(
+            fastest[plants.kinds[k]], *(np.abs(rate).max() for _, rate in swung)
+        )
     # five joints share what two would swing: 0.25 rad each, 1.6 times it at most
-    widest = max(plants.values[f"reference.joints.{i}.signals.1.signal.amplitude"].max() for i in range(joints))
+    widest = max(
+        plants.values[f"reference.joints.{i}.signals.1.signal.amplitude"].max()
+        for i in range(joints)
+    )
     assert 0.6 * 1.6 * 0.25 * 2 / 5 < widest <= 1.6 * 0.25 * 2 / 5 + 1e-9
     assert fastest[1] > 1.5 * fastest[[0, 2]].max()
     assert len(draw_motions(flight.plant.vehicle, 4, seed=3)[0]) == len(moved)
@@ -179,7 +235,9 @@ def test_an_error_of_several_kinds_is_the_mean_of_their_quantiles_not_the_larges
     )
     # of ten, the greatest but one: sqrt(5 * 0.1) where the quantile takes the greatest
     assert scores(flown).error[0] == pytest.approx(np.sqrt(5.0 * 0.1))
-    assert scores(dataclasses.replace(flown, kinds=0 * kinds)).error[0] == pytest.approx(0.1)
+    assert scores(dataclasses.replace(flown, kinds=0 * kinds)).error[
+        0
+    ] == pytest.approx(0.1)
 
 
 def test_half_of_the_plants_are_those_that_candidates_lost_the_decisive_ones_first():
@@ -192,8 +250,14 @@ def test_half_of_the_plants_are_those_that_candidates_lost_the_decisive_ones_fir
     found = with_lost(pool, 6, lost)
     assert found.kinds.tolist() == pool.kinds[[0, 1, 2, 12, 20, 23]].tolist()
     for path, numbers in pool.values.items():
-        np.testing.assert_array_equal(found.values[path], numbers[[0, 1, 2, 12, 20, 23]])
+        np.testing.assert_array_equal(
+            found.values[path], numbers[[0, 1, 2, 12, 20, 23]]
+        )
     more = with_lost(pool, 8, lost).values["plant.payload.mass"]
-    np.testing.assert_array_equal(more, pool.values["plant.payload.mass"][[0, 1, 2, 3, 10, 12, 20, 23]])
+    np.testing.assert_array_equal(
+        more, pool.values["plant.payload.mass"][[0, 1, 2, 3, 10, 12, 20, 23]]
+    )
     none = with_lost(pool, 6, lost & False)
-    np.testing.assert_array_equal(none.values["plant.payload.mass"], pool.values["plant.payload.mass"][:6])
+    np.testing.assert_array_equal(
+        none.values["plant.payload.mass"], pool.values["plant.payload.mass"][:6]
+    )

@@ -1,4 +1,6 @@
-"""The scenario that a tuning writes under the picked law: it flies that law to the last digit of each gain."""
+"""The scenario that a tuning writes under the picked law: it flies that law to the last
+digit of each gain.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +27,28 @@ def one_point(monkeypatch):
 
     def search(plan, **_):
         logs = tuple(0.1 / (3.0 + i) for i in range(len(plan.knobs)))
-        point = Point(logs=logs, error=0.1, tip=0.1, jitter=1.0, effort=1.0, lost=0.0, saturated=0.0, margins=MARGINS)
-        plants, required = draw_plants(plan.flight, 4, seed=0), Required(delay=0.01, gain=1.5)
+        point = Point(
+            logs=logs,
+            error=0.1,
+            tip=0.1,
+            jitter=1.0,
+            effort=1.0,
+            lost=0.0,
+            saturated=0.0,
+            margins=MARGINS,
+        )
+        plants, required = (
+            draw_plants(plan.flight, 4, seed=0),
+            Required(delay=0.01, gain=1.5),
+        )
         found = tuning.Tuning(
-            plan=plan, before=point, points=(point,), picked=0, required=required, plants=plants, aside={}
+            plan=plan,
+            before=point,
+            points=(point,),
+            picked=0,
+            required=required,
+            plants=plants,
+            aside={},
         )
         FOUND.append(found)
         return FOUND[-1]
@@ -37,17 +57,28 @@ def one_point(monkeypatch):
 
 
 def tune(*words):
-    return CliRunner().invoke(program(["tune"]), ["tune", *words], catch_exceptions=False)
+    return CliRunner().invoke(
+        program(["tune"]), ["tune", *words], catch_exceptions=False
+    )
 
 
-@pytest.mark.parametrize("words", sampled(["", "--laws paper_pd", "--laws own.toml"], 3, keep=["--laws own.toml"]))
-def test_the_scenario_of_the_pick_flies_the_tuned_law_to_the_bit(words, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "words",
+    sampled(["", "--laws paper_pd", "--laws own.toml"], 3, keep=["--laws own.toml"]),
+)
+def test_the_scenario_of_the_pick_flies_the_tuned_law_to_the_bit(
+    words, tmp_path, monkeypatch
+):
     laws = tuple(words.split())
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "own.toml").write_text('schema = 1\n[law]\npreset = "paper_ct"\n[gains]\n"gains.position" = 5.0\n')
+    (tmp_path / "own.toml").write_text(
+        'schema = 1\n[law]\npreset = "paper_ct"\n[gains]\n"gains.position" = 5.0\n'
+    )
     result = tune("case3", *laws, "--out", "found", "--json")
     assert json.loads(result.stdout)["best"] == "found/best.toml"
-    scenario = skyarm.load_scenario("case3", controller=laws[1] if laws else None, duration=0.5)
+    scenario = skyarm.load_scenario(
+        "case3", controller=laws[1] if laws else None, duration=0.5
+    )
     wanted = skyarm.run(scenario.with_controller(FOUND[-1].controller))
     log = skyarm.run(skyarm.load_scenario("found/best.toml", duration=0.5))
     assert log.info["digest"] == wanted.info["digest"]
@@ -63,9 +94,16 @@ def test_of_a_vehicle_gains_alone_are_written(tmp_path):
 
 def test_why_no_scenario_is_written_is_one_line_beside_the_gains(tmp_path):
     (tmp_path / "best.toml").write_text("of an earlier search")
-    skyarm.save_log(skyarm.run(skyarm.load_scenario("case3", duration=0.05)), tmp_path / "flight.npz")
+    skyarm.save_log(
+        skyarm.run(skyarm.load_scenario("case3", duration=0.05)),
+        tmp_path / "flight.npz",
+    )
     result = tune(str(tmp_path / "flight.npz"), "--out", str(tmp_path))
-    (line,) = (each for each in result.stderr.splitlines() if "no scenario under the picked law" in each)
+    (line,) = (
+        each
+        for each in result.stderr.splitlines()
+        if "no scenario under the picked law" in each
+    )
     assert "base: scenario = " in line
     assert not (tmp_path / "best.toml").exists()
     assert tomllib.loads((tmp_path / "tuned.toml").read_text("utf-8"))["gains"]

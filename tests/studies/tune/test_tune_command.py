@@ -1,4 +1,6 @@
-"""skyarm tune from end to end, on a vehicle without an arm and a small budget: files, threads, kills, refusals."""
+"""skyarm tune from end to end, on a vehicle without an arm and a small budget: files,
+threads, kills, refusals.
+"""
 
 from __future__ import annotations
 
@@ -17,15 +19,30 @@ from skyarm.studies.tune.excitation import draw_plants
 from skyarm.studies.tune.subject import SearchSizes, Subject
 from skyarm.vehicle.vehicle_files import load_vehicle
 
-SMALL = ("hummingbird", "--laws", "decoupled_pd", "--candidates", "64", "--plants", "4", "--seed", "2")
+SMALL = (
+    "hummingbird",
+    "--laws",
+    "decoupled_pd",
+    "--candidates",
+    "64",
+    "--plants",
+    "4",
+    "--seed",
+    "2",
+)
 
 
 def tune(*words, folder):
-    return CliRunner().invoke(program(["tune"]), ["tune", *SMALL, "--out", str(folder), *words], catch_exceptions=False)
+    return CliRunner().invoke(
+        program(["tune"]),
+        ["tune", *SMALL, "--out", str(folder), *words],
+        catch_exceptions=False,
+    )
 
 
 DRAWN = []
-"""(seed, plants, trajectory, mixed) of everything that was drawn for the flights of :func:`tuned`."""
+"""(seed, plants, trajectory, mixed) of everything that was drawn for the flights of
+:func:`tuned`."""
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +68,9 @@ def test_gains_are_better_than_before_and_the_file_says_where_they_come_from(tun
     # the default gains lag far behind in the wind
     assert about["after"]["error_m"] < 0.6 * about["before"]["error_m"]
     assert about["after"]["lost"] == 0.0
-    assert about["after"]["delay_margin_s"] >= about["required"]["delay_margin_s"] == 0.01
+    assert (
+        about["after"]["delay_margin_s"] >= about["required"]["delay_margin_s"] == 0.01
+    )
     assert about["vehicle_digest"] == identity(load_vehicle("hummingbird"))
     assert (about["seed"], about["plants"]) == (2, 4)
     assert told["front"][told["picked"]]["gains"] == found["gains"]
@@ -62,7 +81,8 @@ def test_gains_are_better_than_before_and_the_file_says_where_they_come_from(tun
 def test_what_is_said_at_last_comes_from_plants_and_a_path_that_chose_nothing(tuned):
     folder, told = tuned
     seeds, counts, paths, mixed = zip(*DRAWN, strict=True)
-    # of the search, which plants its leaders lose, of what is left of it once more, of the front, of what is said
+    # of the search, which plants its leaders lose, of what is left of it once more, of
+    # the front, of what is said
     assert seeds == (2, 2, 4, 3, 5)
     usual = SearchSizes()
     assert counts == (4, usual.pool * 4, usual.further, usual.unseen, usual.aside)
@@ -72,11 +92,19 @@ def test_what_is_said_at_last_comes_from_plants_and_a_path_that_chose_nothing(tu
     assert list(aside) == ["before", "decoupled_pd", "decoupled_pd_tuned", "pick"]
     assert aside["before"] == aside["decoupled_pd"]
     assert aside["pick"]["tip_m"] < 0.8 * aside["before"]["tip_m"]
-    # stiffer gains for the paper's vehicle are short of delay margin on this one, and lose plants
-    assert [each["meets_constraints"] for each in aside.values()] == [True, True, False, True]
+    # stiffer gains for the paper's vehicle are short of delay margin on this one, and
+    # lose plants
+    assert [each["meets_constraints"] for each in aside.values()] == [
+        True,
+        True,
+        False,
+        True,
+    ]
     assert aside["pick"]["lost"] == 0.0
     assert read_toml((folder / "tuned.toml").read_bytes())["about"]["aside"] == aside
-    assert f"{1e3 * aside['pick']['tip_m']:.3g}</td>" in (folder / "tune.html").read_text("utf-8")
+    assert f"{1e3 * aside['pick']['tip_m']:.3g}</td>" in (
+        folder / "tune.html"
+    ).read_text("utf-8")
 
 
 def test_the_gains_fly(tuned):
@@ -89,7 +117,9 @@ def test_the_gains_fly(tuned):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("place", ["local", "processes"])
-def test_the_result_does_not_depend_on_the_number_of_workers_or_their_place(place, tuned, tmp_path):
+def test_the_result_does_not_depend_on_the_number_of_workers_or_their_place(
+    place, tuned, tmp_path
+):
     folder, _ = tuned
     result = tune("--workers", "2", "--on", place, folder=tmp_path)
     assert result.exit_code == 0, result.output
@@ -97,7 +127,10 @@ def test_the_result_does_not_depend_on_the_number_of_workers_or_their_place(plac
     # a vehicle without joints and tip
     assert "base error" in result.output
     assert not re.search("tip error|joints|effort", result.output)
-    files, others = ({p.relative_to(f): p for p in f.rglob("*") if p.is_file()} for f in (folder, tmp_path))
+    files, others = (
+        {p.relative_to(f): p for p in f.rglob("*") if p.is_file()}
+        for f in (folder, tmp_path)
+    )
     assert set(files) == set(others)
     assert len(list(folder.glob("rows/round_*.parquet"))) == 3
     for name, path in files.items():
@@ -111,11 +144,18 @@ def test_the_page_has_a_stop_for_every_file_and_asks_for_nothing(tuned):
     assert page.count('type="radio"') == stops == len(list(folder.glob("front_*.toml")))
     assert page.count(" checked") == 1
     assert "base error, 90 % of plants, mm" in page
-    assert not re.search("tip error|joint efforts|of the joints|>effort<|>joints<", page)
-    assert f'id="stop{told["picked"]}" aria-label="stop {told["picked"] + 1} of {stops}, calm to stiff" checked' in page
+    assert not re.search(
+        "tip error|joint efforts|of the joints|>effort<|>joints<", page
+    )
+    assert (
+        f'id="stop{told["picked"]}" aria-label="stop {told["picked"] + 1} of {stops},'
+        ' calm to stiff" checked' in page
+    )
     assert "http" not in page.replace("http-equiv", "")
     assert "<script" not in page
-    assert (folder / f"front_{told['picked'] + 1}.toml").read_bytes() == (folder / "tuned.toml").read_bytes()
+    assert (folder / f"front_{told['picked'] + 1}.toml").read_bytes() == (
+        folder / "tuned.toml"
+    ).read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -123,12 +163,21 @@ def test_the_page_has_a_stop_for_every_file_and_asks_for_nothing(tuned):
     [
         (("--candidates", "10"), "--candidates = 10: must be from 64 to 100000"),
         (("--plants", "1"), "--plants = 1: must be from 4 to 1000"),
-        (("--knobs", "gains.positon"), "--knobs: 'gains.positon': did you mean 'gains.position'"),
+        (
+            ("--knobs", "gains.positon"),
+            "--knobs: 'gains.positon': did you mean 'gains.position'",
+        ),
         (("--laws", "decoupled"), "--laws = 'decoupled': did you mean 'decoupled_pd'"),
         (("--laws", "none.toml"), "no such file"),
-        (("--laws", "nmpc"), "its law cannot be traced, skyarm tune needs a traceable law"),
+        (
+            ("--laws", "nmpc"),
+            "its law cannot be traced, skyarm tune needs a traceable law",
+        ),
         (("--workers", "-1"), "--workers = -1: must be from 0"),
-        (("--on", "moon"), "--on = 'moon': must be local, processes, ray or ray:HOST:PORT"),
+        (
+            ("--on", "moon"),
+            "--on = 'moon': must be local, processes, ray or ray:HOST:PORT",
+        ),
         (("--seed", "2147483648"), "--seed = 2147483648: must be from 0 to 2147483647"),
     ],
 )
@@ -145,17 +194,30 @@ def test_a_scenario_is_told_from_a_vehicle(tmp_path):
 
     assert wanted_of("case3", None).words == {"preset": "paper_ct"}
     assert wanted_of("hummingbird", None).label == "centroidal_joint"
-    assert wanted_of("pelican_arm2", "centroidal_tip").words == {"preset": "centroidal_tip"}
-    assert wanted_of("case3", "decoupled_pd_tuned").words == {"law": "decoupled_pd", "tuned": True}
+    assert wanted_of("pelican_arm2", "centroidal_tip").words == {
+        "preset": "centroidal_tip"
+    }
+    assert wanted_of("case3", "decoupled_pd_tuned").words == {
+        "law": "decoupled_pd",
+        "tuned": True,
+    }
     # a name may be of either kind
-    with pytest.raises(ValueError, match=r"^scenario or vehicle = 'humingbird': did you mean 'hummingbird'\?.* case3,"):
+    with pytest.raises(
+        ValueError,
+        match=(
+            r"^scenario or vehicle = 'humingbird': did you mean 'hummingbird'\?.*"
+            r" case3,"
+        ),
+    ):
         wanted_of("humingbird", None)
     with pytest.raises(ValueError, match=r"^scenario = 'nothing.toml': no such file"):
         wanted_of("nothing.toml", None)
 
 
 @pytest.mark.parametrize(("target", "own"), [("case3", 15.0), ("crazyflie_arm1", None)])
-def test_a_scenario_is_tuned_along_its_own_motion_too(target, own, tmp_path, monkeypatch):
+def test_a_scenario_is_tuned_along_its_own_motion_too(
+    target, own, tmp_path, monkeypatch
+):
     plans = []
 
     def seen(plan, **_):

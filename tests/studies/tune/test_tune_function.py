@@ -1,4 +1,6 @@
-"""Tuning from Python: what is flown for a record, a name and a vehicle, and the controller of the result."""
+"""Tuning from Python: what is flown for a record, a name and a vehicle, and the
+controller of the result.
+"""
 
 from __future__ import annotations
 
@@ -21,15 +23,27 @@ def planned(monkeypatch: pytest.MonkeyPatch) -> list[TuningPlan]:
     return seen
 
 
-def test_a_record_is_tuned_as_its_name_and_a_vehicle_without_a_motion_of_its_own(planned: list[TuningPlan]) -> None:
-    record, vehicle = skyarm.load_scenario("case3"), skyarm.load_vehicle("hummingbird_arm2_rotors")
+def test_a_record_is_tuned_as_its_name_and_a_vehicle_without_a_motion_of_its_own(
+    planned: list[TuningPlan],
+) -> None:
+    record, vehicle = (
+        skyarm.load_scenario("case3"),
+        skyarm.load_vehicle("hummingbird_arm2_rotors"),
+    )
     for what in (record, "case3", vehicle):
-        skyarm.tune(what, "paper_ct", candidates=100, plants=8, knobs=["gains.position"], seed=5)
+        skyarm.tune(
+            what, "paper_ct", candidates=100, plants=8, knobs=["gains.position"], seed=5
+        )
     one, other, still = planned
-    assert [identity(one.check), identity(one.own)] == [identity(other.check), identity(other.own)]
+    assert [identity(one.check), identity(one.own)] == [
+        identity(other.check),
+        identity(other.own),
+    ]
     assert (still.own, still.check) == (None, still.flight)
     assert one.check != one.flight
-    assert {(p.effort.plants, p.seed, p.label, len(p.knobs)) for p in planned} == {(8, 5, "paper_ct", 1)}
+    assert {(p.effort.plants, p.seed, p.label, len(p.knobs)) for p in planned} == {
+        (8, 5, "paper_ct", 1)
+    }
 
 
 @pytest.mark.parametrize(
@@ -51,5 +65,7 @@ def test_the_controller_of_a_result_flies_its_scenario() -> None:
     scenario = skyarm.load_scenario("case1", controller="paper_pd")
     found = skyarm.tune(scenario, candidates=64, plants=4, knobs=["gains.position"])
     assert len(repr(found)) <= 300
-    assert found.controller == with_gains(found.plan.flight.controller, found.plan.knobs, found.pick.logs)
+    assert found.controller == with_gains(
+        found.plan.flight.controller, found.plan.knobs, found.pick.logs
+    )
     assert skyarm.run(scenario.under(found.controller)).status == "completed"

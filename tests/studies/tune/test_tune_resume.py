@@ -1,4 +1,6 @@
-"""A search that is interrupted: finished rounds are taken from its folder, and it ends as if nothing had happened."""
+"""A search that is interrupted: finished rounds are taken from its folder, and it ends
+as if nothing had happened.
+"""
 
 from __future__ import annotations
 
@@ -36,18 +38,36 @@ class Sound:
         return np.zeros(len(logs))
 
     def measure(self, logs: Array) -> list[LoopMargins]:
-        return [LoopMargins(delay=1.0, rotors=(0.1, 10.0), joints=(0.1, 10.0))] * len(logs)
+        return [LoopMargins(delay=1.0, rotors=(0.1, 10.0), joints=(0.1, 10.0))] * len(
+            logs
+        )
 
 
 def rows_of(work: Work) -> Rows:
-    """Rows in place of flights: errors least at gains twice as large, which every plant shifts a little."""
+    """Rows in place of flights: errors least at gains twice as large, which every plant
+    shifts a little.
+    """
     columns = {path: np.asarray(column) for path, column in work.columns.items()}
-    gains = sum(np.log(1.0 + column) for path, column in columns.items() if path.startswith("controller."))
-    shift = sum(np.abs(column) for path, column in columns.items() if path.startswith("environment."))
+    gains = sum(
+        np.log(1.0 + column)
+        for path, column in columns.items()
+        if path.startswith("controller.")
+    )
+    shift = sum(
+        np.abs(column)
+        for path, column in columns.items()
+        if path.startswith("environment.")
+    )
     away = 0.01 * (1.0 + (gains - 20.0) ** 2 + 0.1 * shift)
     numbers = {name: away * (1.0 + 0.1 * i) for i, name in enumerate(work.metrics)}
     status = np.where(shift > np.quantile(shift, 0.98), "crashed", "completed")
-    return {**fly._leading_columns(work), **numbers, "tilt_max": 0.0 * away, "status": status, "end_time": 0.0 * away}
+    return {
+        **fly._leading_columns(work),
+        **numbers,
+        "tilt_max": 0.0 * away,
+        "status": status,
+        "end_time": 0.0 * away,
+    }
 
 
 @pytest.fixture
@@ -67,8 +87,17 @@ def flown(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def plan(seed: int = 0) -> TuningPlan:
     effort = dataclasses.replace(Effort().scale(240, 8), population=4, rounds=4)
     knobs = ("gains.position", "gains.rate")
-    found = plan_of(load_scenario("case1", controller="paper_pd"), True, "paper_pd", knobs, effort, seed)
-    return dataclasses.replace(found, stages=SearchSizes(semifinalists=4, further=8, unseen=6, aside=6))
+    found = plan_of(
+        load_scenario("case1", controller="paper_pd"),
+        True,
+        "paper_pd",
+        knobs,
+        effort,
+        seed,
+    )
+    return dataclasses.replace(
+        found, stages=SearchSizes(semifinalists=4, further=8, unseen=6, aside=6)
+    )
 
 
 def result_of(found: Tuning) -> Any:
@@ -87,7 +116,9 @@ def stop_at(words: str) -> Any:
     return progress
 
 
-@pytest.mark.parametrize("stage", sampled(["round 2", "the best once more", "plants and a path"], 3))
+@pytest.mark.parametrize(
+    "stage", sampled(["round 2", "the best once more", "plants and a path"], 3)
+)
 def test_an_interrupted_search_flies_the_rest_and_ends_with_the_same_files(
     stage: str, flown: list[str], tmp_path: Path
 ) -> None:
@@ -109,21 +140,27 @@ def test_an_interrupted_search_flies_the_rest_and_ends_with_the_same_files(
 
 
 @pytest.mark.thorough
-def test_another_search_takes_nothing_of_a_folder_and_leaves_it(flown: list[str], tmp_path: Path) -> None:
+def test_another_search_takes_nothing_of_a_folder_and_leaves_it(
+    flown: list[str], tmp_path: Path
+) -> None:
     tuning.tune_plan(plan(), folder=tmp_path)
     there = rows_in(tmp_path)
     flown.clear()
     alone = tuning.tune_plan(plan(seed=1))
     every = flown.copy()
     flown.clear()
-    assert result_of(tuning.tune_plan(plan(seed=1), folder=tmp_path)) == result_of(alone)
+    assert result_of(tuning.tune_plan(plan(seed=1), folder=tmp_path)) == result_of(
+        alone
+    )
     assert flown == every
     assert len(rows_in(tmp_path)) == len(there) + len(every)
     assert there.items() <= rows_in(tmp_path).items()
 
 
 @pytest.mark.thorough
-def test_a_round_is_cut_by_its_size_alone_and_stages_have_their_names(flown: list[str]) -> None:
+def test_a_round_is_cut_by_its_size_alone_and_stages_have_their_names(
+    flown: list[str],
+) -> None:
     tuning.tune_plan(plan())
     assert {label.rpartition(".")[0] for label in flown} == {
         *(f"round_00{k}{own}" for k in range(5) for own in ("", ".own")),
@@ -135,7 +172,9 @@ def test_a_round_is_cut_by_its_size_alone_and_stages_have_their_names(flown: lis
     assert flown == alone
 
 
-def test_two_searches_in_one_folder_are_refused_in_one_line(flown: list[str], tmp_path: Path) -> None:
+def test_two_searches_in_one_folder_are_refused_in_one_line(
+    flown: list[str], tmp_path: Path
+) -> None:
     words = r"^folder = .* must be written by one process at a time; .*$"
     with Store(tmp_path).alone(), pytest.raises(TakenError, match=words):
         tuning.tune_plan(plan(), folder=tmp_path)
@@ -147,7 +186,9 @@ def test_a_search_without_pyarrow_is_not_kept_and_says_so(
 ) -> None:
     kept = tuning.tune_plan(plan(), folder=tmp_path / "kept")
     monkeypatch.setattr(store, "_parquet", lambda: None)
-    assert result_of(tuning.tune_plan(plan(), folder=tmp_path / "other")) == result_of(kept)
+    assert result_of(tuning.tune_plan(plan(), folder=tmp_path / "other")) == result_of(
+        kept
+    )
     assert not (tmp_path / "other").exists()
 
     def enough(*_: Any, **__: Any) -> Tuning:

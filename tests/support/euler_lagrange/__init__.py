@@ -1,7 +1,9 @@
-"""The paper's own 8x8 form: quadrotor and planar two-joint arm in Euler angles, equation by equation.
+"""The paper's own 8x8 form: quadrotor and planar two-joint arm in Euler angles,
+equation by equation.
 
-The names here are the NumPy front for Table 1. The same equations over any scalar, with the parameters
-first, live in :mod:`.mass`, :mod:`.mass_derivative`, :mod:`.coriolis`, :mod:`.gravity` and :mod:`.transforms`.
+The names here are the NumPy front for Table 1. The same equations over any scalar, with
+the parameters first, live in :mod:`.mass`, :mod:`.mass_derivative`, :mod:`.coriolis`,
+:mod:`.gravity` and :mod:`.transforms`.
 Source: Barakou, Tzafestas, Valavanis 2026.
 """
 
@@ -16,7 +18,11 @@ from support.euler_lagrange.euler_lagrange_arrays import (
     mass_matrix_derivative,
     refuse_singular_pitch,
 )
-from support.euler_lagrange.parameters import TABLE_1, PlanarArmParameters, parameters_of
+from support.euler_lagrange.parameters import (
+    TABLE_1,
+    PlanarArmParameters,
+    parameters_of,
+)
 
 __all__ = [
     "TABLE_1",

@@ -1,7 +1,8 @@
-"""Attitude and arm kinematics of the paper: ZYX Euler angles, points of the planar arm, Jacobians, second partials.
+"""Attitude and arm kinematics of the paper: ZYX Euler angles, points of the planar arm,
+Jacobians, second partials.
 
-Configuration q = [x y z | phi theta psi | th1 th2]. World z up, body x forward, y left, z up. th1 = th2 = 0 hangs
-straight down; positive angles swing the tip towards -x.
+Configuration q = [x y z | phi theta psi | th1 th2]. World z up, body x forward, y left,
+z up. th1 = th2 = 0 hangs straight down; positive angles swing the tip towards -x.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ def rate_matrix(phi: Any, theta: Any) -> Mat3:
     Source: Barakou, Tzafestas, Valavanis 2026, (3)-(4).
     """
     sp, cp, st, ct = sin(phi), cos(phi), sin(theta), cos(theta)
-    return Mat3(Vec3(1, 0, neg(st)), Vec3(0, cp, mul(sp, ct)), Vec3(0, neg(sp), mul(cp, ct)))
+    return Mat3(
+        Vec3(1, 0, neg(st)), Vec3(0, cp, mul(sp, ct)), Vec3(0, neg(sp), mul(cp, ct))
+    )
 
 
 def rate_matrix_partials(phi: Any, theta: Any) -> tuple[Mat3, Mat3, Mat3]:
@@ -41,8 +44,12 @@ def rate_matrix_partials(phi: Any, theta: Any) -> tuple[Mat3, Mat3, Mat3]:
     Source: Barakou, Tzafestas, Valavanis 2026, (A16), (A17), transposed.
     """
     sp, cp, st, ct = sin(phi), cos(phi), sin(theta), cos(theta)
-    by_phi = Mat3(ZERO3, Vec3(0, neg(sp), mul(cp, ct)), Vec3(0, neg(cp), neg(mul(sp, ct))))
-    by_theta = Mat3(Vec3(0, 0, neg(ct)), Vec3(0, 0, neg(mul(sp, st))), Vec3(0, 0, neg(mul(cp, st))))
+    by_phi = Mat3(
+        ZERO3, Vec3(0, neg(sp), mul(cp, ct)), Vec3(0, neg(cp), neg(mul(sp, ct)))
+    )
+    by_theta = Mat3(
+        Vec3(0, 0, neg(ct)), Vec3(0, 0, neg(mul(sp, st))), Vec3(0, 0, neg(mul(cp, st)))
+    )
     return by_phi, by_theta, Mat3(ZERO3, ZERO3, ZERO3)
 
 
@@ -58,7 +65,11 @@ class Attitude:
     def of(cls, q: Sequence[Any]) -> Attitude:
         """Kinematics of the angles q[3:6], rad."""
         phi, theta, psi = q[3:6]
-        return cls(rotation(phi, theta, psi), rate_matrix(phi, theta), rate_matrix_partials(phi, theta))
+        return cls(
+            rotation(phi, theta, psi),
+            rate_matrix(phi, theta),
+            rate_matrix_partials(phi, theta),
+        )
 
     def turning(self, k: int) -> Mat3:
         """R^T dR/dPhi_k = S(Q e_k), because R' = R S(Q Phi')."""
@@ -73,7 +84,8 @@ class ArmPoint:
         mass: kg.
         p: position, m.
         J: dp/dth1 and dp/dth2, m/rad.
-        dJ: dJ[j] holds the columns of dJ/dth_j; dJ[0][1] = dJ[1][0], because J is a gradient.
+        dJ: dJ[j] holds the columns of dJ/dth_j; dJ[0][1] = dJ[1][0], because J is a
+            gradient.
     """
 
     mass: Scalar
@@ -106,19 +118,30 @@ def end_effector(par: PlanarArmParameters, joints: Sequence[Any]) -> ArmPoint:
     return _point(par.me, par.L1, par.L2, joints)
 
 
-def arm_points(par: PlanarArmParameters, q: Sequence[Any]) -> tuple[ArmPoint, ArmPoint, ArmPoint]:
-    """Give the three masses over which every sum of the paper runs, at the joint angles q[6:8], rad."""
+def arm_points(
+    par: PlanarArmParameters, q: Sequence[Any]
+) -> tuple[ArmPoint, ArmPoint, ArmPoint]:
+    """Give the three masses over which every sum of the paper runs, at the joint angles
+    q[6:8], rad.
+    """
     joints = q[6:8]
     return link1(par, joints), link2(par, joints), end_effector(par, joints)
 
 
 def _point(mass: Any, along1: Any, along2: Any, joints: Sequence[Any]) -> ArmPoint:
-    """Place a mass at p = along1 e(th1) + along2 e(th1 + th2) with e(a) = [-sin a, 0, -cos a], for which e'' = -e."""
+    """Place a mass at p = along1 e(th1) + along2 e(th1 + th2) with e(a) = [-sin a, 0,
+    -cos a], for which e'' = -e.
+    """
     a, b = joints[0], add(joints[0], joints[1])
     upper, lower = _direction(a) * along1, _direction(b) * along2
-    upper_turned, lower_turned = _direction_partial(a) * along1, _direction_partial(b) * along2
+    upper_turned, lower_turned = (
+        _direction_partial(a) * along1,
+        _direction_partial(b) * along2,
+    )
     p, bent = upper + lower, -lower
-    return ArmPoint(mass, p, (upper_turned + lower_turned, lower_turned), ((-p, bent), (bent, bent)))
+    return ArmPoint(
+        mass, p, (upper_turned + lower_turned, lower_turned), ((-p, bent), (bent, bent))
+    )
 
 
 def _direction(angle: Any) -> Vec3:

@@ -1,7 +1,8 @@
 """Potential energy and gravity vector, whole and as the paper reduces it.
 
-M(q) [g ez; 0; 0; 0] = G(q): adding g to the commanded acceleration and adding G(q) are the same thing, for the base and
-for the joints. A law that does both counts gravity twice.
+M(q) [g ez; 0; 0; 0] = G(q): adding g to the commanded acceleration and adding G(q) are
+the same thing, for the base and for the joints. A law that does both counts gravity
+twice.
 Source: Barakou, Tzafestas, Valavanis 2026, (41)-(46), (71)-(79).
 """
 
@@ -17,7 +18,8 @@ from support.euler_lagrange.parameters import PlanarArmParameters
 
 
 def potential_energy(par: PlanarArmParameters, q: Sequence[Any], gravity: Any) -> Any:
-    """U = g (m z + ez . R sum m_i p_i), J, zero when the common centre of mass is at z = 0.
+    """U = g (m z + ez . R sum m_i p_i), J, zero when the common centre of mass is at
+    z = 0.
 
     Args:
         par: masses, lengths.
@@ -27,10 +29,15 @@ def potential_energy(par: PlanarArmParameters, q: Sequence[Any], gravity: Any) -
     Source: Barakou, Tzafestas, Valavanis 2026, (41)-(46).
     """
     down_row = Attitude.of(q).R.r2
-    return mul(gravity, add(mul(par.mass, q[2]), down_row.dot(first_moment(arm_points(par, q)))))
+    return mul(
+        gravity,
+        add(mul(par.mass, q[2]), down_row.dot(first_moment(arm_points(par, q)))),
+    )
 
 
-def gravity_vector(par: PlanarArmParameters, q: Sequence[Any], gravity: Any) -> list[Any]:
+def gravity_vector(
+    par: PlanarArmParameters, q: Sequence[Any], gravity: Any
+) -> list[Any]:
     """G(q) = dU/dq, 8 entries, N and N m; arguments as :func:`potential_energy`.
 
     The yaw entry is a structural zero: turning about the vertical lifts nothing.
@@ -42,10 +49,16 @@ def gravity_vector(par: PlanarArmParameters, q: Sequence[Any], gravity: Any) -> 
     s = first_moment(points)
     by_angle = [up_B.dot(attitude.Q.column(k).cross(s)) for k in range(2)]
     by_joint = [up_B.dot(column) for column in weighted_jacobian(points)]
-    return [0, 0, *(mul(gravity, entry) for entry in (par.mass, *by_angle, 0, *by_joint))]
+    return [
+        0,
+        0,
+        *(mul(gravity, entry) for entry in (par.mass, *by_angle, 0, *by_joint)),
+    ]
 
 
-def reduced_joint_gravity(par: PlanarArmParameters, joints: Sequence[Any], gravity: Any) -> tuple[Any, Any]:
+def reduced_joint_gravity(
+    par: PlanarArmParameters, joints: Sequence[Any], gravity: Any
+) -> tuple[Any, Any]:
     """Joint entries of G for a level base (R = 1), N m.
 
     Args:

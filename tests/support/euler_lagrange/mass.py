@@ -1,7 +1,7 @@
 """Mass matrix of the 8x8 form, block by block.
 
-Indices: t translation, r rotation (Euler angles), e joints (the paper's eta). Sums run over link 1, link 2 and the end
-effector; S(a) b = a x b.
+Indices: t translation, r rotation (Euler angles), e joints (the paper's eta). Sums run
+over link 1, link 2 and the end effector; S(a) b = a x b.
 Source: Barakou, Tzafestas, Valavanis 2026, (51)-(66) and Appendix B.
 """
 
@@ -12,7 +12,12 @@ from typing import Any
 
 from skyarm.algebra import E_Y, ZERO3, Mat3, Sym3, Vec3
 from skyarm.algebra.scalars import add, cos, mul
-from support.euler_lagrange.euler_kinematics import ArmPoint, Attitude, Columns, arm_points
+from support.euler_lagrange.euler_kinematics import (
+    ArmPoint,
+    Attitude,
+    Columns,
+    arm_points,
+)
 from support.euler_lagrange.parameters import PlanarArmParameters
 
 Points = tuple[ArmPoint, ArmPoint, ArmPoint]
@@ -51,7 +56,10 @@ def weighted_jacobian(points: Points) -> Columns:
     """Sum m_i J_i, which is the gradient of the first moment, kg m/rad."""
     first, second = ZERO3, ZERO3
     for point in points:
-        first, second = first + point.J[0] * point.mass, second + point.J[1] * point.mass
+        first, second = (
+            first + point.J[0] * point.mass,
+            second + point.J[1] * point.mass,
+        )
     return first, second
 
 
@@ -110,18 +118,28 @@ def joint_coupling(par: PlanarArmParameters, points: Points) -> Columns:
     first, second = E_Y * add(par.I1yy, par.I2yy), E_Y * par.I2yy
     for point in points:
         moment = point.p * point.mass
-        first, second = first + moment.cross(point.J[0]), second + moment.cross(point.J[1])
+        first, second = (
+            first + moment.cross(point.J[0]),
+            second + moment.cross(point.J[1]),
+        )
     return first, second
 
 
 def M_ee(par: PlanarArmParameters, th2: Any) -> tuple[Any, Any, Any]:
-    """Entries 11, 12, 22 of sum m_i J_i^T J_i + [[I1yy + I2yy, I2yy], [I2yy, I2yy]], multiplied out.
+    """Entries 11, 12, 22 of sum m_i J_i^T J_i + [[I1yy + I2yy, I2yy], [I2yy, I2yy]],
+    multiplied out.
 
     Source: Barakou, Tzafestas, Valavanis 2026, (61)-(66).
     """
-    own = add(add(mul(par.m2, mul(par.lc2, par.lc2)), mul(par.me, mul(par.L2, par.L2))), par.I2yy)
+    own = add(
+        add(mul(par.m2, mul(par.lc2, par.lc2)), mul(par.me, mul(par.L2, par.L2))),
+        par.I2yy,
+    )
     coupling = mul(elbow_coupling(par), cos(th2))
-    shoulder = add(mul(par.m1, mul(par.lc1, par.lc1)), mul(add(par.m2, par.me), mul(par.L1, par.L1)))
+    shoulder = add(
+        mul(par.m1, mul(par.lc1, par.lc1)),
+        mul(add(par.m2, par.me), mul(par.L1, par.L1)),
+    )
     first = add(add(add(shoulder, par.I1yy), own), add(coupling, coupling))
     return first, add(own, coupling), own
 
@@ -131,8 +149,11 @@ def elbow_coupling(par: PlanarArmParameters) -> Any:
     return mul(add(mul(par.m2, par.lc2), mul(par.me, par.L2)), par.L1)
 
 
-def assemble(*, tt: Sym3, tr: Mat3, rr: Sym3, te: Columns, re: Columns, ee: tuple[Any, Any, Any]) -> Matrix:
-    """Assemble the symmetric 8x8 matrix from its blocks: M_tt, M_tr, M_rr, columns of M_te, M_re, entries of M_ee.
+def assemble(
+    *, tt: Sym3, tr: Mat3, rr: Sym3, te: Columns, re: Columns, ee: tuple[Any, Any, Any]
+) -> Matrix:
+    """Assemble the symmetric 8x8 matrix from its blocks: M_tt, M_tr, M_rr, columns of
+    M_te, M_re, entries of M_ee.
 
     Source: Barakou, Tzafestas, Valavanis 2026, (51), (52), (58).
     """

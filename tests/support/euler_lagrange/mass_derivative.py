@@ -1,8 +1,10 @@
 """dM/dq, analytically, for every block and all five angles.
 
-M does not depend on the position. Attitude partials use dR/dPhi_k = R S(Q e_k); dQ/dpsi = 0.
-Source: Barakou, Tzafestas, Valavanis 2026, Appendix C, completed for M_tr and M_rr, with two corrections: (A9) is
-printed with a zero first column, although d2p/dth1 dth2 does not vanish, and (A18), (A19) leave out S(dp_i/dth_j) J_i.
+M does not depend on the position. Attitude partials use dR/dPhi_k = R S(Q e_k);
+dQ/dpsi = 0.
+Source: Barakou, Tzafestas, Valavanis 2026, Appendix C, completed for M_tr and M_rr,
+with two corrections: (A9) is printed with a zero first column, although d2p/dth1 dth2
+does not vanish, and (A18), (A19) leave out S(dp_i/dth_j) J_i.
 """
 
 from __future__ import annotations
@@ -34,10 +36,16 @@ def mass_matrix_partials(par: PlanarArmParameters, q: Sequence[Any]) -> list[Mat
     attitude, points = Attitude.of(q), arm_points(par, q)
     still: list[Matrix] = [[[0] * 8 for _ in range(8)] for _ in range(3)]
     by_attitude = [by_angle(par, attitude, points, k) for k in range(3)]
-    return [*still, *by_attitude, *(by_joint(par, attitude, points, q[7], j) for j in range(2))]
+    return [
+        *still,
+        *by_attitude,
+        *(by_joint(par, attitude, points, q[7], j) for j in range(2)),
+    ]
 
 
-def by_angle(par: PlanarArmParameters, attitude: Attitude, points: Points, k: int) -> Matrix:
+def by_angle(
+    par: PlanarArmParameters, attitude: Attitude, points: Points, k: int
+) -> Matrix:
     """dM/dphi, dM/dtheta or dM/dpsi (k = 0, 1, 2)."""
     return assemble(
         tt=Sym3(0, 0, 0),
@@ -49,7 +57,9 @@ def by_angle(par: PlanarArmParameters, attitude: Attitude, points: Points, k: in
     )
 
 
-def by_joint(par: PlanarArmParameters, attitude: Attitude, points: Points, th2: Any, j: int) -> Matrix:
+def by_joint(
+    par: PlanarArmParameters, attitude: Attitude, points: Points, th2: Any, j: int
+) -> Matrix:
     """dM/dth1 or dM/dth2 (j = 0, 1)."""
     return assemble(
         tt=Sym3(0, 0, 0),
@@ -72,7 +82,9 @@ def dM_tr_by_joint(attitude: Attitude, points: Points, j: int) -> Mat3:
     return attitude.R @ Mat3.cross(-weighted_jacobian(points)[j]) @ attitude.Q
 
 
-def dM_rr_by_angle(par: PlanarArmParameters, attitude: Attitude, points: Points, k: int) -> Sym3:
+def dM_rr_by_angle(
+    par: PlanarArmParameters, attitude: Attitude, points: Points, k: int
+) -> Sym3:
     """dQ^T I Q + Q^T I dQ."""
     half = attitude.dQ[k].T @ (rotational_inertia(par, points).full() @ attitude.Q)
     return Sym3.of_matrix(half + half.T)
@@ -100,18 +112,25 @@ def dM_te_by_angle(attitude: Attitude, points: Points, k: int) -> Columns:
 def dM_te_by_joint(attitude: Attitude, points: Points, j: int) -> Columns:
     """R sum m_i dJ_i/dth_j.
 
-    Source: Barakou, Tzafestas, Valavanis 2026, (A8)-(A13); the first column of (A9) is [c12, 0, c32], not zero.
+    Source: Barakou, Tzafestas, Valavanis 2026, (A8)-(A13); the first column of (A9) is
+    [c12, 0, c32], not zero.
     """
     first, second = ZERO3, ZERO3
     for point in points:
-        first, second = first + point.dJ[j][0] * point.mass, second + point.dJ[j][1] * point.mass
+        first, second = (
+            first + point.dJ[j][0] * point.mass,
+            second + point.dJ[j][1] * point.mass,
+        )
     return attitude.R.apply(first), attitude.R.apply(second)
 
 
-def dM_re_by_angle(par: PlanarArmParameters, attitude: Attitude, points: Points, k: int) -> Columns:
+def dM_re_by_angle(
+    par: PlanarArmParameters, attitude: Attitude, points: Points, k: int
+) -> Columns:
     """(dQ^T/dPhi_k) H with H the bracket of (60), link inertias included.
 
-    Source: Barakou, Tzafestas, Valavanis 2026, (A14), (A15), which leave out the I_yy terms.
+    Source: Barakou, Tzafestas, Valavanis 2026, (A14), (A15), which leave out the I_yy
+    terms.
     """
     first, second = joint_coupling(par, points)
     return attitude.dQ[k].apply_T(first), attitude.dQ[k].apply_T(second)
@@ -120,13 +139,15 @@ def dM_re_by_angle(par: PlanarArmParameters, attitude: Attitude, points: Points,
 def dM_re_by_joint(attitude: Attitude, points: Points, j: int) -> Columns:
     """Q^T sum m_i (S(dp_i/dth_j) J_i + S(p_i) dJ_i/dth_j).
 
-    Source: Barakou, Tzafestas, Valavanis 2026, (A18), (A19), with the first product added.
+    Source: Barakou, Tzafestas, Valavanis 2026, (A18), (A19), with the first product
+    added.
     """
     columns: list[Vec3] = []
     for c in range(2):
         total = ZERO3
         for point in points:
-            # the product of a column with itself vanishes: leaving it out keeps the zero structural
+            # the product of a column with itself vanishes: leaving it out keeps the
+            # zero structural
             swept = ZERO3 if c == j else point.J[j].cross(point.J[c])
             total = total + (swept + point.p.cross(point.dJ[j][c])) * point.mass
         columns.append(attitude.Q.apply_T(total))

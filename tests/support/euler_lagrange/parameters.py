@@ -1,4 +1,6 @@
-"""Masses, lengths and inertias of the paper's vehicle: a quadrotor with a planar arm of two links and a point mass."""
+"""Masses, lengths and inertias of the paper's vehicle: a quadrotor with a planar arm of
+two links and a point mass.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlanarArmParameters:
-    """Parameters of the 8x8 form: both joint axes are body +y; joint 1 at the base origin, the base centre of mass.
+    """Parameters of the 8x8 form: both joint axes are body +y; joint 1 at the base
+    origin, the base centre of mass.
 
     Attributes:
         mb: base mass, kg.
@@ -22,8 +25,10 @@ class PlanarArmParameters:
         m1, m2: link masses, kg.
         me: point mass at the tip, kg.
         L1, L2: link lengths, m.
-        lc1, lc2: joint to centre of mass of each link, m; the paper's formulas write L/2.
-        I1yy, I2yy: link inertias about their centre of mass and body y, kg m^2; the paper has no other moment.
+        lc1, lc2: joint to centre of mass of each link, m; the paper's formulas write
+            L/2.
+        I1yy, I2yy: link inertias about their centre of mass and body y, kg m^2; the
+            paper has no other moment.
 
     Source: Barakou, Tzafestas, Valavanis 2026, Table 1 and section 2.2.
     """
@@ -64,7 +69,8 @@ TABLE_1 = PlanarArmParameters(
 
 
 def parameters_of(vehicle: Vehicle) -> PlanarArmParameters:
-    """Read the parameters of a vehicle that is the paper's: two y joints in a row, links along -z, planar inertias.
+    """Read the parameters of a vehicle that is the paper's: two y joints in a row,
+    links along -z, planar inertias.
 
     Raises:
         ValueError: names the field by which the vehicle differs.
@@ -77,11 +83,20 @@ def parameters_of(vehicle: Vehicle) -> PlanarArmParameters:
     _zero(vehicle, "armature", first.joint.armature, second.joint.armature)
     _zero(vehicle, "base.com", *vehicle.base.com)
     _zero(vehicle, "joint 1 position", *first.joint.position)
-    _zero(vehicle, "joint 2 position.x and .y", second.joint.position.x, second.joint.position.y)
+    _zero(
+        vehicle,
+        "joint 2 position.x and .y",
+        second.joint.position.x,
+        second.joint.position.y,
+    )
     _planar(vehicle, first, BASE)
     _planar(vehicle, second, 0)
     _zero(vehicle, f"link '{first.name}' inertia.xx", first.body.inertia.xx)
-    reach = neg(vehicle.frame(vehicle.end_effector).position.z) if vehicle.end_effector else neg(second.body.com.z)
+    reach = (
+        neg(vehicle.frame(vehicle.end_effector).position.z)
+        if vehicle.end_effector
+        else neg(second.body.com.z)
+    )
     m2, lc2, me, I2yy = _without_tip(second.body, reach)
     return PlanarArmParameters(
         mb=vehicle.base.mass,
@@ -99,10 +114,12 @@ def parameters_of(vehicle: Vehicle) -> PlanarArmParameters:
 
 
 def _without_tip(body: Body, reach: Any) -> tuple[Any, Any, Any, Any]:
-    """Mass, lever and I_yy of link 2, and the point mass at ``reach`` that was joined to it.
+    """Mass, lever and I_yy of link 2, and the point mass at ``reach`` that was joined
+    to it.
 
-    A rod of the paper has no I_xx, so what the whole has about its centre of mass is m2 me / (m2 + me) d^2, with d the
-    distance of the two masses; with the whole's mass and lever that determines both.
+    A rod of the paper has no I_xx, so what the whole has about its centre of mass is m2
+    me / (m2 + me) d^2, with d the distance of the two masses; with the whole's mass and
+    lever that determines both.
     """
     mass, lever, inertia = body.mass, neg(body.com.z), body.inertia
     if concrete(inertia.xx) and inertia.xx == 0:
@@ -115,11 +132,26 @@ def _without_tip(body: Body, reach: Any) -> tuple[Any, Any, Any, Any]:
 def _planar(vehicle: Vehicle, link: Link, parent: int) -> None:
     joint, inertia = link.joint, link.body.inertia
     if link.parent != parent:
-        raise _differs(vehicle, f"parent of link '{link.name}' = {link.parent}", str(parent))
-    if joint.kind != "revolute" or joint.axis != Vec3(0, 1, 0) or joint.rotation != Mat3.identity():
-        raise _differs(vehicle, f"joint '{joint.name}'", "revolute about +y of the base axes")
+        raise _differs(
+            vehicle, f"parent of link '{link.name}' = {link.parent}", str(parent)
+        )
+    if (
+        joint.kind != "revolute"
+        or joint.axis != Vec3(0, 1, 0)
+        or joint.rotation != Mat3.identity()
+    ):
+        raise _differs(
+            vehicle, f"joint '{joint.name}'", "revolute about +y of the base axes"
+        )
     _zero(vehicle, f"link '{link.name}' com.x and .y", link.body.com.x, link.body.com.y)
-    _zero(vehicle, f"link '{link.name}' inertia.zz, .xy, .xz, .yz", inertia.zz, inertia.xy, inertia.xz, inertia.yz)
+    _zero(
+        vehicle,
+        f"link '{link.name}' inertia.zz, .xy, .xz, .yz",
+        inertia.zz,
+        inertia.xy,
+        inertia.xz,
+        inertia.yz,
+    )
 
 
 def _zero(vehicle: Vehicle, field: str, *values: Any) -> None:
@@ -128,4 +160,7 @@ def _zero(vehicle: Vehicle, field: str, *values: Any) -> None:
 
 
 def _differs(vehicle: Vehicle, found: str, allowed: str) -> ValueError:
-    return ValueError(f"vehicle '{vehicle.name}' is not the paper's planar arm: {found}, allowed {allowed}")
+    return ValueError(
+        f"vehicle '{vehicle.name}' is not the paper's planar arm: {found}, allowed"
+        f" {allowed}"
+    )

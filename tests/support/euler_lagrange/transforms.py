@@ -1,6 +1,8 @@
-"""Between body axes and Euler rates: torques, angular accelerations, angles of a rotation.
+"""Between body axes and Euler rates: torques, angular accelerations, angles of a
+rotation.
 
-At pitch +-90 degrees Q is singular and its inverse gives inf or NaN; :func:`singularity_measure` tells a boundary.
+At pitch +-90 degrees Q is singular and its inverse gives inf or NaN;
+:func:`singularity_measure` tells a boundary.
 """
 
 from __future__ import annotations
@@ -14,7 +16,9 @@ from support.euler_lagrange.euler_kinematics import rate_matrix_partials
 
 
 def singularity_measure(theta: Any) -> Any:
-    """cos(theta), the determinant of Q: zero where the Euler angles lose a direction."""
+    """cos(theta), the determinant of Q: zero where the Euler angles lose a
+    direction.
+    """
     return cos(theta)
 
 
@@ -25,7 +29,11 @@ def rate_matrix_inverse(phi: Any, theta: Any) -> Mat3:
     """
     sp, cp, st, ct = sin(phi), cos(phi), sin(theta), cos(theta)
     s_over, c_over = divide(sp, ct), divide(cp, ct)
-    return Mat3(Vec3(1, mul(s_over, st), mul(c_over, st)), Vec3(0, cp, neg(sp)), Vec3(0, s_over, c_over))
+    return Mat3(
+        Vec3(1, mul(s_over, st), mul(c_over, st)),
+        Vec3(0, cp, neg(sp)),
+        Vec3(0, s_over, c_over),
+    )
 
 
 def rate_matrix_rate(angles: Sequence[Any], angle_rates: Sequence[Any]) -> Mat3:
@@ -36,15 +44,19 @@ def rate_matrix_rate(angles: Sequence[Any], angle_rates: Sequence[Any]) -> Mat3:
 
 
 def body_torque(angles: Sequence[Any], euler_torque: Vec3) -> Vec3:
-    """Torque in body axes, N m, of the generalized torque dual to the Euler rates: Q^-T tau_Phi.
+    """Torque in body axes, N m, of the generalized torque dual to the Euler rates: Q^-T
+    tau_Phi.
 
     Source: Barakou, Tzafestas, Valavanis 2026, (94).
     """
     return rate_matrix_inverse(angles[0], angles[1]).apply_T(euler_torque)
 
 
-def euler_acceleration(angles: Sequence[Any], angle_rates: Sequence[Any], angular_B: Vec3) -> Vec3:
-    """Second derivative of the Euler angles, rad/s^2, of a body angular acceleration: Q^-1 (alpha - Qdot Phidot).
+def euler_acceleration(
+    angles: Sequence[Any], angle_rates: Sequence[Any], angular_B: Vec3
+) -> Vec3:
+    """Second derivative of the Euler angles, rad/s^2, of a body angular acceleration:
+    Q^-1 (alpha - Qdot Phidot).
 
     Source: Barakou, Tzafestas, Valavanis 2026, (95).
     """

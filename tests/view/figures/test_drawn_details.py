@@ -10,8 +10,12 @@ from support.logs import all_logs
 
 
 def test_an_error_is_the_measured_value_less_the_held_one():
-    """The synthetic flight is off by (0.03, 0, -0.04) m, its tip by 0.01 m along y, its first joint by -0.02 rad."""
+    """The synthetic flight is off by (0.03, 0, -0.04) m, its tip by 0.01 m along y, its
+    first joint by -0.02 rad.
+    """
     log = all_logs()["rigid_body"]["case1"]["CT"]
     drawn = [*POSITION_ERRORS, *TOOL_ERRORS[:2], JOINT_ERRORS[0]]
     for quantity, off in zip(drawn, (0.03, 0.0, -0.04, 0.0, 0.01, -0.02), strict=True):
-        assert quantity.of(log) == pytest.approx(np.full(log.time.size, off), abs=1e-12), quantity.label
+        assert quantity.of(log) == pytest.approx(
+            np.full(log.time.size, off), abs=1e-12
+        ), quantity.label

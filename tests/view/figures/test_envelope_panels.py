@@ -1,11 +1,22 @@
-"""The envelope's picture: a line for each law, broken where it is lost, with a cross in the band above."""
+"""The envelope's picture: a line for each law, broken where it is lost, with a cross in
+the band above.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from skyarm.view.figures.comparison_figures import ACROSS, HIGH, LOW, LOWEST, PAGE, PANEL, TOP, envelope_figure
+from skyarm.view.figures.comparison_figures import (
+    ACROSS,
+    HIGH,
+    LOW,
+    LOWEST,
+    PAGE,
+    PANEL,
+    TOP,
+    envelope_figure,
+)
 
 
 def point(error, *, lost=False):
@@ -28,7 +39,10 @@ AXES = {
 
 def lines(panel):
     """(x, y, marker) of every line of a panel."""
-    return [(*np.asarray(line.get_xydata()).T.tolist(), line.get_marker()) for line in panel.lines]
+    return [
+        (*np.asarray(line.get_xydata()).T.tolist(), line.get_marker())
+        for line in panel.lines
+    ]
 
 
 def test_a_lost_law_has_no_error_and_a_cross_in_the_band():
@@ -48,7 +62,11 @@ def test_a_lost_law_has_no_error_and_a_cross_in_the_band():
 
 def test_the_scale_begins_below_the_smallest_error_at_a_tenth_of_a_millimetre():
     for error, low in ((1e-3, LOW), (5e-5, 0.01), (2e-6, LOWEST), (None, LOW)):
-        axis = {"unit": "N", "values": [1.0], "laws": {"one": [point(error, lost=error is None)]}}
+        axis = {
+            "unit": "N",
+            "values": [1.0],
+            "laws": {"one": [point(error, lost=error is None)]},
+        }
         panel = envelope_figure({"x": axis}, ["one"]).axes[0]
         assert np.isclose(panel.get_ylim()[0], low)
         if error is not None:
@@ -60,16 +78,27 @@ def test_a_law_keeps_its_look_where_others_do_not_fly():
     everywhere, alone = figure.axes[0].lines[2], figure.axes[1].lines[0]
     assert everywhere.get_color() == alone.get_color()
     assert figure.axes[0].lines[0].get_color() != alone.get_color()
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["one", "other", "lost"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "one",
+        "other",
+        "lost",
+    ]
 
 
 def test_a_known_law_looks_the_same_beside_any_others():
     def color(laws):
-        axis = {"unit": "N", "values": [1.0], "laws": {law: [point(0.02)] for law in laws}}
+        axis = {
+            "unit": "N",
+            "values": [1.0],
+            "laws": {law: [point(0.02)] for law in laws},
+        }
         lines = envelope_figure({"x": axis}, laws).axes[0].lines[::2]
         return dict(zip(laws, [line.get_color() for line in lines], strict=True))
 
-    alone, beside = color(["centroidal_tip"]), color(["mine", "yours", "nmpc", "centroidal_tip"])
+    alone, beside = (
+        color(["centroidal_tip"]),
+        color(["mine", "yours", "nmpc", "centroidal_tip"]),
+    )
     assert alone["centroidal_tip"] == beside["centroidal_tip"]
     assert len(set(beside.values())) == 4
 

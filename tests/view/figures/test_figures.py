@@ -1,4 +1,6 @@
-"""Figures: what they draw, read back from their artists; synthetic logs whose curves are known numbers."""
+"""Figures: what they draw, read back from their artists; synthetic logs whose curves
+are known numbers.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,24 @@ from skyarm.view.figures.style import PAPER, image_bytes, limits
 from support.flights import document
 from support.logs import WINDOWS, all_logs, synthetic_log
 
-PANELS = {3: 2, 4: 4, 5: 1, 6: 2, 7: 4, 8: 2, 9: 1, 10: 3, 11: 2, 12: 3, 13: 3, 14: 3, 15: 3, 16: 1, 17: 2, 18: 1}
+PANELS = {
+    3: 2,
+    4: 4,
+    5: 1,
+    6: 2,
+    7: 4,
+    8: 2,
+    9: 1,
+    10: 3,
+    11: 2,
+    12: 3,
+    13: 3,
+    14: 3,
+    15: 3,
+    16: 1,
+    17: 2,
+    18: 1,
+}
 """Counted in the paper's captions."""
 WITH_REFERENCE = {4: (2, 3), 13: (0, 1, 2)}
 """Panels, counted from the top, that show desired and actual."""
@@ -39,7 +58,9 @@ def drawn() -> dict[int, Figure]:
 def luminance(color: str) -> float:
     """Relative luminance of a hex colour; Source: WCAG 2.2, relative luminance."""
     channels = [int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)]
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    linear = [
+        c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels
+    ]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
@@ -49,10 +70,16 @@ def contrast(a: str, b: str) -> float:
 
 
 def lines_of(ax: object) -> dict[str, object]:
-    return {line.get_label(): line for line in ax.get_lines() if not line.get_label().startswith("_")}
+    return {
+        line.get_label(): line
+        for line in ax.get_lines()
+        if not line.get_label().startswith("_")
+    }
 
 
-def test_every_figure_of_the_paper_is_drawn_with_its_panels(drawn: dict[int, Figure]) -> None:
+def test_every_figure_of_the_paper_is_drawn_with_its_panels(
+    drawn: dict[int, Figure],
+) -> None:
     assert {number: len(figure.axes) for number, figure in drawn.items()} == PANELS
 
 
@@ -61,12 +88,18 @@ def test_every_panel_overlays_both_controllers_and_the_reference_where_there_is_
     number: int, drawn: dict[int, Figure]
 ) -> None:
     for i, ax in enumerate(drawn[number].axes):
-        expected = {"CT", "PD", "desired"} if i in WITH_REFERENCE.get(number, ()) else {"CT", "PD"}
+        expected = (
+            {"CT", "PD", "desired"}
+            if i in WITH_REFERENCE.get(number, ())
+            else {"CT", "PD"}
+        )
         assert set(lines_of(ax)) == expected
 
 
 @pytest.mark.parametrize("number", sorted(PANELS))
-def test_titles_name_the_number_and_labels_name_si_units(number: int, drawn: dict[int, Figure]) -> None:
+def test_titles_name_the_number_and_labels_name_si_units(
+    number: int, drawn: dict[int, Figure]
+) -> None:
     figure = drawn[number]
     assert figure.get_suptitle().startswith(f"Figure {number}. ")
     assert all(ax.get_ylabel().endswith(("[m]", "[rad]")) for ax in figure.axes)
@@ -77,13 +110,17 @@ def test_titles_name_the_number_and_labels_name_si_units(number: int, drawn: dic
 
 
 @pytest.mark.parametrize("number", [4, 7, 12, 14])
-def test_figures_of_two_parts_carry_the_letters(number: int, drawn: dict[int, Figure]) -> None:
+def test_figures_of_two_parts_carry_the_letters(
+    number: int, drawn: dict[int, Figure]
+) -> None:
     letters = [t.get_text() for ax in drawn[number].axes for t in ax.texts]
     assert letters == ["(a)", "(b)"]
 
 
 def test_curves_are_the_known_errors(drawn: dict[int, Figure]) -> None:
-    """The synthetic logs are off by constants: 0.03 m in x, 0.04 m in z, 0.02 rad in joint 1; exact up to rounding."""
+    """The synthetic logs are off by constants: 0.03 m in x, 0.04 m in z, 0.02 rad in
+    joint 1; exact up to rounding.
+    """
 
     def level(number: int, panel: int, label: str) -> float:
         values = lines_of(drawn[number].axes[panel])[label].get_ydata()
@@ -114,10 +151,15 @@ def test_magnitudes_begin_at_zero(drawn: dict[int, Figure]) -> None:
         assert drawn[number].axes[panel].get_ylim()[0] == 0.0
 
 
-def test_the_window_of_the_metrics_and_the_gust_are_shaded(drawn: dict[int, Figure]) -> None:
+def test_the_window_of_the_metrics_and_the_gust_are_shaded(
+    drawn: dict[int, Figure],
+) -> None:
     def spans(number: int) -> list[tuple[float, float]]:
         # a rectangle or, in older versions of Matplotlib, a polygon
-        boxes = [p.get_path().get_extents(p.get_patch_transform()) for p in drawn[number].axes[0].patches]
+        boxes = [
+            p.get_path().get_extents(p.get_patch_transform())
+            for p in drawn[number].axes[0].patches
+        ]
         return [(box.x0, box.x1) for box in boxes]
 
     assert spans(6) == [(10.0, 20.0)]
@@ -128,7 +170,9 @@ def test_the_window_of_the_metrics_and_the_gust_are_shaded(drawn: dict[int, Figu
 
 
 def test_controllers_differ_in_dash_and_in_lightness() -> None:
-    """Grey print: dash alone tells them apart, and so does lightness; 3 is the usual minimum for graphics."""
+    """Grey print: dash alone tells them apart, and so does lightness; 3 is the usual
+    minimum for graphics.
+    """
     (ct, pd, *others), reference = PAPER.looks, PAPER.desired
     assert len({ct.dash, pd.dash, reference.dash}) == 3
     assert ct.dash == ()
@@ -142,7 +186,11 @@ def test_drawn_lines_keep_their_looks(drawn: dict[int, Figure]) -> None:
     assert [lines[name].get_color() for name in ("CT", "PD", "desired")] == [
         look.color for look in (*PAPER.looks[:2], PAPER.desired)
     ]
-    assert [lines[name].is_dashed() for name in ("CT", "PD", "desired")] == [False, True, True]
+    assert [lines[name].is_dashed() for name in ("CT", "PD", "desired")] == [
+        False,
+        True,
+        True,
+    ]
 
 
 @pytest.mark.thorough
@@ -151,7 +199,9 @@ def test_nothing_of_a_figure_lies_outside_its_canvas(drawn: dict[int, Figure]) -
         figure.canvas.draw()
         renderer = figure.canvas.get_renderer()
         width, height = figure.get_size_inches() * figure.dpi
-        boxes = [ax.get_tightbbox(renderer) for ax in figure.axes] + [figure.legends[0].get_window_extent(renderer)]
+        boxes = [ax.get_tightbbox(renderer) for ax in figure.axes] + [
+            figure.legends[0].get_window_extent(renderer)
+        ]
         for box in boxes:
             assert -1.0 <= box.x0 <= box.x1 <= width + 1.0
             assert -1.0 <= box.y0 <= box.y1 <= height + 1.0
@@ -198,9 +248,13 @@ def test_a_diverged_episode_is_named_and_does_not_flatten_the_other() -> None:
     wild = synthetic_log("case1", "rigid_body", "PD", seconds=12.0)
     position = wild.position.copy()
     position[-1] = [1e9, np.nan, np.inf]
-    wild = dataclasses.replace(wild, position=position, info={**wild.info, "status": "diverged"})
+    wild = dataclasses.replace(
+        wild, position=position, info={**wild.info, "status": "diverged"}
+    )
     figure = paper_figures({"case1": {"CT": good, "PD": wild}}, WINDOWS)[5]
-    assert "PD (diverged)" in [entry.get_text() for entry in figure.legends[0].get_texts()]
+    assert "PD (diverged)" in [
+        entry.get_text() for entry in figure.legends[0].get_texts()
+    ]
     assert figure.axes[0].get_ylim()[1] < 6.0
     assert figure.axes[0].get_xlim() == pytest.approx((0.0, 30.0), abs=1e-9)
     assert image_bytes(figure, dpi=50)
@@ -209,7 +263,9 @@ def test_a_diverged_episode_is_named_and_does_not_flatten_the_other() -> None:
 def test_an_episode_that_ended_at_once_is_drawn() -> None:
     empty = synthetic_log("case3", "rigid_body", "PD", seconds=0.0)
     assert empty.time.size == 0
-    figures = paper_figures({"case3": {"CT": synthetic_log("case3", "rigid_body", "CT"), "PD": empty}}, {})
+    figures = paper_figures(
+        {"case3": {"CT": synthetic_log("case3", "rigid_body", "CT"), "PD": empty}}, {}
+    )
     assert sorted(figures) == [12, 13, 14, 15]
 
 
@@ -228,9 +284,15 @@ def test_a_constant_wind_is_no_gust() -> None:
 
 
 def test_gusts_of_moving_air_are_shaded_from_the_first_to_the_last() -> None:
-    gusts = [{"velocity": [2.0, 0.0, 0.0], "start": start, "duration": 0.1} for start in (0.1, 0.25)]
+    gusts = [
+        {"velocity": [2.0, 0.0, 0.0], "start": start, "duration": 0.1}
+        for start in (0.1, 0.25)
+    ]
     air = {"mode": "moving_air", "velocity": [1.0, 0.0, 0.0]}
-    blown = [document("case1", duration=0.5, environment={"wind": {**air, **more}}) for more in ({}, {"gust": gusts})]
+    blown = [
+        document("case1", duration=0.5, environment={"wind": {**air, **more}})
+        for more in ({}, {"gust": gusts})
+    ]
     constant, gusty = (skyarm.run(skyarm.scenario_from(each)) for each in blown)
     assert constant.wind_force[:, 0].all()
     assert gust_interval(constant) is None
@@ -240,16 +302,24 @@ def test_gusts_of_moving_air_are_shaded_from_the_first_to_the_last() -> None:
 def test_quantities_are_errors_against_the_held_reference() -> None:
     log = synthetic_log("case3", "rigid_body", "CT")
     moved = dataclasses.replace(log, position_reference=log.position_reference + 7.0)
-    assert POSITION_ERROR.of(moved) == pytest.approx(np.full(log.time.size, 0.05), abs=1e-12)
+    assert POSITION_ERROR.of(moved) == pytest.approx(
+        np.full(log.time.size, 0.05), abs=1e-12
+    )
     assert TOOL_ERROR.of(log) == pytest.approx(np.full(log.time.size, 0.01), abs=1e-12)
-    assert joint_error_size(0).of(log) == pytest.approx(np.full(log.time.size, 0.02), abs=1e-12)
+    assert joint_error_size(0).of(log) == pytest.approx(
+        np.full(log.time.size, 0.02), abs=1e-12
+    )
 
 
 def test_limits_keep_a_smallest_span_and_ignore_what_is_not_finite() -> None:
-    low, high = limits([np.array([1e-9, np.nan, np.inf])], floor=False, span=0.02, cap=5.0)
+    low, high = limits(
+        [np.array([1e-9, np.nan, np.inf])], floor=False, span=0.02, cap=5.0
+    )
     assert high - low >= 0.02
     assert limits([], floor=True, span=0.02, cap=5.0) == pytest.approx((0.0, 0.02))
-    assert limits([np.array([1e6, -1e6])], floor=False, span=0.02, cap=5.0) == pytest.approx((-5.7, 5.7))
+    assert limits(
+        [np.array([1e6, -1e6])], floor=False, span=0.02, cap=5.0
+    ) == pytest.approx((-5.7, 5.7))
 
 
 def test_catalogue_names_only_the_papers_experiments() -> None:

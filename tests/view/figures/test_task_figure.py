@@ -16,7 +16,12 @@ def test_the_wanted_force_of_a_task_that_waits_stands_at_its_own_time() -> None:
     push = TipPush(force=Windowed(Constant(2.0), 1.0, 2.0), normal=(-1.0, 0.0, 0.0))
     time, late = np.array([0.0, 1.5, 3.0]), np.array([0.0, 0.5, 1.5])
     flown = SimpleNamespace(agent=SimpleNamespace(reference=SimpleNamespace(push=push)))
-    log: Any = SimpleNamespace(scenario=flown, time=time, path_time=late, info={"scenario_record": {"type": "any"}})
+    log: Any = SimpleNamespace(
+        scenario=flown,
+        time=time,
+        path_time=late,
+        info={"scenario_record": {"type": "any"}},
+    )
     found = desired_push(log)
     assert found is not None
     assert found.tolist() == [0.0, 0.0, 2.0]

@@ -1,4 +1,6 @@
-"""Recordings, unpacked again: their messages, and what they say of a node at an instant."""
+"""Recordings, unpacked again: their messages, and what they say of a node at an
+instant.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ import zstandard
 
 
 def unpacked(content: bytes) -> dict[str, Any]:
-    """Messages and arrays of a recording: zstd of a length, msgpack and aligned arrays, after the packed length."""
+    """Messages and arrays of a recording: zstd of a length, msgpack and aligned arrays,
+    after the packed length.
+    """
     inner = zstandard.ZstdDecompressor().decompress(content[8:])
     length = int.from_bytes(inner[:8], "little")
     found: dict[str, Any] = msgspec.msgpack.decode(inner[8 : 8 + length])
@@ -22,7 +26,9 @@ def unpacked(content: bytes) -> dict[str, Any]:
     return {**found, "buffers": buffers}
 
 
-def place_at(messages: list[Any], name: str, kind: str, field: str, seconds: float) -> np.ndarray:
+def place_at(
+    messages: list[Any], name: str, kind: str, field: str, seconds: float
+) -> np.ndarray:
     """What the last message up to an instant says of a node, which must be there."""
     assert name in {message.get("name") for _, message in messages}
     said = [
@@ -31,4 +37,8 @@ def place_at(messages: list[Any], name: str, kind: str, field: str, seconds: flo
         if message["type"] == kind and message["name"] == name and at <= seconds + 1e-9
     ]
     # viser leaves out what is as a node begins
-    return np.array(said[-1] if said else {"position": (0.0, 0.0, 0.0), "wxyz": (1.0, 0.0, 0.0, 0.0)}[field])
+    return np.array(
+        said[-1]
+        if said
+        else {"position": (0.0, 0.0, 0.0), "wxyz": (1.0, 0.0, 0.0, 0.0)}[field]
+    )

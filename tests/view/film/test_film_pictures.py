@@ -1,4 +1,6 @@
-"""Pictures of a film, decoded again: the vehicles are where a pinhole camera of our own sees their poses."""
+"""Pictures of a film, decoded again: the vehicles are where a pinhole camera of our own
+sees their poses.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,12 @@ from skyarm.view.film.camera_paths import CAMERAS
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.view.film.make_film import FilmSettings, film_frames, make_film
 from skyarm.view.picture.marks import ghost_solids, vehicle_solids
-from skyarm.view.picture.mujoco_sink import FIELD_OF_VIEW, CameraPath, FramePanel, open_stage
+from skyarm.view.picture.mujoco_sink import (
+    FIELD_OF_VIEW,
+    CameraPath,
+    FramePanel,
+    open_stage,
+)
 from skyarm.world.scene.shapes import Shape, Solid
 from support.pictures import flight, needs_display
 
@@ -24,7 +31,9 @@ TIMES = np.arange(10) * 0.1
 
 
 def pixel(path: CameraPath, k: int, place: np.ndarray) -> np.ndarray:
-    """Column and row of a place: a pinhole that looks along the azimuth and the elevation, z up."""
+    """Column and row of a place: a pinhole that looks along the azimuth and the
+    elevation, z up.
+    """
     az, el = np.radians(path.azimuth[k]), np.radians(path.elevation[k])
     forward = np.array([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)])
     right = np.cross(forward, [0.0, 0.0, 1.0])
@@ -32,10 +41,14 @@ def pixel(path: CameraPath, k: int, place: np.ndarray) -> np.ndarray:
     down = np.cross(forward, right)
     ray = place - (path.look_at[k] - path.distance[k] * forward)
     scale = 0.5 * HEIGHT / np.tan(np.radians(0.5 * FIELD_OF_VIEW)) / (ray @ forward)
-    return np.array([0.5 * WIDTH + scale * (ray @ right), 0.5 * HEIGHT + scale * (ray @ down)])
+    return np.array(
+        [0.5 * WIDTH + scale * (ray @ right), 0.5 * HEIGHT + scale * (ray @ down)]
+    )
 
 
-def pictures(path: CameraPath, solids: list[Solid], frames: list[int]) -> list[np.ndarray]:
+def pictures(
+    path: CameraPath, solids: list[Solid], frames: list[int]
+) -> list[np.ndarray]:
     panel = FramePanel(0, 0, WIDTH, HEIGHT, path, solids, lambda _k: [])
     with open_stage([panel], WIDTH, HEIGHT) as stage:
         return [stage.draw(k).astype(int) for k in frames]
@@ -52,17 +65,25 @@ def centre_of_change(picture: np.ndarray, empty: np.ndarray) -> np.ndarray:
 
 
 def only(solids: list[Solid], role: str) -> list[Solid]:
-    """The solids of a role, three times as large and not see-through, so that they cover some pixels."""
+    """The solids of a role, three times as large and not see-through, so that they
+    cover some pixels.
+    """
     return [
         dataclasses.replace(
-            s, rgba=(1.0, 0.0, 0.0, 1.0), shape=dataclasses.replace(s.shape, size=tuple(3.0 * a for a in s.shape.size))
+            s,
+            rgba=(1.0, 0.0, 0.0, 1.0),
+            shape=dataclasses.replace(
+                s.shape, size=tuple(3.0 * a for a in s.shape.size)
+            ),
         )
         for s in solids
         if s.shape.role == role
     ]
 
 
-def test_hull_and_tip_of_vehicle_and_ghost_are_drawn_where_a_pinhole_sees_them() -> None:
+def test_hull_and_tip_of_vehicle_and_ghost_are_drawn_where_a_pinhole_sees_them() -> (
+    None
+):
     (one,) = filmed("paper_pd")
     path = CAMERAS["follow"]([one], TIMES, WIDTH / HEIGHT)
     frames = [0, 9]
@@ -72,11 +93,15 @@ def test_hull_and_tip_of_vehicle_and_ghost_are_drawn_where_a_pinhole_sees_them()
         (ghost_solids(one), one.desired_position, one.desired_tip),
     ):
         for role, places in (("hull", base), ("tip", tip)):
-            for k, drawn, nothing in zip(frames, pictures(path, only(solids, role), frames), empty, strict=True):
+            for k, drawn, nothing in zip(
+                frames, pictures(path, only(solids, role), frames), empty, strict=True
+            ):
                 wanted = pixel(path, k, places[k])
                 # a ball's outline is off its centre by less than a pixel at this size
                 if 4 < wanted[0] < WIDTH - 4 and 4 < wanted[1] < HEIGHT - 4:
-                    np.testing.assert_allclose(centre_of_change(drawn, nothing), wanted, atol=1.0)
+                    np.testing.assert_allclose(
+                        centre_of_change(drawn, nothing), wanted, atol=1.0
+                    )
 
 
 def test_a_panel_is_drawn_where_it_stands_in_the_frame() -> None:
@@ -87,29 +112,48 @@ def test_a_panel_is_drawn_where_it_stands_in_the_frame() -> None:
         panels = [FramePanel(30, 50, WIDTH, HEIGHT, path, solids, lambda _k: [])]
         with open_stage(panels, WIDTH + 70, HEIGHT + 60) as stage:
             drawn.append(stage.draw(9).astype(int))
-    np.testing.assert_allclose(centre_of_change(*drawn), pixel(path, 9, one.position[9]) + np.array([30, 50]), atol=1.0)
+    np.testing.assert_allclose(
+        centre_of_change(*drawn),
+        pixel(path, 9, one.position[9]) + np.array([30, 50]),
+        atol=1.0,
+    )
 
 
 def test_the_vehicle_moves_in_the_picture() -> None:
     """Without this the test above could pass on a flight that hangs still."""
     (one,) = filmed("paper_pd")
     path = CAMERAS["fixed"]([one], TIMES, WIDTH / HEIGHT)
-    assert np.linalg.norm(pixel(path, 9, one.position[9]) - pixel(path, 0, one.position[0])) > 10
+    assert (
+        np.linalg.norm(
+            pixel(path, 9, one.position[9]) - pixel(path, 0, one.position[0])
+        )
+        > 10
+    )
 
 
-@pytest.mark.parametrize("layout", ["over", pytest.param("side", marks=pytest.mark.thorough)])
-def test_both_vehicles_are_in_the_picture_and_the_ghost_when_it_is_wanted(layout: str) -> None:
+@pytest.mark.parametrize(
+    "layout", ["over", pytest.param("side", marks=pytest.mark.thorough)]
+)
+def test_both_vehicles_are_in_the_picture_and_the_ghost_when_it_is_wanted(
+    layout: str,
+) -> None:
     flights = filmed("paper_pd", "centroidal_tip")
-    settings = FilmSettings(layout=layout, width=320, height=240, camera="fixed", plot=False)
+    settings = FilmSettings(
+        layout=layout, width=320, height=240, camera="fixed", plot=False
+    )
     shown, hidden = (
-        list(film_frames(flights, TIMES, dataclasses.replace(settings, ghost=ghost)))[-1].astype(int)
+        list(film_frames(flights, TIMES, dataclasses.replace(settings, ghost=ghost)))[
+            -1
+        ].astype(int)
         for ghost in (True, False)
     )
     for each in flights:
         # of the vehicle's own colour in the light: the hue stays
         hue = np.array(each.color) / max(each.color)
         bright = hidden.max(axis=2, keepdims=True)
-        near = (np.abs(hidden / np.maximum(bright, 1) - hue).max(axis=2) < 0.15) & (bright[:, :, 0] > 60)
+        near = (np.abs(hidden / np.maximum(bright, 1) - hue).max(axis=2) < 0.15) & (
+            bright[:, :, 0] > 60
+        )
         below_heads = near[60:]
         assert below_heads.sum() > 20, each.label
     assert (np.abs(shown - hidden).max(axis=2) > 8).sum() > 50
@@ -123,13 +167,24 @@ def test_two_pictures_of_one_instant_are_the_same() -> None:
         np.testing.assert_array_equal(a, b)
 
 
-def test_an_animated_picture_has_its_frames_its_size_and_its_time(tmp_path: Path) -> None:
+def test_an_animated_picture_has_its_frames_its_size_and_its_time(
+    tmp_path: Path,
+) -> None:
     told = []
     settings = FilmSettings(width=WIDTH, height=HEIGHT, fps=30, stop=10 / 30)
-    file = make_film(flight(), tmp_path / "a.webp", settings, progress=lambda *done: told.append(done))
+    file = make_film(
+        flight(),
+        tmp_path / "a.webp",
+        settings,
+        progress=lambda *done: told.append(done),
+    )
     assert told == [(k + 1, 10) for k in range(10)]
     with Image.open(file) as picture:
-        assert (picture.size, picture.n_frames, picture.info["loop"]) == ((WIDTH, HEIGHT), 10, 0)
+        assert (picture.size, picture.n_frames, picture.info["loop"]) == (
+            (WIDTH, HEIGHT),
+            10,
+            0,
+        )
         frames, lengths = [], []
         for k in range(10):
             picture.seek(k)
@@ -147,9 +202,15 @@ def test_an_mp4_has_its_frames_its_size_and_its_time(tmp_path: Path) -> None:
     file = make_film(flight(), tmp_path / "a.mp4", settings)
     with av.open(str(file)) as container:
         stream = container.streams.video[0]
-        assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
+        assert (stream.codec_context.name, stream.codec_context.pix_fmt) == (
+            "h264",
+            "yuv420p",
+        )
         assert float(stream.average_rate) == 25.0
-        frames = [frame.to_ndarray(format="rgb24").astype(int) for frame in container.decode(stream)]
+        frames = [
+            frame.to_ndarray(format="rgb24").astype(int)
+            for frame in container.decode(stream)
+        ]
     assert len(frames) == 10
     assert frames[0].shape == (HEIGHT, WIDTH, 3)
     _require_drawn(frames)
@@ -172,21 +233,43 @@ def _require_drawn(frames: list[np.ndarray]) -> None:
 def test_fine_pictures_have_shadows_and_smooth_edges() -> None:
     flights = filmed("paper_pd")
     settings = FilmSettings(width=WIDTH, height=HEIGHT, plot=False)
-    coarse, fine = (next(film_frames(flights, TIMES, dataclasses.replace(settings, fine=f))) for f in (False, True))
-    assert len(np.unique(fine.reshape(-1, 3), axis=0)) > len(np.unique(coarse.reshape(-1, 3), axis=0))
+    coarse, fine = (
+        next(film_frames(flights, TIMES, dataclasses.replace(settings, fine=f)))
+        for f in (False, True)
+    )
+    assert len(np.unique(fine.reshape(-1, 3), axis=0)) > len(
+        np.unique(coarse.reshape(-1, 3), axis=0)
+    )
 
 
 def test_each_solid_with_a_mesh_has_its_own_in_the_picture() -> None:
-    """A wide ring on the left, a narrow one on the right: a third as wide, so a ninth of the pixels."""
+    """A wide ring on the left, a narrow one on the right: a third as wide, so a ninth
+    of the pixels.
+    """
     (one,) = filmed("paper_pd")
     path = CAMERAS["fixed"]([one], TIMES, WIDTH / HEIGHT)
     az = np.radians(path.azimuth[0])
     right = np.array([np.sin(az), -np.cos(az), 0.0])
     rings = []
     for sign, outer in ((-1.0, 0.24), (1.0, 0.08)):
-        shape = Shape(name=str(outer), role="object", kind="hole", body=0, size=(0.01, 0.02, 0.002, outer, 0.03))
-        place = np.repeat((path.look_at[0] + sign * 0.3 * right)[None], len(TIMES), axis=0)
-        rings.append(Solid(shape, place, np.repeat(np.eye(3)[None], len(TIMES), axis=0), (1.0, 0.0, 0.0, 1.0)))
+        shape = Shape(
+            name=str(outer),
+            role="object",
+            kind="hole",
+            body=0,
+            size=(0.01, 0.02, 0.002, outer, 0.03),
+        )
+        place = np.repeat(
+            (path.look_at[0] + sign * 0.3 * right)[None], len(TIMES), axis=0
+        )
+        rings.append(
+            Solid(
+                shape,
+                place,
+                np.repeat(np.eye(3)[None], len(TIMES), axis=0),
+                (1.0, 0.0, 0.0, 1.0),
+            )
+        )
     (drawn,) = pictures(path, rings, [0])
     red = drawn[:, :, 0] - drawn[:, :, 1] > 60
     left, other = red[:, : WIDTH // 2].sum(), red[:, WIDTH // 2 :].sum()

@@ -1,4 +1,6 @@
-"""Films of vehicles that fly together: each is where its log has it, what they share is drawn once, all are in view."""
+"""Films of vehicles that fly together: each is where its log has it, what they share is
+drawn once, all are in view.
+"""
 
 from __future__ import annotations
 
@@ -56,8 +58,15 @@ def test_each_vehicle_is_where_its_log_has_it_and_the_body_once(name: str) -> No
         assert hull.rgba is not None
         assert hull.rgba[:3] == flight.color
         for k in range(len(TIMES)):
-            np.testing.assert_allclose(hull.position[k], own.position[row(log, k)], atol=1e-9)
-    (body,) = (solid for each in flights for solid in vehicle_solids(each) if solid.shape.role == "object")
+            np.testing.assert_allclose(
+                hull.position[k], own.position[row(log, k)], atol=1e-9
+            )
+    (body,) = (
+        solid
+        for each in flights
+        for solid in vehicle_solids(each)
+        if solid.shape.role == "object"
+    )
     at = [row(log, k) for k in range(len(TIMES))]
     np.testing.assert_allclose(body.position, log.object_position[at], atol=1e-9)
 
@@ -65,17 +74,26 @@ def test_each_vehicle_is_where_its_log_has_it_and_the_body_once(name: str) -> No
 @pytest.mark.parametrize("name", ["triangle", "cables"])
 def test_grasps_are_marked_on_the_body_and_pull_at_their_vehicles(name: str) -> None:
     log, (first, *others) = flown(name), filmed(name)
-    assert not any((each.scene.solids, each.scene.lines, each.scene.arrows) != ((), (), ()) for each in others)
+    assert not any(
+        (each.scene.solids, each.scene.lines, each.scene.arrows) != ((), (), ())
+        for each in others
+    )
     at = [row(log, k) for k in range(len(TIMES))]
     turn, middle = rotations(log.object_quaternion[at]), log.object_position[at]
     marks = [each for each in first.scene.solids if each.shape.role == "point"]
     grasps = log.scenario.world.grasps
     assert len(marks) == len(first.scene.arrows) == len(grasps)
-    for i, (grasp, mark, arrow) in enumerate(zip(grasps, marks, first.scene.arrows, strict=True)):
+    for i, (grasp, mark, arrow) in enumerate(
+        zip(grasps, marks, first.scene.arrows, strict=True)
+    ):
         place = middle + turn @ np.array([float(c) for c in grasp.place])
         np.testing.assert_allclose(mark.position, place, atol=1e-9)
-        np.testing.assert_allclose(arrow.spot, log.agents[grasp.agent].position[at], atol=1e-9)
-        np.testing.assert_allclose(arrow.force, -log.grasp_pull[at, 3 * i : 3 * i + 3], atol=1e-9)
+        np.testing.assert_allclose(
+            arrow.spot, log.agents[grasp.agent].position[at], atol=1e-9
+        )
+        np.testing.assert_allclose(
+            arrow.force, -log.grasp_pull[at, 3 * i : 3 * i + 3], atol=1e-9
+        )
         if grasp.kind == "cable":
             cable = first.scene.lines[i].places
             np.testing.assert_allclose(cable[:, 0], arrow.spot, atol=1e-9)
@@ -93,28 +111,47 @@ def test_one_of_them_alone_has_its_own_grasp_only() -> None:
 
 
 def hanging(cable: Grasp, apart: float, seconds: float = 0.0) -> Scene:
-    """Scene of a body on a cable, ``apart`` (m) beside the vehicle ``left``; ``right`` has a contact point."""
+    """Scene of a body on a cable, ``apart`` (m) beside the vehicle ``left``; ``right``
+    has a contact point.
+    """
     scenario = team("bar")
     still = np.array([[1.0, 0.0, 0.0, 0.0]])
     places = {"left": np.zeros((1, 3)), "right": np.array([[0.0, 3.0, 0.0]])}
     agents = {
         name: Instants(
-            vehicle=scenario.vehicles[name], times=np.array([seconds]), position=place, quaternion=still,
-            joints=np.zeros((1, 0)), name=name,
+            vehicle=scenario.vehicles[name],
+            times=np.array([seconds]),
+            position=place,
+            quaternion=still,
+            joints=np.zeros((1, 0)),
+            name=name,
         )
         for name, place in places.items()
     }
     assert scenario.world is not None
-    point = ContactPoint(name="skid", body="base", agent="right", position=Vec3(0.0, 0.0, -0.1))
+    point = ContactPoint(
+        name="skid", body="base", agent="right", position=Vec3(0.0, 0.0, -0.1)
+    )
     world = Contact(objects=scenario.world.objects, grasps=(cable,), points=(point,))
-    numbers: dict[str, Array] = {column[0]: np.zeros((1, 0)) for column in world.columns}
+    numbers: dict[str, Array] = {
+        column[0]: np.zeros((1, 0)) for column in world.columns
+    }
     for column in world.columns:
         numbers[column[0]] = np.hstack([numbers[column[0]], np.zeros((1, 1))])
-    numbers |= {"object_position": np.array([[apart, 0.0, 0.0]]), "object_quaternion": still}
-    first, second = (scene_in_log([world], dataclasses.replace(each, agents=agents), numbers.__getitem__)
-                     for each in agents.values())
+    numbers |= {
+        "object_position": np.array([[apart, 0.0, 0.0]]),
+        "object_quaternion": still,
+    }
+    first, second = (
+        scene_in_log(
+            [world], dataclasses.replace(each, agents=agents), numbers.__getitem__
+        )
+        for each in agents.values()
+    )
     alone = dataclasses.replace(agents["left"], agents={"left": agents["left"]})
-    assert [each.name for each in scene_in_log([world], alone, numbers.__getitem__).arrows] == ["grasp/left_bar"]
+    assert [
+        each.name for each in scene_in_log([world], alone, numbers.__getitem__).arrows
+    ] == ["grasp/left_bar"]
     assert first.attached == ()
     assert "point/skid" in [shape.name for shape in second.attached]
     (arrow,) = (each for each in first.arrows if each.name.endswith("skid"))
@@ -122,15 +159,21 @@ def hanging(cable: Grasp, apart: float, seconds: float = 0.0) -> Scene:
     return first
 
 
-def test_a_slack_cable_is_as_long_as_it_is_and_sags_and_a_released_one_is_gone() -> None:
-    cable = Grasp(agent="left", frame="grip", body="bar", kind="cable", length=1.0, release=2.0)
+def test_a_slack_cable_is_as_long_as_it_is_and_sags_and_a_released_one_is_gone() -> (
+    None
+):
+    cable = Grasp(
+        agent="left", frame="grip", body="bar", kind="cable", length=1.0, release=2.0
+    )
     for apart, sags in ((0.9, True), (1.0, False), (1.01, False)):
         (line,) = hanging(cable, apart).lines
         (places,) = line.places
         length = np.linalg.norm(np.diff(places, axis=0), axis=1).sum()
         assert length == pytest.approx(max(apart, 1.0), rel=0.02)
         assert bool(places[:, 2].min() < -0.05) == sags
-        np.testing.assert_allclose(places[[0, -1]], [[0.0, 0.0, 0.0], [apart, 0.0, 0.0]], atol=1e-12)
+        np.testing.assert_allclose(
+            places[[0, -1]], [[0.0, 0.0, 0.0], [apart, 0.0, 0.0]], atol=1e-12
+        )
     (line,) = hanging(cable, 0.9, 2.0).lines
     assert np.isnan(line.places).all()
 
@@ -142,12 +185,16 @@ def test_all_vehicles_and_the_body_are_in_the_picture(name: str, camera: str) ->
     flights, aspect = filmed(name), 1.5
     path = CAMERAS[camera](flights, TIMES, aspect)
     (body,) = (each for each in flights[0].scene.solids if each.shape.role == "object")
-    corners = [np.array(signs) * body.shape.size for signs in product((-1.0, 1.0), repeat=3)]
+    corners = [
+        np.array(signs) * body.shape.size for signs in product((-1.0, 1.0), repeat=3)
+    ]
     boom = 0.1
     for k in range(len(TIMES)):
         ends = [body.position[k] + body.rotation[k] @ corner for corner in corners]
         ends += [
-            each.position[k] + boom * np.array(way) for each in flights for way in (*np.eye(3)[:2], *-np.eye(3)[:2])
+            each.position[k] + boom * np.array(way)
+            for each in flights
+            for way in (*np.eye(3)[:2], *-np.eye(3)[:2])
         ]
         forward = looking_towards(path.azimuth[k], path.elevation[k])
         right = np.cross(forward, [0.0, 0.0, 1.0])
@@ -157,16 +204,25 @@ def test_all_vehicles_and_the_body_are_in_the_picture(name: str, camera: str) ->
         assert (np.abs(rays @ right) < aspect * slope).all()
         assert (np.abs(rays @ np.cross(right, forward)) < slope).all()
     middles = np.array([each.position[0] for each in flights]) @ right
-    assert np.ptp(middles) > 0.6 * np.linalg.norm(np.ptp([each.position[0] for each in flights], axis=0))
+    assert np.ptp(middles) > 0.6 * np.linalg.norm(
+        np.ptp([each.position[0] for each in flights], axis=0)
+    )
 
 
 def test_captions_have_the_force_of_the_own_grasps() -> None:
     log = flown("triangle")
-    for i, (flight, own) in enumerate(zip(filmed("triangle"), log.agents.values(), strict=True)):
-        force, error = log.grasp_force[row(log, 2), i], own.position[row(log, 2)] - own.position_reference[row(log, 2)]
+    for i, (flight, own) in enumerate(
+        zip(filmed("triangle"), log.agents.values(), strict=True)
+    ):
+        force, error = (
+            log.grasp_force[row(log, 2), i],
+            own.position[row(log, 2)] - own.position_reference[row(log, 2)],
+        )
         said = state_words(flight, TIMES[2], 2)
         assert said.startswith(f"contact {force:.1f} N, tip error ")
-        assert float(said.split()[-2]) == pytest.approx(1e3 * np.linalg.norm(error), rel=0.05)
+        assert float(said.split()[-2]) == pytest.approx(
+            1e3 * np.linalg.norm(error), rel=0.05
+        )
 
 
 def test_teams_stand_side_by_side_each_under_its_names() -> None:
@@ -177,14 +233,23 @@ def test_teams_stand_side_by_side_each_under_its_names() -> None:
     layout = frame_layout(640, 360, 2, "side", plot=True, agents=[3, 2])
     first, second = layout.panels
     inside = [
-        [first, second].index(p) for h in layout.heads for p in layout.panels if p.left <= h.left < p.left + p.width
+        [first, second].index(p)
+        for h in layout.heads
+        for p in layout.panels
+        if p.left <= h.left < p.left + p.width
     ]
     assert inside == [0, 0, 0, 1, 1]
     assert layout.heads[-1].left + layout.heads[-1].width == 640
     panels = film_panels(flights, TIMES, settings, layout)
-    assert [sum(s.shape.role == "object" for s in each.solids) for each in panels] == [1, 1]
+    assert [sum(s.shape.role == "object" for s in each.solids) for each in panels] == [
+        1,
+        1,
+    ]
     # of each vehicle and of its ghost
-    assert [sum(s.shape.role == "hull" for s in each.solids) for each in panels] == [6, 4]
+    assert [sum(s.shape.role == "hull" for s in each.solids) for each in panels] == [
+        6,
+        4,
+    ]
     with pytest.raises(ValueError, match="agents = 8: must be from 1 to 6 in one film"):
         filmed("bar", "bar", "bar", "bar")
 
@@ -196,13 +261,23 @@ def test_a_recording_has_every_vehicle_and_the_body_once() -> None:
     from skyarm.view.film.recording import record
 
     log = flown("bar")
-    messages = unpacked(record([log], FilmSettings(fps=10, layout="side")).content)["messages"]
+    messages = unpacked(record([log], FilmSettings(fps=10, layout="side")).content)[
+        "messages"
+    ]
     for i, own in enumerate(log.agents.values()):
         for k in (0, 1):
-            place = place_at(messages, f"/flight{i + 1}/vehicle", "SetPositionMessage", "position", TIMES[k])
+            place = place_at(
+                messages,
+                f"/flight{i + 1}/vehicle",
+                "SetPositionMessage",
+                "position",
+                TIMES[k],
+            )
             np.testing.assert_allclose(place, own.position[row(log, k)], atol=2e-4)
     names = {str(message.get("name")) for _, message in messages}
-    assert {name for name in names if name.endswith("world/bar")} == {"/flight1/solids/world/bar"}
+    assert {name for name in names if name.endswith("world/bar")} == {
+        "/flight1/solids/world/bar"
+    }
 
 
 def test_recorded_teams_stand_apart_and_their_vehicles_together() -> None:
@@ -213,7 +288,10 @@ def test_recorded_teams_stand_apart_and_their_vehicles_together() -> None:
 
     both = record([flown("bar"), flown("cables")], FilmSettings(fps=10, layout="side"))
     messages = unpacked(both.content)["messages"]
-    roots = [place_at(messages, f"/flight{i}", "SetPositionMessage", "position", 0.0) for i in range(1, 5)]
+    roots = [
+        place_at(messages, f"/flight{i}", "SetPositionMessage", "position", 0.0)
+        for i in range(1, 5)
+    ]
     np.testing.assert_array_equal(roots[0], roots[1])
     np.testing.assert_array_equal(roots[2], roots[3])
     assert np.linalg.norm(roots[0] - roots[2]) > 0.5
@@ -221,20 +299,36 @@ def test_recorded_teams_stand_apart_and_their_vehicles_together() -> None:
 
 def test_contact_points_are_on_their_own_vehicle() -> None:
     above = {"body": "base", "position": Vec3(0.0, 0.0, 0.1)}
-    points = tuple(ContactPoint(name=f"{name}_hook", agent=name, **above) for name in ("left", "right"))
-    flights = film_flights([skyarm.run(with_world(team("bar", duration=0.02), points=points))], TIMES[:1])
+    points = tuple(
+        ContactPoint(name=f"{name}_hook", agent=name, **above)
+        for name in ("left", "right")
+    )
+    flights = film_flights(
+        [skyarm.run(with_world(team("bar", duration=0.02), points=points))], TIMES[:1]
+    )
     for flight, name in zip(flights, ("left", "right"), strict=True):
-        assert {each.name for each in flight.scene.attached} == {f"point/{name}_hook", f"stalk/{name}_hook"}
+        assert {each.name for each in flight.scene.attached} == {
+            f"point/{name}_hook",
+            f"stalk/{name}_hook",
+        }
 
 
 @needs_display
 def test_hulls_have_their_colours_in_a_picture() -> None:
     flights = filmed("bar")
-    picture = next(film_frames(flights, TIMES, FilmSettings(width=480, height=320, plot=False, ghost=False)))
+    picture = next(
+        film_frames(
+            flights, TIMES, FilmSettings(width=480, height=320, plot=False, ghost=False)
+        )
+    )
     below = picture[60:].astype(float)
     for each in flights:
-        hue = below / np.maximum(below.max(axis=2, keepdims=True), 1.0) - np.array(each.color) / max(each.color)
-        assert ((np.abs(hue).max(axis=2) < 0.15) & (below.max(axis=2) > 60)).sum() > 100, each.label
+        hue = below / np.maximum(below.max(axis=2, keepdims=True), 1.0) - np.array(
+            each.color
+        ) / max(each.color)
+        assert (
+            (np.abs(hue).max(axis=2) < 0.15) & (below.max(axis=2) > 60)
+        ).sum() > 100, each.label
 
 
 @needs_display

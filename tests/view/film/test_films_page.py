@@ -1,4 +1,6 @@
-"""Films on docs/pictures.md: their commands and Python run, the options are those that there are."""
+"""Films on docs/pictures.md: their commands and Python run, the options are those that
+there are.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +18,28 @@ from skyarm.view.film.recording import SUFFIXES
 from skyarm.view.film.video_files import FILM_FORMATS
 from support.pictures import needs_display
 
-PAGE = (Path(__file__).resolve().parents[3] / "docs" / "pictures.md").read_text("utf-8").partition("\n## Films\n")[2]
-LINES = re.findall(r"^(skyarm .+)$", "".join(re.findall(r"^```sh\n(.*?)^```$", PAGE, re.M | re.S)), re.M)
+PAGE = (
+    (Path(__file__).resolve().parents[3] / "docs" / "pictures.md")
+    .read_text("utf-8")
+    .partition("\n## Films\n")[2]
+)
+LINES = re.findall(
+    r"^(skyarm .+)$",
+    "".join(re.findall(r"^```sh\n(.*?)^```$", PAGE, re.M | re.S)),
+    re.M,
+)
 DRAWN = (".mp4", ".webp")
-SHORT = {"run": ["--duration", "0.3"], "film": ["--window", "0", "0.2", "--size", "64x64", "--fps", "10"]}
+SHORT = {
+    "run": ["--duration", "0.3"],
+    "film": ["--window", "0", "0.2", "--size", "64x64", "--fps", "10"],
+}
 
 
 @pytest.mark.thorough
 @needs_display
-def test_the_commands_run_one_after_the_other(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_commands_run_one_after_the_other(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     pytest.importorskip("viser", reason="no extra 'studio'")
     monkeypatch.chdir(tmp_path)
     ran = 0
@@ -37,7 +52,11 @@ def test_the_commands_run_one_after_the_other(monkeypatch: pytest.MonkeyPatch, t
         assert perform() == 0, line
         ran += words[1] == "film"
     assert ran == 3
-    made = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
+    made = {
+        path.relative_to(tmp_path).as_posix()
+        for path in tmp_path.rglob("*")
+        if path.is_file()
+    }
     assert made >= {"out/wind.webp", "out/circle.webp", "out/wind.html"}
 
 
@@ -47,7 +66,10 @@ def test_the_python_shown_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
     monkeypatch.chdir(tmp_path)
     (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     exec(compile(code, "pictures.md", "exec"), {})
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["wind.viser", "wind.webp"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "wind.viser",
+        "wind.webp",
+    ]
 
 
 def test_every_choice_is_on_the_page() -> None:

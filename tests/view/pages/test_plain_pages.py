@@ -1,4 +1,6 @@
-"""Plain pages read back as a browser reads them: which text stands where, what is a number, what is escaped."""
+"""Plain pages read back as a browser reads them: which text stands where, what is a
+number, what is escaped.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,12 @@ def test_title_and_facts_stand_in_their_places():
 
 
 def test_a_column_is_set_to_the_right_if_its_name_says_so_and_its_cells_with_it():
-    found = parsed(plain.table(["law", "remark", ">error", ">time"], [["a", "<b>", "1", "2"], ["c", "d", "3", "4"]]))
+    found = parsed(
+        plain.table(
+            ["law", "remark", ">error", ">time"],
+            [["a", "<b>", "1", "2"], ["c", "d", "3", "4"]],
+        )
+    )
     heads = found.findall(".//thead/tr/th")
     assert [(head.text, head.get("class")) for head in heads] == [
         ("law", None),
@@ -36,17 +43,27 @@ def test_a_column_is_set_to_the_right_if_its_name_says_so_and_its_cells_with_it(
     ]
     rows = found.findall(".//tbody/tr")
     assert [row.find("th").text for row in rows] == ["a", "c"]
-    assert [[(cell.text, cell.get("class")) for cell in row.findall("td")] for row in rows] == [
+    assert [
+        [(cell.text, cell.get("class")) for cell in row.findall("td")] for row in rows
+    ] == [
         [("<b>", None), ("1", "num"), ("2", "num")],
         [("d", None), ("3", "num"), ("4", "num")],
     ]
 
 
 def test_rows_in_groups_have_a_heading_as_wide_as_the_table():
-    found = parsed(plain.grouped_table(["law", ">x"], [("fast", [["a", "1"]]), ("", [["b", "2"]])], caption="a & b"))
+    found = parsed(
+        plain.grouped_table(
+            ["law", ">x"], [("fast", [["a", "1"]]), ("", [["b", "2"]])], caption="a & b"
+        )
+    )
     assert found.find(".//caption").text == "a & b"
     first, second = found.findall(".//tbody")
-    assert (first[0].get("class"), first[0][0].get("colspan"), first[0][0].text) == ("group", "2", "fast")
+    assert (first[0].get("class"), first[0][0].get("colspan"), first[0][0].text) == (
+        "group",
+        "2",
+        "fast",
+    )
     assert (len(first), len(second)) == (2, 1)
 
 
@@ -67,14 +84,21 @@ def test_a_wide_picture_says_so_and_every_text_is_escaped():
         assert figure.find("figcaption").text == "c < d"
 
 
-@pytest.mark.parametrize(("columns", "kind"), [(2, "few"), (3, "few"), (4, None), (9, None), (10, "many")])
+@pytest.mark.parametrize(
+    ("columns", "kind"), [(2, "few"), (3, "few"), (4, None), (9, None), (10, "many")]
+)
 def test_a_table_is_styled_by_the_number_of_its_columns(columns, kind):
     found = parsed(plain.table([f"c{i}" for i in range(columns)], [["x"] * columns]))
     assert found.find(".//table").get("class") == kind
 
 
 def test_a_number_is_scaled_and_has_two_or_three_digits():
-    assert [number(0.0123, 1e3), number(0.1234, 1e3), number(1.0), number(None)] == ["12.3", "123", "1.00", "-"]
+    assert [number(0.0123, 1e3), number(0.1234, 1e3), number(1.0), number(None)] == [
+        "12.3",
+        "123",
+        "1.00",
+        "-",
+    ]
 
 
 def test_a_table_in_markdown_has_its_caption_unless_its_section_is_called_so():
@@ -88,4 +112,8 @@ def test_no_style_changes_the_colours_of_a_picture_in_the_dark():
     """They mean something: in a map that is inverted success is dark."""
     styles = [*Path(plain.__file__).parents[2].rglob("*.css")]
     assert len(styles) >= 3
-    assert not [each.name for each in styles if re.search(r"invert|hue-rotate|mix-blend", each.read_text("utf-8"))]
+    assert not [
+        each.name
+        for each in styles
+        if re.search(r"invert|hue-rotate|mix-blend", each.read_text("utf-8"))
+    ]

@@ -1,4 +1,6 @@
-"""A tab of the studio's page without a browser: viser's protocol over a plain websocket."""
+"""A tab of the studio's page without a browser: viser's protocol over a plain
+websocket.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,12 @@ from websockets.sync.client import ClientConnection, connect
 
 from skyarm.view.studio.fleet import Fleet
 from skyarm.view.studio.page import Page
-from skyarm.view.studio.server import AccessGuard, close_server, listening_socket, open_server
+from skyarm.view.studio.server import (
+    AccessGuard,
+    close_server,
+    listening_socket,
+    open_server,
+)
 
 CAMERA = {
     "type": "ViewerCameraMessage",
@@ -39,7 +46,8 @@ class Open:
     """A page that is open.
 
     Args:
-        folder: of saved flights. source: name or file of the scenario. laws: laws of the flights.
+        folder: of saved flights. source: name or file of the scenario. laws: laws of
+            the flights.
     """
 
     def __init__(self, folder: Path, source: str, laws: Sequence[str | None]) -> None:
@@ -75,9 +83,13 @@ class Tab:
         more: further cookies of the browser.
     """
 
-    def __init__(self, port: int, token: str | None, origin: str | None = "own", more: str = "") -> None:
+    def __init__(
+        self, port: int, token: str | None, origin: str | None = "own", more: str = ""
+    ) -> None:
         own = f"http://127.0.0.1:{port}"
-        headers = {} if token is None else {"Cookie": f"skyarm_studio_{port}={token}{more}"}
+        headers = (
+            {} if token is None else {"Cookie": f"skyarm_studio_{port}={token}{more}"}
+        )
         self.socket: ClientConnection = connect(
             f"ws://127.0.0.1:{port}/",
             origin=own if origin == "own" else origin,  # type: ignore[arg-type]
@@ -99,7 +111,9 @@ class Tab:
 
     def move(self, uuid: str, value: Any) -> None:
         """Give an input a value."""
-        self.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
+        self.send(
+            {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}}
+        )
 
     def listen(self, until: Callable[[Tab], bool], seconds: float = 120.0) -> None:
         """Take in what the page is told until something holds.
@@ -125,29 +139,41 @@ class Tab:
             self.props.setdefault(message["uuid"], {}).update(message["updates"])
         elif kind.startswith("Gui") and "props" in message:
             self.kinds[message["uuid"]] = kind
-            self.props[message["uuid"]] = {**message["props"], "value": message.get("value")}
+            self.props[message["uuid"]] = {
+                **message["props"],
+                "value": message.get("value"),
+            }
         elif kind == "GuiRemoveMessage":
             self.props.pop(message["uuid"], None)
         elif kind == "ThemeConfigurationMessage":
             self.dark = message["dark_mode"]
         elif kind in ("SetPositionMessage", "SetOrientationMessage"):
-            self.nodes.setdefault(message["name"], {})[kind] = message.get("position", message.get("wxyz"))
+            self.nodes.setdefault(message["name"], {})[kind] = message.get(
+                "position", message.get("wxyz")
+            )
 
     def find(self, word: str) -> str:
         """The input whose hint, label or options contain a word."""
         return next(
             uuid
             for uuid, props in self.props.items()
-            if word in f"{props.get('hint')} {props.get('label')} {props.get('options')}"
+            if word
+            in f"{props.get('hint')} {props.get('label')} {props.get('options')}"
         )
 
     def has(self, word: str) -> bool:
         """Whether there is such an input."""
-        return any(word in f"{p.get('hint')} {p.get('label')} {p.get('options')}" for p in self.props.values())
+        return any(
+            word in f"{p.get('hint')} {p.get('label')} {p.get('options')}"
+            for p in self.props.values()
+        )
 
     def status(self) -> str:
         """What the page says in words."""
-        texts = [str(props.get("content", props.get("_markdown", ""))) for props in self.props.values()]
+        texts = [
+            str(props.get("content", props.get("_markdown", "")))
+            for props in self.props.values()
+        ]
         return next((text for text in texts if " s, " in text), "")
 
     def forget(self) -> None:

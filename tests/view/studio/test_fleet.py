@@ -1,4 +1,6 @@
-"""The studio's loop without a page: time, the way back, laws beside each other, pushes, and what is saved."""
+"""The studio's loop without a page: time, the way back, laws beside each other, pushes,
+and what is saved.
+"""
 
 import dataclasses
 import tomllib
@@ -61,13 +63,19 @@ def states_of(log: skyarm.Log) -> np.ndarray:
 def test_an_untouched_flight_is_the_scenarios_own(fleet: Fleet) -> None:
     fleet.go(1700)  # into the gust of the file
     for flight in fleet.flights:
-        plain = skyarm.run(skyarm.load_scenario("case2_gust", controller=flight.law, duration=8.5))
+        plain = skyarm.run(
+            skyarm.load_scenario("case2_gust", controller=flight.law, duration=8.5)
+        )
         assert (states(flight)[:, :3] == plain.position).all()
         assert (flight.session.log.rotor_commands == plain.rotor_commands).all()
 
 
-@pytest.mark.parametrize(("speed", "ticks"), [(0.25, 5), (0.5, 10), (1.0, 20), (2.0, 40), (4.0, 80)])
-def test_speed_is_periods_per_second_of_the_wall(fleet: Fleet, speed: float, ticks: int) -> None:
+@pytest.mark.parametrize(
+    ("speed", "ticks"), [(0.25, 5), (0.5, 10), (1.0, 20), (2.0, 40), (4.0, 80)]
+)
+def test_speed_is_periods_per_second_of_the_wall(
+    fleet: Fleet, speed: float, ticks: int
+) -> None:
     fleet.speed = speed
     fleet.advance(0.1)
     assert fleet.tick == ticks
@@ -143,7 +151,10 @@ def test_sliders_show_what_held_then(fleet: Fleet) -> None:
 def test_laws_meet_the_same_noise(fleet: Fleet) -> None:
     fleet.move({"sensors.position": 0.01})
     fleet.go(40)
-    noise = [flight.session.log.measured_position - flight.session.log.position for flight in fleet.flights]
+    noise = [
+        flight.session.log.measured_position - flight.session.log.position
+        for flight in fleet.flights
+    ]
     assert np.abs(noise[0]).max() > 0.01
     assert np.allclose(noise[0], noise[1], atol=1e-12)
     paths = [flight.session.log.position for flight in fleet.flights]
@@ -157,7 +168,9 @@ def only(flight: Flight) -> FlownAgent:
 
 
 def errors(flight: Flight, start: float, stop: float) -> np.ndarray:
-    return np.array([seen.error for seen in only(flight).sights if start <= seen.time <= stop])
+    return np.array(
+        [seen.error for seen in only(flight).sights if start <= seen.time <= stop]
+    )
 
 
 def test_a_gust_raises_the_tip_error_which_recovers(fleet: Fleet) -> None:
@@ -172,7 +185,9 @@ def test_a_gust_raises_the_tip_error_which_recovers(fleet: Fleet) -> None:
 
 def test_computed_torque_stays_below_pd_in_the_papers_gust(fleet: Fleet) -> None:
     fleet.go(2600)
-    ct, pd = (np.sqrt(np.mean(errors(flight, 7.5, 13.0) ** 2)) for flight in fleet.flights)
+    ct, pd = (
+        np.sqrt(np.mean(errors(flight, 7.5, 13.0) ** 2)) for flight in fleet.flights
+    )
     assert ct < 0.95 * pd
 
 
@@ -183,7 +198,9 @@ def test_a_gain_is_of_one_law_alone(fleet: Fleet) -> None:
     assert pd.session.scenario.controller.par.gains.position.x == 4.0
 
 
-def test_a_law_that_joins_has_met_what_the_others_met(fleet: Fleet, made: Fleet) -> None:
+def test_a_law_that_joins_has_met_what_the_others_met(
+    fleet: Fleet, made: Fleet
+) -> None:
     fleet.go(150)
     fleet.move({"environment.wind.force.x": 1.0})
     fleet.go(300)
@@ -207,7 +224,9 @@ def test_a_law_that_joins_has_met_what_the_others_met(fleet: Fleet, made: Fleet)
     fleet.leave(2)
 
 
-def test_a_flight_that_cannot_join_is_closed(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flight_that_cannot_join_is_closed(
+    fleet: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
     late, closed = fleet.make_flight("paper_pd"), []
 
     def fail(_: int) -> None:
@@ -284,12 +303,20 @@ def test_mujocos_plant_flies_in_the_studio_too(tmp_path: Path) -> None:
     assert flight.session.scenario.wind.force_W.y == 0.0
     fleet.go(60)
     assert (states(flight) == flown).all()
-    plain = skyarm.run(skyarm.load_scenario("case1", controller="paper_pd", plant="mujoco", duration=0.15))
+    plain = skyarm.run(
+        skyarm.load_scenario(
+            "case1", controller="paper_pd", plant="mujoco", duration=0.15
+        )
+    )
     assert (flown[:30, :3] == plain.position).all()
 
 
 OTHERS = {
-    **{"arm_length": "study", "press_in_four_worlds": "study", "loads_and_gusts": "suite"},
+    **{
+        "arm_length": "study",
+        "press_in_four_worlds": "study",
+        "loads_and_gusts": "suite",
+    },
     **{"carrier": "vehicle", "servo_quad": "vehicle"},
 }
 """Examples that are no scenarios -> what they are."""
@@ -297,16 +324,24 @@ OTHERS = {
 EVERY = [*list_scenarios(), *sorted(str(path) for path in EXAMPLES.glob("*.toml"))]
 
 
-@pytest.mark.parametrize("source", sampled(EVERY, 8), ids=lambda source: Path(source).stem)
-def test_every_scenario_and_example_opens_with_the_reference_that_it_flies(source: str) -> None:
+@pytest.mark.parametrize(
+    "source", sampled(EVERY, 8), ids=lambda source: Path(source).stem
+)
+def test_every_scenario_and_example_opens_with_the_reference_that_it_flies(
+    source: str,
+) -> None:
     if (stem := Path(source).stem) in OTHERS:
-        with pytest.raises(skyarm.ScenarioError, match=rf"{stem}.toml: .* is a {OTHERS[stem]} file"):
+        with pytest.raises(
+            skyarm.ScenarioError, match=rf"{stem}.toml: .* is a {OTHERS[stem]} file"
+        ):
             Fleet(source)
         return
     fleet, scenario = Fleet(source), skyarm.load_scenario(source)
     flown = fleet.scenario
     assert flown.changes == scenario.changes
-    for own, before in zip(flown.agents.values(), scenario.agents.values(), strict=True):
+    for own, before in zip(
+        flown.agents.values(), scenario.agents.values(), strict=True
+    ):
         assert (own.reference, own.path_time) == (before.reference, before.path_time)
     assert flown.duration == (scenario.duration if fleet.planned else LONGEST)
     knobs = knobs_of(flown, pushes_of(flown).values())
@@ -317,7 +352,9 @@ def test_every_scenario_and_example_opens_with_the_reference_that_it_flies(sourc
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("source", [each for each in EVERY if Path(each).stem not in OTHERS])
+@pytest.mark.parametrize(
+    "source", [each for each in EVERY if Path(each).stem not in OTHERS]
+)
 def test_every_scenario_and_example_flies_in_the_studio_as_in_run(source: str) -> None:
     fleet = Fleet(source)
     fleet.join(fleet.make_flight(None))
@@ -329,21 +366,34 @@ def test_every_scenario_and_example_flies_in_the_studio_as_in_run(source: str) -
     while plain.tick < ticks - 1 and plain.step():
         pass
     found, flown = states(fleet.flights[0]), states(SimpleNamespace(session=plain))  # type: ignore[arg-type]
-    # numbers that a slider may change are fused otherwise into products and sums: a peg in its hole lets that grow
-    assert np.abs(found - flown).max() < (1e-4 if Path(source).stem == "insert_a_peg" else 1e-6)
+    # numbers that a slider may change are fused otherwise into products and sums: a peg
+    # in its hole lets that grow
+    assert np.abs(found - flown).max() < (
+        1e-4 if Path(source).stem == "insert_a_peg" else 1e-6
+    )
 
 
 def believed() -> dict[str, Any]:
-    """A document with a planned reference and a payload of which the law is told in flight."""
+    """A document with a planned reference and a payload of which the law is told in
+    flight.
+    """
     document = tables("case1")
     document["payloads"] = [{"mass": 0.05, "pick": 0.3, "drop": 0.6, "believed": True}]
     document["reference"] = {
         "tip": {
-            "path": {"kind": "circle", "radius": 0.05, "frequency_hz": 0.5, "center": [0.0, 0.0, 0.8]},
-            "posture": [0.4, -0.8], "base_share": 0.5,
+            "path": {
+                "kind": "circle",
+                "radius": 0.05,
+                "frequency_hz": 0.5,
+                "center": [0.0, 0.0, 0.8],
+            },
+            "posture": [0.4, -0.8],
+            "base_share": 0.5,
         }
     }
-    document["changes"] = [{"at": 0.2, "path": "environment.wind.force.y", "value": 1.0}]
+    document["changes"] = [
+        {"at": 0.2, "path": "environment.wind.force.y", "value": 1.0}
+    ]
     document["environment"] = {"wind": {"mode": "force_wind", "force": [0.0, 0.0, 0.0]}}
     return {**document, "duration": 1.0, "windows": {}}
 
@@ -353,7 +403,10 @@ def test_sliders_show_what_changes_of_the_file_have_set(tmp_path: Path) -> None:
     # as the file may name what the slider names y
     document["changes"][0]["path"] = "environment.wind.force.1"
     joints = [{"kind": "constant", "value": 0.25}, {"kind": "constant", "value": -0.8}]
-    document["reference"] = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, "joints": joints}
+    document["reference"] = {
+        "base": {"kind": "hover", "position": [0.0, 0.0, 1.0]},
+        "joints": joints,
+    }
     later = [{"kind": "constant", "value": 0.3}, joints[1]]
     document["changes"].append({"at": 0.4, "path": "reference.joints", "value": later})
     fleet = fleet_of(document, tmp_path)
@@ -365,31 +418,46 @@ def test_sliders_show_what_changes_of_the_file_have_set(tmp_path: Path) -> None:
     assert flight.values["environment.wind.force.y"] == 1.0
     fleet.go(90)
     assert flight.values["model.payload.mass"] == 0.05
-    assert {path: value for path, value in flight.values.items() if "joints" in path} == {
-        "reference.joints.0.value": 0.3
-    }
+    assert {
+        path: value for path, value in flight.values.items() if "joints" in path
+    } == {"reference.joints.0.value": 0.3}
     assert flight.due == 3
     fleet.go(45)
     assert flight.due == 1
-    assert set(flight.values) == {"environment.wind.force.1", "environment.wind.force.y"}
+    assert set(flight.values) == {
+        "environment.wind.force.1",
+        "environment.wind.force.y",
+    }
 
 
 def test_the_slider_of_the_delay_holds_that_of_the_file(tmp_path: Path) -> None:
-    for delays, high in (({"command": 0.05}, 0.05), ({"command": 0.005, "rotors": 0.01}, 0.02), ({}, 0.03)):
+    for delays, high in (
+        ({"command": 0.05}, 0.05),
+        ({"command": 0.005, "rotors": 0.01}, 0.02),
+        ({}, 0.03),
+    ):
         fleet = fleet_of(tables("case1") | {"delays": delays}, tmp_path)
-        (knob,) = (each for each in fleet.make_flight(None).knobs if each.path == "delays.command")
+        (knob,) = (
+            each
+            for each in fleet.make_flight(None).knobs
+            if each.path == "delays.command"
+        )
         assert (knob.low, knob.value) == (0.0, delays.get("command", 0.0))
         assert knob.high == pytest.approx(high)
 
 
-def test_changes_of_a_file_and_of_a_hand_hold_together_and_are_saved_together(tmp_path: Path) -> None:
+def test_changes_of_a_file_and_of_a_hand_hold_together_and_are_saved_together(
+    tmp_path: Path,
+) -> None:
     document = believed()
     fleet = fleet_of(document, tmp_path)
     fleet.join(fleet.make_flight(None))
     (flight,) = fleet.flights
     assert fleet.planned
     fleet.go(150)
-    assert (states(flight) == states_of(skyarm.run(skyarm.scenario_from(document)))[:150]).all()
+    assert (
+        states(flight) == states_of(skyarm.run(skyarm.scenario_from(document)))[:150]
+    ).all()
     fleet.go(80)
     fleet.move({"environment.wind.force.x": 1.0})
     fleet.go(60)
@@ -400,7 +468,10 @@ def test_changes_of_a_file_and_of_a_hand_hold_together_and_are_saved_together(tm
     again = skyarm.run(skyarm.load_scenario(file.with_suffix(".toml")))
     wind, told = "environment.wind.force", "model.payload.mass"
     assert [(each.at, each.path, each.value) for each in scheduled_changes(saved)] == [
-        (0.2, f"{wind}.y", 1.0), (0.4, f"{wind}.x", 1.0), (0.3, told, 0.05), (0.6, told, 0.0)
+        (0.2, f"{wind}.y", 1.0),
+        (0.4, f"{wind}.x", 1.0),
+        (0.3, told, 0.05),
+        (0.6, told, 0.0),
     ]
     log = skyarm.run(saved)
     assert (states(flight) == states_of(log)[:150]).all()
@@ -412,7 +483,9 @@ def test_changes_of_a_file_and_of_a_hand_hold_together_and_are_saved_together(tm
 
 def test_another_law_flies_without_the_changes_of_the_files_own(tmp_path: Path) -> None:
     document = tables("case2")
-    document["changes"] = [{"at": 0.2, "path": "controller.gains.position.x", "value": 3.0}]
+    document["changes"] = [
+        {"at": 0.2, "path": "controller.gains.position.x", "value": 3.0}
+    ]
     fleet = fleet_of(document, tmp_path)
     assert len(fleet.scenario.changes) == 1
     assert not fleet.under("centroidal_tip").changes
@@ -437,7 +510,9 @@ def test_a_payload_is_drawn_while_it_is_held() -> None:
 
 
 @pytest.mark.parametrize(("seconds", "tick"), [(0.25, 50), (9.0, 120)])
-def test_the_slider_of_time_goes_back_and_no_further_than_was_flown(seconds: float, tick: int) -> None:
+def test_the_slider_of_time_goes_back_and_no_further_than_was_flown(
+    seconds: float, tick: int
+) -> None:
     gone: list[int] = []
     fleet = SimpleNamespace(rate=200, furthest=120, playing=True, go=gone.append)
     Clock.go_to_time(fleet, seconds)  # type: ignore[arg-type]
@@ -456,6 +531,8 @@ def test_a_grasp_that_has_opened_pulls_with_no_arrow() -> None:
     arrows = {}
     for k in range(1, 41):
         session.step()
-        arrows[k] = sum(float(np.abs(each.force).max()) for each in scene_of(session).arrows)
+        arrows[k] = sum(
+            float(np.abs(each.force).max()) for each in scene_of(session).arrows
+        )
     assert 0.1 < arrows[8] < 2.0
     assert arrows[40] == 0.0

@@ -1,4 +1,6 @@
-"""Sliders come from the records: every number that may move, with its unit, and what a plugin adds by itself."""
+"""Sliders come from the records: every number that may move, with its unit, and what a
+plugin adds by itself.
+"""
 
 from dataclasses import dataclass
 from importlib import import_module
@@ -17,7 +19,15 @@ from skyarm.view.studio.fleet import Fleet, law_names, pushes_of
 from skyarm.view.studio.knobs import AdjustableNumber, knobs_of
 from skyarm.world import Wrench
 
-GROUPS = {"law", "reference", "wind and forces", "payload", "sensors", "delay", "faults"}
+GROUPS = {
+    "law",
+    "reference",
+    "wind and forces",
+    "payload",
+    "sensors",
+    "delay",
+    "faults",
+}
 
 LIBRARY = Path(skyarm.__file__).parent / "scenario" / "library"
 
@@ -34,14 +44,21 @@ class Tug(skyarm.Force):
 
 def knobs(case: str, law: str | None = None) -> dict[str, AdjustableNumber]:
     scenario = Fleet(case).under(law)
-    return {knob.path: knob for knob in knobs_of(scenario, pushes_of(scenario).values())}
+    return {
+        knob.path: knob for knob in knobs_of(scenario, pushes_of(scenario).values())
+    }
 
 
-FLOWN = [*((case, None) for case in list_scenarios()), *(("case2", law) for law in ("centroidal_tip", "nmpc"))]
+FLOWN = [
+    *((case, None) for case in list_scenarios()),
+    *(("case2", law) for law in ("centroidal_tip", "nmpc")),
+]
 
 
 @pytest.mark.parametrize(("case", "law"), [*FLOWN, ("case3_wind", "l1_adaptive_tuned")])
-def test_every_slider_holds_a_number_of_the_scenario(case: str, law: str | None) -> None:
+def test_every_slider_holds_a_number_of_the_scenario(
+    case: str, law: str | None
+) -> None:
     fleet = Fleet(case)
     scenario = fleet.under(law)
     found = knobs_of(scenario, pushes_of(scenario).values())
@@ -90,13 +107,20 @@ def test_a_law_has_its_own_gains() -> None:
     assert not any(".mixer." in path for path in found)
 
 
-def test_what_a_plugin_adds_has_a_slider(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_what_a_plugin_adds_has_a_slider(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setitem(
-        import_module("skyarm.records.registry.registrations")._FOUND, "force", dict(registrations("force"))
+        import_module("skyarm.records.registry.registrations")._FOUND,
+        "force",
+        dict(registrations("force")),
     )
     skyarm.register.force("tug")(Tug)
     file = tmp_path / "tug.toml"
-    file.write_text((LIBRARY / "case1.toml").read_text() + '[[environment.forces]]\nkind = "tug"\npull = 0.5\n')
+    file.write_text(
+        (LIBRARY / "case1.toml").read_text()
+        + '[[environment.forces]]\nkind = "tug"\npull = 0.5\n'
+    )
     knob = knobs(str(file))["environment.forces.tug.pull"]
     assert (knob.declared.unit, knob.low, knob.high, knob.value) == ("N", 0.0, 3.0, 0.5)
 
@@ -116,11 +140,18 @@ def test_every_law_of_the_menu_is_one_of_a_file(law: str) -> None:
 
 
 @pytest.mark.parametrize("name", list_scenarios())
-def test_every_shipped_scenario_flies_with_its_sliders_where_they_are(name: str) -> None:
-    """What a flight of the page begins with: each number as data that may move, which changes nothing of the kind."""
+def test_every_shipped_scenario_flies_with_its_sliders_where_they_are(
+    name: str,
+) -> None:
+    """What a flight of the page begins with: each number as data that may move, which
+    changes nothing of the kind.
+    """
     fleet = Fleet(name)
     scenario = fleet.scenario
-    values = {knob.path: number_at(scenario, knob.path) for knob in knobs_of(scenario, pushes_of(scenario).values())}
+    values = {
+        knob.path: number_at(scenario, knob.path)
+        for knob in knobs_of(scenario, pushes_of(scenario).values())
+    }
     moved = with_numbers(scenario, values)
     assert moved.law_names == scenario.law_names
     assert {path: number_at(moved, path) for path in values} == values

@@ -1,4 +1,6 @@
-"""The page over its own protocol, without a browser: who may speak, what a frame can do, and what a slider moves."""
+"""The page over its own protocol, without a browser: who may speak, what a frame can
+do, and what a slider moves.
+"""
 
 import http.client
 import math
@@ -17,7 +19,12 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from skyarm.view.studio.fleet import Fleet
 from skyarm.view.studio.picture import COLORS
-from skyarm.view.studio.server import AccessGuard, close_server, listening_socket, open_server
+from skyarm.view.studio.server import (
+    AccessGuard,
+    close_server,
+    listening_socket,
+    open_server,
+)
 from support.commands import refused, skyarm
 
 
@@ -33,7 +40,9 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Open]:
 @pytest.fixture
 def tab(shown: Open) -> Iterator[Tab]:
     first = Tab(shown.port, TOKEN)
-    first.listen(lambda t: t.has("controller.gains.position.x") and t.error("paper_pd") >= 0.0)
+    first.listen(
+        lambda t: t.has("controller.gains.position.x") and t.error("paper_pd") >= 0.0
+    )
     begin(shown, first)
     yield first
     first.close()
@@ -59,7 +68,9 @@ def click(tab: Tab, word: str) -> None:
     """Press the button, or the one of a group, that bears a word."""
     uuid = tab.find(word)
     options = tab.props[uuid].get("options")
-    tab.move(uuid, next(option for option in options if word in option) if options else True)
+    tab.move(
+        uuid, next(option for option in options if word in option) if options else True
+    )
 
 
 def fast(tab: Tab) -> None:
@@ -67,7 +78,9 @@ def fast(tab: Tab) -> None:
 
 
 def seconds(tab: Tab) -> float:
-    line = next((line for line in tab.status().splitlines() if " s, p" in line), "nan s")
+    line = next(
+        (line for line in tab.status().splitlines() if " s, p" in line), "nan s"
+    )
     return float(line.split()[0])
 
 
@@ -97,11 +110,20 @@ def test_the_page_is_for_who_bears_the_token(shown: Open) -> None:
 def test_a_page_is_dark_where_its_browser_prefers_so(shown: Open) -> None:
     _, content, _ = shown.get(f"/?token={TOKEN}", **{"Accept-Encoding": "gzip"})
     name = f"skyarm_studio_{shown.port}_dark"
-    assert content.count(f'<head><script>document.cookie = "{name}=" + matchMedia('.encode()) == 1
+    assert (
+        content.count(
+            f'<head><script>document.cookie = "{name}=" + matchMedia('.encode()
+        )
+        == 1
+    )
     assert content.rstrip().endswith(b"</html>")  # of its whole length
     # what viser lays over the picture of a phone stands below it
     assert content.index(b"\n@media (max-width: 36em)") < content.index(b"</head>")
-    for more, dark in ((f"; {name}=true", True), (f"; {name}=false", False), ("; other=true", False)):
+    for more, dark in (
+        (f"; {name}=true", True),
+        (f"; {name}=false", False),
+        ("; other=true", False),
+    ):
         tab = Tab(shown.port, TOKEN, more=more)
         tab.listen(lambda t, dark=dark: t.dark is dark, 20.0)
         assert shown.server.dark is dark
@@ -109,20 +131,32 @@ def test_a_page_is_dark_where_its_browser_prefers_so(shown: Open) -> None:
 
 
 WEBSOCKET = (
-    "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13",
+    "Upgrade: websocket",
+    "Connection: Upgrade",
+    "Sec-WebSocket-Version: 13",
     "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
 )
 
 
 def request(shown: Open, path: str = f"/?token={TOKEN}", *headers: str) -> bytes:
     host = f"127.0.0.1:{shown.port}"
-    lines = [f"GET {path} HTTP/1.1", f"Host: {host}", *headers, *([f"Origin: http://{host}"] if headers else [])]
+    lines = [
+        f"GET {path} HTTP/1.1",
+        f"Host: {host}",
+        *headers,
+        *([f"Origin: http://{host}"] if headers else []),
+    ]
     return ("\r\n".join(lines) + "\r\n\r\n").encode("latin-1")
 
 
 def answers(shown: Open, requests: list[bytes]) -> list[bytes]:
-    """First lines of what each is answered; empty of a connection that is closed, or that waits for more."""
-    sockets = [socket.create_connection(("127.0.0.1", shown.port), timeout=20.0) for _ in requests]
+    """First lines of what each is answered; empty of a connection that is closed, or
+    that waits for more.
+    """
+    sockets = [
+        socket.create_connection(("127.0.0.1", shown.port), timeout=20.0)
+        for _ in requests
+    ]
     found = []
     for each, sent in zip(sockets, requests, strict=True):
         each.sendall(sent)
@@ -145,33 +179,51 @@ def test_an_odd_request_is_refused_as_one(shown: Open) -> None:
         request(shown, f"/?token={TOKEN}", *WEBSOCKET[:3], "Sec-WebSocket-Key: \xda"),
     ]
     assert answers(shown, odd) == [b"HTTP/1.1 400 Bad Request"] * len(odd)
-    assert answers(shown, [request(shown, f"/nothing?token={TOKEN}")]) == [b"HTTP/1.1 404 NOT FOUND"]
+    assert answers(shown, [request(shown, f"/nothing?token={TOKEN}")]) == [
+        b"HTTP/1.1 404 NOT FOUND"
+    ]
 
 
 def test_no_request_is_an_error_of_the_server(shown: Open) -> None:
     rng, sent = random.Random(7), list[bytes]()
     for _ in range(400):
-        made = bytearray(request(shown, f"/?token={TOKEN}", *rng.choice([(), WEBSOCKET])))
+        made = bytearray(
+            request(shown, f"/?token={TOKEN}", *rng.choice([(), WEBSOCKET]))
+        )
         for _ in range(rng.randint(1, 5)):
             at = rng.randrange(len(made))
             made[at : at + rng.randint(0, 3)] = rng.randbytes(rng.randint(0, 4))
         sent.append(bytes(made))
     for begin in range(0, len(sent), 50):
-        assert not [each for each in answers(shown, sent[begin : begin + 50]) if b" 500 " in each]
+        assert not [
+            each
+            for each in answers(shown, sent[begin : begin + 50])
+            if b" 500 " in each
+        ]
     assert shown.get(f"/?token={TOKEN}")[0] == 200
 
 
 @pytest.mark.parametrize(
     ("token", "origin"),
-    [(None, "own"), ("0123456789abcdeF", "own"), (TOKEN, "https://evil.example"), (TOKEN, "null"), (TOKEN, None)],
+    [
+        (None, "own"),
+        ("0123456789abcdeF", "own"),
+        (TOKEN, "https://evil.example"),
+        (TOKEN, "null"),
+        (TOKEN, None),
+    ],
 )
-def test_a_websocket_of_anyone_else_is_refused(shown: Open, token: str | None, origin: str | None) -> None:
+def test_a_websocket_of_anyone_else_is_refused(
+    shown: Open, token: str | None, origin: str | None
+) -> None:
     with pytest.raises(InvalidStatus) as refused:
         Tab(shown.port, token, origin)
     assert refused.value.response.status_code == 403
 
 
-def test_garbage_does_no_harm_and_says_nothing(shown: Open, tab: Tab, capfd: pytest.CaptureFixture[str]) -> None:
+def test_garbage_does_no_harm_and_says_nothing(
+    shown: Open, tab: Tab, capfd: pytest.CaptureFixture[str]
+) -> None:
     slider = tab.find("environment.wind.force.x")
     group = tab.find("play / pause")
     update = {"type": "GuiUpdateMessage", "uuid": slider, "updates": {"value": 1.0}}
@@ -202,8 +254,14 @@ def test_garbage_does_no_harm_and_says_nothing(shown: Open, tab: Tab, capfd: pyt
             {**update, "updates": None},
             {**update, "updates": {"visible": False}},
             {**update, "updates": {"value": 1.0, "_impl": 2}},
-            *({**update, "updates": {"value": bad}} for bad in (None, "1", [], {}, math.nan, math.inf, True, {"a": 1})),
-            *({**update, "uuid": group, "updates": {"value": bad}} for bad in (None, 3, "nothing", ["step"])),
+            *(
+                {**update, "updates": {"value": bad}}
+                for bad in (None, "1", [], {}, math.nan, math.inf, True, {"a": 1})
+            ),
+            *(
+                {**update, "uuid": group, "updates": {"value": bad}}
+                for bad in (None, 3, "nothing", ["step"])
+            ),
             {**CAMERA, "wxyz": [1.0]},
             {**CAMERA, "wxyz": None},
             {**CAMERA, "fov": "wide"},
@@ -235,9 +293,17 @@ def test_a_value_beyond_a_slider_is_its_end(shown: Open, tab: Tab) -> None:
     tab.move(knob, 1e9)
     other.listen(lambda t: t.props[knob]["value"] == 5.0)  # what other tabs are told
     other.close()
-    wait(lambda: shown.page.fleet.flights[0].values.get("environment.wind.force.x") == 5.0)
+    wait(
+        lambda: (
+            shown.page.fleet.flights[0].values.get("environment.wind.force.x") == 5.0
+        )
+    )
     tab.move(knob, -7)
-    wait(lambda: shown.page.fleet.flights[0].values.get("environment.wind.force.x") == -5.0)
+    wait(
+        lambda: (
+            shown.page.fleet.flights[0].values.get("environment.wind.force.x") == -5.0
+        )
+    )
 
 
 def wait(until: object, limit: float = 20.0) -> None:
@@ -251,7 +317,9 @@ def test_a_slider_moves_the_vehicle_that_it_belongs_to(shown: Open, tab: Tab) ->
     tab.listen(lambda t: seconds(t) > 0.3)
     calm = tab.error("paper_ct")
     tab.move(tab.find("environment.wind.force.x"), 2.0)
-    tab.listen(lambda t: t.error("paper_ct") > 5.0 * calm and t.error("paper_pd") > 5.0 * calm)
+    tab.listen(
+        lambda t: t.error("paper_ct") > 5.0 * calm and t.error("paper_pd") > 5.0 * calm
+    )
     click(tab, "reset")
     tab.listen(lambda t: seconds(t) < 1.0 and t.error("paper_ct") < 2.0 * calm)
     assert shown.page.fleet.flights[0].values == {}
@@ -291,9 +359,13 @@ def test_several_tabs_see_one_flight(shown: Open, tab: Tab) -> None:
     tab.listen(lambda t: seconds(t) > before)
 
 
-def test_a_law_is_made_beside_the_flight_and_a_third_one_joins(shown: Open, tab: Tab) -> None:
+def test_a_law_is_made_beside_the_flight_and_a_third_one_joins(
+    shown: Open, tab: Tab
+) -> None:
     tab.listen(lambda t: seconds(t) > 0.2)
-    tabs = [props["_tab_labels"] for props in tab.props.values() if "_tab_labels" in props]
+    tabs = [
+        props["_tab_labels"] for props in tab.props.values() if "_tab_labels" in props
+    ]
     tab.move(tab.find("law 3"), "rotors_sim_hummingbird")
     before = shown.page.fleet.tick
     wait(lambda: len(shown.page.fleet.flights) == 3)
@@ -303,11 +375,17 @@ def test_a_law_is_made_beside_the_flight_and_a_third_one_joins(shown: Open, tab:
     squares = [f'<span style="color: rgb{color}">\u25a0</span> ' for color in COLORS]
     for square, flight in zip(squares, shown.page.fleet.flights, strict=True):
         assert f"{square}{flight.title}: tip error" in tab.status()
-    assert tabs == [props["_tab_labels"] for props in tab.props.values() if "_tab_labels" in props]
+    assert tabs == [
+        props["_tab_labels"] for props in tab.props.values() if "_tab_labels" in props
+    ]
     assert tabs == [["plots", "scenario", "world", "laws"]]
-    folders = [props["label"] for props in tab.props.values() if "expand_by_default" in props]
+    folders = [
+        props["label"] for props in tab.props.values() if "expand_by_default" in props
+    ]
     assert len(folders) == len(set(folders))
-    assert {"paper_ct: law", "paper_pd: law", "rotors_sim_hummingbird: law"} <= set(folders)
+    assert {"paper_ct: law", "paper_pd: law", "rotors_sim_hummingbird: law"} <= set(
+        folders
+    )
     tab.move(tab.find("law 3"), "none")
     wait(lambda: len(shown.page.fleet.flights) == 2)
 
@@ -315,22 +393,37 @@ def test_a_law_is_made_beside_the_flight_and_a_third_one_joins(shown: Open, tab:
 def test_a_case_is_flown_by_the_same_laws(shown: Open, tab: Tab) -> None:
     click(tab, "case1")
     tab.listen(lambda t: "Case 1" in t.status())
-    wait(lambda: [flight.title for flight in shown.page.fleet.flights] == ["paper_ct", "paper_pd"])
+    wait(
+        lambda: (
+            [flight.title for flight in shown.page.fleet.flights]
+            == ["paper_ct", "paper_pd"]
+        )
+    )
     assert shown.page.fleet.source == "case1"
     click(tab, "case2")
-    wait(lambda: shown.page.fleet.source == "case2" and len(shown.page.fleet.flights) == 2)
+    wait(
+        lambda: (
+            shown.page.fleet.source == "case2" and len(shown.page.fleet.flights) == 2
+        )
+    )
 
 
-def test_a_page_that_nobody_watches_rests_between_two_looks(shown: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_that_nobody_watches_rests_between_two_looks(
+    shown: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
     looks: list[float] = []
-    monkeypatch.setattr(shown.server, "get_clients", lambda: looks.append(time.monotonic()) or {})
+    monkeypatch.setattr(
+        shown.server, "get_clients", lambda: looks.append(time.monotonic()) or {}
+    )
     time.sleep(0.35)
     monkeypatch.undo()
     # ten times a second
     assert 1 <= len(looks) <= 5
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="127.0.0.2 is an address of Linux alone")
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="127.0.0.2 is an address of Linux alone"
+)
 def test_a_page_for_other_devices_asks_for_its_own_address_and_the_token() -> None:
     listening = listening_socket(0, "127.0.0.2")
     port = listening.getsockname()[1]
@@ -356,4 +449,7 @@ def test_a_page_for_other_devices_asks_for_its_own_address_and_the_token() -> No
 
 @pytest.mark.parametrize("host", ["", "0.0.0.0", "203.0.113.9", "no.such.name.invalid"])
 def test_an_address_that_is_not_one_of_this_machine_is_refused(host: str) -> None:
-    refused(skyarm("studio", "--host", host, "--port", "0", "--no-browser"), f"--host = {host!r}: must be ")
+    refused(
+        skyarm("studio", "--host", host, "--port", "0", "--no-browser"),
+        f"--host = {host!r}: must be ",
+    )

@@ -27,9 +27,13 @@ def led(source: str, law: str) -> Fleet:
     fleet.move({"environment.wind.force.y": 0.5, "sensors.position": 0.002})
     fleet.go(120)
     fleet.push((0.0, 1.0, 0.0), 10.0, 0.1, "main")
-    fleet.move({"plant.payload.mass": 0.02, "reference.base.z": 1.1, "delays.command": 0.003})
+    fleet.move(
+        {"plant.payload.mass": 0.02, "reference.base.z": 1.1, "delays.command": 0.003}
+    )
     fleet.go(200)
-    fleet.move({"plant.payload.mass": 0.04, "environment.faults.front.effectiveness": 0.98}, 0)
+    fleet.move(
+        {"plant.payload.mass": 0.04, "environment.faults.front.effectiveness": 0.98}, 0
+    )
     fleet.go(400)
     fleet.go(260)
     fleet.move({"environment.wind.force.y": 0.0, "controller.gains.position.x": 5.0})
@@ -46,17 +50,25 @@ def fleet() -> Fleet:
 def saved(fleet: Fleet, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("saved")
     file = folder / "case2_gust_paper_ct.npz"
-    assert fleet.save(folder) == f"saved; fly it again: skyarm run {file.with_suffix('.toml')}"
+    assert (
+        fleet.save(folder)
+        == f"saved; fly it again: skyarm run {file.with_suffix('.toml')}"
+    )
     return file
 
 
 def test_a_saved_flight_is_flown_again_to_the_bit(fleet: Fleet, saved: Path) -> None:
     scenario = saved.with_suffix(".toml")
     shown = fleet.flights[0].session.log
-    logs = [skyarm.run(skyarm.load_scenario(saved, duration=1.6)), skyarm.run(skyarm.load_scenario(scenario))]
+    logs = [
+        skyarm.run(skyarm.load_scenario(saved, duration=1.6)),
+        skyarm.run(skyarm.load_scenario(scenario)),
+    ]
     for log in logs:
         for field in BITS:
-            assert getattr(log, field).tobytes() == getattr(shown, field).tobytes(), field
+            assert getattr(log, field).tobytes() == getattr(shown, field).tobytes(), (
+                field
+            )
     plain = skyarm.run(skyarm.load_scenario("case2_gust", duration=1.6))
     assert abs(plain.position - log.position).max() > 0.02
 
@@ -96,13 +108,18 @@ def test_nothing_flown_is_nothing_to_save(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_flight_of_a_log_is_repeated_from_its_own_log(saved: Path, tmp_path: Path) -> None:
+def test_a_flight_of_a_log_is_repeated_from_its_own_log(
+    saved: Path, tmp_path: Path
+) -> None:
     fleet = Fleet(str(saved))
     fleet.join(fleet.make_flight(None))
     fleet.go(10)
     words = fleet.save(tmp_path)
     (file,) = tmp_path.iterdir()
-    assert words.startswith(f"saved; fly it again: skyarm run {file} --duration 0.05; no file of the scenario: base: ")
+    assert words.startswith(
+        f"saved; fly it again: skyarm run {file} --duration 0.05; no file of the"
+        " scenario: base: "
+    )
     assert "\n" not in words
     log = skyarm.run(skyarm.load_scenario(file, duration=0.05))
     assert log.position.tobytes() == fleet.flights[0].session.log.position.tobytes()
@@ -112,5 +129,9 @@ def test_a_pair_of_files_keeps_one_name(fleet: Fleet, tmp_path: Path) -> None:
     (tmp_path / "case2_gust_paper_ct.toml").write_text("my own")
     fleet.save(tmp_path)
     names = sorted(path.name for path in tmp_path.iterdir())
-    assert names == ["case2_gust_paper_ct.toml", "case2_gust_paper_ct_1.npz", "case2_gust_paper_ct_1.toml"]
+    assert names == [
+        "case2_gust_paper_ct.toml",
+        "case2_gust_paper_ct_1.npz",
+        "case2_gust_paper_ct_1.toml",
+    ]
     assert (tmp_path / "case2_gust_paper_ct.toml").read_text() == "my own"

@@ -14,7 +14,11 @@ from support.commands import skyarm as skyarm_command
 
 ROOT = Path(__file__).resolve().parents[3]
 TEXT = (ROOT / "docs" / "studio.md").read_text("utf-8")
-COMMANDS = [line for line in TEXT.splitlines() if line.startswith(("skyarm studio", "skyarm --plugin"))]
+COMMANDS = [
+    line
+    for line in TEXT.splitlines()
+    if line.startswith(("skyarm studio", "skyarm --plugin"))
+]
 
 
 def test_the_page_shows_commands() -> None:

@@ -1,4 +1,6 @@
-"""Several vehicles in the studio: each is drawn, pushed and moved by its sliders; one is chosen for the panels."""
+"""Several vehicles in the studio: each is drawn, pushed and moved by its sliders; one
+is chosen for the panels.
+"""
 
 from __future__ import annotations
 
@@ -31,12 +33,19 @@ PUSHED = 60
 
 
 class Handle(contextlib.AbstractContextManager["Handle"]):
-    """An input of a page without a browser: what it was made with, and what a user does."""
+    """An input of a page without a browser: what it was made with, and what a user
+    does.
+    """
 
     order, max = 1.0, 30.0
 
     def __init__(self, panels: Panels, *given: Any, **words: Any) -> None:
-        self.given, self.words, self.value, self.gone = given, words, words.get("initial_value"), False
+        self.given, self.words, self.value, self.gone = (
+            given,
+            words,
+            words.get("initial_value"),
+            False,
+        )
         self._panels, self._inside = panels, list[Handle]()
 
     def on_update(self, work: Any) -> None:
@@ -79,28 +88,50 @@ class Panels:
 
     def called(self, label: str) -> list[Handle]:
         """Inputs that are on the page under a label."""
-        return [each for each in self.made if each.given[:1] == (label,) and not each.gone]
+        return [
+            each for each in self.made if each.given[:1] == (label,) and not each.gone
+        ]
 
     def hints(self) -> list[str]:
         """Paths of the sliders on the page."""
-        return [str(each.words.get("hint")).partition(":")[0] for each in self.made if not each.gone]
+        return [
+            str(each.words.get("hint")).partition(":")[0]
+            for each in self.made
+            if not each.gone
+        ]
 
     def slider(self, path: str) -> Handle:
         """The slider on the page of a path."""
-        (slider,) = (each for each in self.made if str(each.words.get("hint")).startswith(path) and not each.gone)
+        (slider,) = (
+            each
+            for each in self.made
+            if str(each.words.get("hint")).startswith(path) and not each.gone
+        )
         return slider
 
     def legends(self) -> set[str]:
         """Names of the curves of all plots."""
-        shown = [each.given[1] for each in self.made if "scales" in each.words and not each.gone]
-        return {str(series["label"]).split(" least")[0] for rows in shown for series in rows[1:2]}
+        shown = [
+            each.given[1]
+            for each in self.made
+            if "scales" in each.words and not each.gone
+        ]
+        return {
+            str(series["label"]).split(" least")[0]
+            for rows in shown
+            for series in rows[1:2]
+        }
 
 
 def page_of(source: str, folder: Path) -> tuple[Page, Panels, Nodes]:
     """A page of a scenario on a server without a browser, whose flight is made."""
     panels, nodes = Panels(), Nodes()
     server: Any = SimpleNamespace(
-        scene=nodes, gui=panels, initial_camera=SimpleNamespace(), atomic=contextlib.nullcontext, dark=False
+        scene=nodes,
+        gui=panels,
+        initial_camera=SimpleNamespace(),
+        atomic=contextlib.nullcontext,
+        dark=False,
     )
     page = Page(server, Fleet(source), [None], folder)
     fly(page)
@@ -140,36 +171,53 @@ def plain() -> skyarm.Log:
     return skyarm.run(team("bar", duration=0.5))
 
 
-def test_every_vehicle_and_the_body_stand_where_the_log_has_them(bar: tuple[Page, Panels, Nodes]) -> None:
+def test_every_vehicle_and_the_body_stand_where_the_log_has_them(
+    bar: tuple[Page, Panels, Nodes],
+) -> None:
     page, _, nodes = bar
     fly(page, 40)
     for name, log in plain().agents.items():
-        np.testing.assert_allclose(nodes.nodes[f"/stage/law1_{name}"].position, log.position[40], atol=1e-4)
+        np.testing.assert_allclose(
+            nodes.nodes[f"/stage/law1_{name}"].position, log.position[40], atol=1e-4
+        )
         ghost = nodes.nodes[f"/stage/ghost_{name}"].position
         np.testing.assert_allclose(ghost, log.position_reference[40], atol=1e-4)
         assert nodes.nodes[f"/stage/label1_{name}"].text == f"centroidal_joint, {name}"
     thing = nodes.nodes["/stage/scene1_left/world/bar"].position
     np.testing.assert_allclose(thing, plain().object_position[40], atol=1e-4)
-    assert not [each for each in nodes.nodes if each.startswith("/stage/scene1_right/")], "what all share is drawn once"
-    assert {each for each in nodes.nodes if each.endswith(("left", "right"))} >= {"/stage/arrows1_right"}
+    assert not [
+        each for each in nodes.nodes if each.startswith("/stage/scene1_right/")
+    ], "what all share is drawn once"
+    assert {each for each in nodes.nodes if each.endswith(("left", "right"))} >= {
+        "/stage/arrows1_right"
+    }
 
 
-def test_arrows_are_the_thrusts_of_each_vehicle_and_the_forces_of_all_grasps(bar: tuple[Page, Panels, Nodes]) -> None:
+def test_arrows_are_the_thrusts_of_each_vehicle_and_the_forces_of_all_grasps(
+    bar: tuple[Page, Panels, Nodes],
+) -> None:
     page, _, nodes = bar
     fly(page, 40)
     for name, log in plain().agents.items():
         rotors = team("bar").agents[name].plant.vehicle.rotors
         arrows = nodes.nodes[f"/stage/arrows1_{name}"].points[: len(rotors)]
         lengths = np.linalg.norm(arrows[:, 1] - arrows[:, 0], axis=1)
-        thrusts = [float(r.thrust_coefficient) * w**2 for r, w in zip(rotors, log.rotor_speeds[40], strict=True)]
+        thrusts = [
+            float(r.thrust_coefficient) * w**2
+            for r, w in zip(rotors, log.rotor_speeds[40], strict=True)
+        ]
         np.testing.assert_allclose(lengths, NEWTON * np.array(thrusts), atol=1e-4)
     touches = nodes.nodes["/stage/touches1_left"].points
     pulls = plain().grasp_pull[40].reshape(-1, 3)
-    np.testing.assert_allclose(touches[:, 1] - touches[:, 0], -NEWTON * pulls, atol=2e-4)
+    np.testing.assert_allclose(
+        touches[:, 1] - touches[:, 0], -NEWTON * pulls, atol=2e-4
+    )
     assert "/stage/touches1_right" not in nodes.nodes
 
 
-def test_plots_sliders_and_words_are_of_the_chosen_vehicle(bar: tuple[Page, Panels, Nodes]) -> None:
+def test_plots_sliders_and_words_are_of_the_chosen_vehicle(
+    bar: tuple[Page, Panels, Nodes],
+) -> None:
     page, panels, _ = bar
     fly(page, 20)
     (menu,) = panels.called("vehicle")
@@ -180,7 +228,9 @@ def test_plots_sliders_and_words_are_of_the_chosen_vehicle(bar: tuple[Page, Pane
         fly(page)
         of = {agent_of(path) for path in panels.hints()}
         assert of - {""} == {name}
-        assert any(path.startswith(f"agents.{name}.controller.") for path in panels.hints())
+        assert any(
+            path.startswith(f"agents.{name}.controller.") for path in panels.hints()
+        )
         assert panels.hints().count("environment.wind.force.x") == 1
         assert panels.legends() == {f"centroidal_joint, {name}"}
         error = 1e3 * page.fleet.flights[0].agents[name].last.error
@@ -197,14 +247,19 @@ def test_a_moved_slider_is_of_one_vehicle_and_is_still_moved_when_it_is_chosen_a
     path = "agents.right.reference.base.z"
     page.choose_agent("right")
     fly(page)
-    assert panels.slider(path).given[0] == "reference base z (m)", "whose it is says the menu"
+    assert panels.slider(path).given[0] == "reference base z (m)", (
+        "whose it is says the menu"
+    )
     panels.slider(path).use(1.2)
     page.choose_agent("left")
     fly(page)
     page.choose_agent("right")
     fly(page)
     agents = page.fleet.flights[0].session.scenario.agents
-    assert [float(each.reference.at(0.0).position.z) for each in agents.values()] == [1.0, 1.2]
+    assert [float(each.reference.at(0.0).position.z) for each in agents.values()] == [
+        1.0,
+        1.2,
+    ]
     assert panels.slider(path).value == 1.2
 
 
@@ -228,31 +283,47 @@ def test_a_push_acts_on_the_chosen_vehicle_and_the_saved_flight_repeats_it(
     again = skyarm.run(skyarm.load_scenario(words.rpartition("skyarm run ")[2]))
     for name, own in log.agents.items():
         np.testing.assert_array_equal(again.agents[name].position, own.position)
-        np.testing.assert_array_equal(again.agents[name].rotor_commands, own.rotor_commands)
+        np.testing.assert_array_equal(
+            again.agents[name].rotor_commands, own.rotor_commands
+        )
     page.fleet.go(PUSHED - 20)
     page.fleet.go(PUSHED + 60)
-    np.testing.assert_array_equal(page.fleet.flights[0].session.log.agents["right"].position, own.position)
+    np.testing.assert_array_equal(
+        page.fleet.flights[0].session.log.agents["right"].position, own.position
+    )
 
 
 def test_a_load_hangs_at_the_vehicle_that_it_was_hung_at() -> None:
     flight = Flight.__new__(Flight)
     flight.first, flight.knobs, flight.title = team("bar"), (), "a"
     hung = Change(at=0.0, path="agents.right.plant.payload.mass", value=0.2)
-    flight.session = SimpleNamespace(tick=3, plan=replace(flight.first, changes=(hung,)))  # type: ignore[assignment]
-    assert [FlownAgent(flight, name).hung_mass for name in ("left", "right")] == [0.0, 0.2]
+    flight.session = SimpleNamespace(
+        tick=3, plan=replace(flight.first, changes=(hung,))
+    )  # type: ignore[assignment]
+    assert [FlownAgent(flight, name).hung_mass for name in ("left", "right")] == [
+        0.0,
+        0.2,
+    ]
 
 
-def test_sliders_of_a_team_are_those_of_its_vehicles_and_of_what_they_share_once() -> None:
+def test_sliders_of_a_team_are_those_of_its_vehicles_and_of_what_they_share_once() -> (
+    None
+):
     fleet = Fleet(str(TEAMS / "triangle.toml"))
     scenario = fleet.scenario
     paths = [each.path for each in knobs_of(scenario, pushes_of(scenario).values())]
     assert len({*paths}) == len(paths)
-    of = {name: [p.split(".", 2)[2] for p in paths if agent_of(p) == name] for name in scenario.agents}
+    of = {
+        name: [p.split(".", 2)[2] for p in paths if agent_of(p) == name]
+        for name in scenario.agents
+    }
     assert of["right"] == of["front"] == of["left"]
     assert len(of["left"]) > 30
     shared = [path for path in paths if not agent_of(path)]
     assert {path.split(".")[0] for path in shared} == {"environment"}
-    assert not [path for path in shared if path.startswith("environment.forces.")], "pushes have buttons"
+    assert not [path for path in shared if path.startswith("environment.forces.")], (
+        "pushes have buttons"
+    )
     assert is_of_law("agents.left.controller.gains.position.x")
     assert not is_of_law("agents.left.reference.base.z")
 
@@ -260,24 +331,40 @@ def test_sliders_of_a_team_are_those_of_its_vehicles_and_of_what_they_share_once
 def test_a_first_view_looks_at_the_middle_of_all_vehicles_from_further_away() -> None:
     camera = SimpleNamespace()
     scenario = team("triangle")
-    FleetPicture(SimpleNamespace(scene=Nodes(), initial_camera=camera)).build(scenario, ["a"])
-    places = np.array([[float(c) for c in each.reference.at(0.0).position] for each in scenario.agents.values()])
+    FleetPicture(SimpleNamespace(scene=Nodes(), initial_camera=camera)).build(
+        scenario, ["a"]
+    )
+    places = np.array(
+        [
+            [float(c) for c in each.reference.at(0.0).position]
+            for each in scenario.agents.values()
+        ]
+    )
     away = np.linalg.norm(np.array(camera.position) - places.mean(axis=0))
     reach = np.linalg.norm(places - places.mean(axis=0), axis=1).max()
     assert away == pytest.approx((1.0 + reach) * np.linalg.norm(VIEWS[0]))
 
 
 @pytest.mark.thorough
-def test_the_menu_of_vehicles_is_on_the_real_page_and_goes_with_the_team(tmp_path: Path) -> None:
+def test_the_menu_of_vehicles_is_on_the_real_page_and_goes_with_the_team(
+    tmp_path: Path,
+) -> None:
     page = Open(tmp_path, str(TEAMS / "cables.toml"), [None])
     tab = Tab(page.port, TOKEN)
     try:
         tab.listen(lambda t: t.error("centroidal_joint, left") >= 0.0)
         tab.move(tab.find("'left', 'right'"), "right")
-        tab.listen(lambda t: t.error("centroidal_joint, right") >= 0.0 and t.has("agents.right.delays.command"))
+        tab.listen(
+            lambda t: (
+                t.error("centroidal_joint, right") >= 0.0
+                and t.has("agents.right.delays.command")
+            )
+        )
         assert not tab.has("agents.left.")
         tab.move(tab.find("choose"), "case1")
-        tab.listen(lambda t: t.has("controller.gains.position.x") and not t.has("agents."))
+        tab.listen(
+            lambda t: t.has("controller.gains.position.x") and not t.has("agents.")
+        )
         assert not tab.has("'left', 'right'")
         tab.move(tab.find("choose"), "two_hold_a_bar")
         tab.listen(lambda t: t.has("'left', 'right'") and t.has("agents.left."))

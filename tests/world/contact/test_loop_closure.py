@@ -1,11 +1,13 @@
-"""Stiff grasps against an exact loop closure: constraint forces of rigid joints from the KKT system, in NumPy.
+"""Stiff grasps against an exact loop closure: constraint forces of rigid joints from
+the KKT system, in NumPy.
 
 The accelerations a of all bodies and the forces h of the joints solve
 
     [ M  -J^T ] [ a ]   [ forces and gyroscopic torques ]
     [ J    0  ] [ h ] = [ -dJ/dt v                      ]
 
-at a state of the flight, where J v = 0 is that frames and bodies move together at the grasps.
+at a state of the flight, where J v = 0 is that frames and bodies move together at the
+grasps.
 Source: Featherstone 2008, chapter 8.
 """
 
@@ -42,7 +44,9 @@ class Speeds(Constants):
     speeds: tuple[float, ...]
 
 
-def steady(memory: Any, _measurement: Any, _reference: Any, _dt: Any, *, par: Any) -> tuple[Any, Command]:
+def steady(
+    memory: Any, _measurement: Any, _reference: Any, _dt: Any, *, par: Any
+) -> tuple[Any, Command]:
     """Law of constant rotor speeds."""
     return memory, Command(rotor_speeds=par.speeds, efforts=())
 
@@ -55,13 +59,24 @@ def under_constant_speeds(scenario: Scenario, seed: int) -> Scenario:
         speeds = tuple(map(float, rng.uniform(1350.0, 1500.0, 4)))
         start = agent.reference.at(0.0)
         state = State(
-            position=Vec3(*(float(c) for c in start.position)), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
-            velocity=Vec3(0.0, 0.0, 0.0), rate=Vec3(0.0, 0.0, 0.0), joints=(), joint_rates=(), rotor_speeds=speeds,
+            position=Vec3(*(float(c) for c in start.position)),
+            quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+            velocity=Vec3(0.0, 0.0, 0.0),
+            rate=Vec3(0.0, 0.0, 0.0),
+            joints=(),
+            joint_rates=(),
+            rotor_speeds=speeds,
         )
-        law = skyarm.Controller(name="steady", law=steady, par=Speeds(model=agent.controller.par.model, speeds=speeds))
+        law = skyarm.Controller(
+            name="steady",
+            law=steady,
+            par=Speeds(model=agent.controller.par.model, speeds=speeds),
+        )
         return dataclasses.replace(agent, controller=law, initial=state)
 
-    return dataclasses.replace(scenario, agents={name: flown(each) for name, each in scenario.agents.items()})
+    return dataclasses.replace(
+        scenario, agents={name: flown(each) for name, each in scenario.agents.items()}
+    )
 
 
 def cross(r: Array) -> Array:
@@ -71,7 +86,9 @@ def cross(r: Array) -> Array:
 
 
 def joint_forces(scenario: Scenario, log: Any, k: int) -> Array:
-    """Force (N, world axes) of each rigid joint on the body at an instant of a flight, (grasps, 3)."""
+    """Force (N, world axes) of each rigid joint on the body at an instant of a flight,
+    (grasps, 3).
+    """
     assert scenario.world is not None
     (thing,), grasps = scenario.world.objects, scenario.world.grasps
     members = [*log.agents.values()]
@@ -79,16 +96,26 @@ def joint_forces(scenario: Scenario, log: Any, k: int) -> Array:
         rotations(log.object_quaternion[k : k + 1])[0]
     ]
     rates = [*(each.rate[k] for each in members), log.object_rate[k]]
-    inertias = [np.diag([6.01e-4, 5.89e-4, 1.076e-3])] * len(members) + [np.diag([float(c) for c in thing.moments])]
+    inertias = [np.diag([6.01e-4, 5.89e-4, 1.076e-3])] * len(members) + [
+        np.diag([float(c) for c in thing.moments])
+    ]
     masses = [0.25] * len(members) + [float(thing.mass)]
     size = 6 * len(masses)
     M, load = np.zeros((size, size)), np.zeros(size)
-    for i, (mass, inertia, rate) in enumerate(zip(masses, inertias, rates, strict=True)):
+    for i, (mass, inertia, rate) in enumerate(
+        zip(masses, inertias, rates, strict=True)
+    ):
         force, torque = np.zeros(3), np.zeros(3)
         if i < len(members):
             thrusts = THRUST * members[i].rotor_speeds[k] ** 2
             force = R[i] @ [0.0, 0.0, thrusts.sum()]
-            torque = np.array([ROTORS[:, 1] @ thrusts, -ROTORS[:, 0] @ thrusts, MOMENT * TURNS @ thrusts])
+            torque = np.array(
+                [
+                    ROTORS[:, 1] @ thrusts,
+                    -ROTORS[:, 0] @ thrusts,
+                    MOMENT * TURNS @ thrusts,
+                ]
+            )
         at = slice(6 * i, 6 * i + 3), slice(6 * i + 3, 6 * i + 6)
         M[at[0], at[0]], M[at[1], at[1]] = mass * np.eye(3), inertia
         load[at[0]] = force - [0.0, 0.0, mass * GRAVITY]
@@ -97,9 +124,13 @@ def joint_forces(scenario: Scenario, log: Any, k: int) -> Array:
     last = len(members)
     for grasp in grasps:
         i, place = names.index(grasp.agent), np.array([float(c) for c in grasp.place])
-        # on the body, less on the vehicle, whose frame is its centre of mass; rates in the axes of each
+        # on the body, less on the vehicle, whose frame is its centre of mass; rates in
+        # the axes of each
         row = np.zeros((3, size))
-        row[:, 6 * last : 6 * last + 3], row[:, 6 * i : 6 * i + 3] = np.eye(3), -np.eye(3)
+        row[:, 6 * last : 6 * last + 3], row[:, 6 * i : 6 * i + 3] = (
+            np.eye(3),
+            -np.eye(3),
+        )
         row[:, 6 * last + 3 :] = -R[last] @ cross(place)
         rows.append(row)
         bias.append(R[last] @ np.cross(rates[last], np.cross(rates[last], place)))
@@ -110,16 +141,26 @@ def joint_forces(scenario: Scenario, log: Any, k: int) -> Array:
             bias.append(np.zeros(3))
     J, drift = np.vstack(rows), np.concatenate(bias)
     whole = np.block([[M, -J.T], [J, np.zeros((len(J), len(J)))]])
-    joints = np.linalg.solve(whole, np.concatenate([load, -drift]))[size:].reshape(-1, 3)
+    joints = np.linalg.solve(whole, np.concatenate([load, -drift]))[size:].reshape(
+        -1, 3
+    )
     return joints[:: len(joints) // len(grasps)]
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"), [("bar", "ball"), ("bar", "fixed"), ("triangle", "ball"), ("triangle", "fixed")]
+    ("name", "kind"),
+    [("bar", "ball"), ("bar", "fixed"), ("triangle", "ball"), ("triangle", "fixed")],
 )
 def test_a_stiff_grasp_pulls_as_an_exact_loop_closure(name: str, kind: str) -> None:
-    # near critical damping, so that the start from no load is over when pulls are compared
-    held = with_grasps(team(name, duration=0.15), kind=kind, stiffness=STIFF, damping=400.0, radius=0.05)
+    # near critical damping, so that the start from no load is over when pulls are
+    # compared
+    held = with_grasps(
+        team(name, duration=0.15),
+        kind=kind,
+        stiffness=STIFF,
+        damping=400.0,
+        radius=0.05,
+    )
     flown = under_constant_speeds(held, 4)
     log = skyarm.run(flown)
     errors, largest = list[float](), 0.0

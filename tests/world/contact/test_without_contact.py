@@ -1,4 +1,6 @@
-"""The library without its folder of contact: what is not made of contact imports, and flights without it fly."""
+"""The library without its folder of contact: what is not made of contact imports, and
+flights without it fly.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ MADE_OF_CONTACT = (
     "skyarm.view.figures.plan_figure",
     "skyarm.studies.assess.plan_page",
 )
-"""Modules that may need it: a plan flies around surfaces and presses on them, a team holds its body by grasps."""
+"""Modules that may need it: a plan flies around surfaces and presses on them, a team
+holds its body by grasps."""
 
 PROGRAM = """
 import dataclasses, importlib, pkgutil, sys
@@ -53,11 +56,19 @@ assert skyarm.check("case3").findings
 
 @pytest.mark.thorough
 def test_without_the_folder_of_contact_everything_else_works(tmp_path: Path) -> None:
-    shutil.copytree(Path(skyarm.__file__).parent, tmp_path / "skyarm", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        Path(skyarm.__file__).parent,
+        tmp_path / "skyarm",
+        ignore=shutil.ignore_patterns("__pycache__"),
+    )
     shutil.rmtree(tmp_path / "skyarm" / "world" / "contact")
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     program = f"MADE_OF_CONTACT = {MADE_OF_CONTACT!r}{PROGRAM}"
     done = subprocess.run(
-        [sys.executable, "-c", program, str(tmp_path)], env=environment, capture_output=True, text=True, check=False
+        [sys.executable, "-c", program, str(tmp_path)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr[-2000:]

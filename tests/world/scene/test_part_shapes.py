@@ -1,4 +1,6 @@
-"""A part of a user is drawn in every picture, without an edit anywhere: a rope from a place to the base."""
+"""A part of a user is drawn in every picture, without an edit anywhere: a rope from a
+place to the base.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ class Rope(Force):
 
     columns = (Column("rope_length", "", "m"),)
 
-    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+    def wrenches(
+        self, memory: Any, t: Any, motion: Any, rotor_speeds: Sequence[Any]
+    ) -> Sequence[Wrench]:
         return (Wrench(force_W=(Vec3(*ANCHOR) - motion.position()) * self.stiffness),)
 
     def logged(self, memory: Any, motion: Any) -> tuple[Any, ...]:
@@ -48,12 +52,22 @@ class Rope(Force):
     def shapes(self, seen: Instants) -> Scene:
         base, still = seen.place(), np.tile(np.eye(3), (len(seen.times), 1, 1))
         foot = np.tile(ANCHOR, (len(seen.times), 1))
-        peg = Solid(Shape("peg", "surface", "sphere", -1, (0.02,)), foot, still, fixed=True)
-        np.testing.assert_allclose(seen.numbers["rope_length"][:, 0], np.linalg.norm(foot - base, axis=1), atol=1e-3)
-        return Scene(solids=(peg,), lines=(Line("rope", np.stack([foot, base], axis=1)),))
+        peg = Solid(
+            Shape("peg", "surface", "sphere", -1, (0.02,)), foot, still, fixed=True
+        )
+        np.testing.assert_allclose(
+            seen.numbers["rope_length"][:, 0],
+            np.linalg.norm(foot - base, axis=1),
+            atol=1e-3,
+        )
+        return Scene(
+            solids=(peg,), lines=(Line("rope", np.stack([foot, base], axis=1)),)
+        )
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
-        return (f"stiffness = {self.stiffness:g} N/m: hardly a rope of {vehicle.name!r}",)
+        return (
+            f"stiffness = {self.stiffness:g} N/m: hardly a rope of {vehicle.name!r}",
+        )
 
 
 @cache
@@ -61,7 +75,9 @@ def scenario() -> skyarm.Scenario:
     """Two ropes, and a payload that hangs."""
     load = HangingPayload(mass=0.02, pick=0.02)
     case = skyarm.load_scenario("case2", duration=0.1)
-    return dataclasses.replace(case, forces=(Rope(), Rope(), ForceWind(gust=Gust())), payloads=(load,))
+    return dataclasses.replace(
+        case, forces=(Rope(), Rope(), ForceWind(gust=Gust())), payloads=(load,)
+    )
 
 
 @cache
@@ -85,27 +101,43 @@ def test_a_rope_and_a_cord_are_in_a_film_where_vehicle_and_load_are() -> None:
     held = np.isfinite(cord.places[:, 0, 0])
     np.testing.assert_array_equal(held, log.payload_mass[:, 0] > 0.0)
     np.testing.assert_allclose(cord.places[held, 0], log.tip[held], atol=1e-9)
-    np.testing.assert_allclose(cord.places[held, 1], log.payload_position[held], atol=1e-9)
-    assert {"peg", "peg_2", "payload"} <= {solid.shape.name for solid in vehicle_solids(flight)}
-    marks = [each for each in marks_of([flight], 0.2, 1.0)(5) if np.allclose(each.start, ANCHOR)]
+    np.testing.assert_allclose(
+        cord.places[held, 1], log.payload_position[held], atol=1e-9
+    )
+    assert {"peg", "peg_2", "payload"} <= {
+        solid.shape.name for solid in vehicle_solids(flight)
+    }
+    marks = [
+        each
+        for each in marks_of([flight], 0.2, 1.0)(5)
+        if np.allclose(each.start, ANCHOR)
+    ]
     np.testing.assert_allclose(marks[0].end, log.position[5], atol=1e-9)
 
 
 def test_a_rope_is_in_the_studio() -> None:
     nodes = Nodes()
-    picture = FleetPicture(SimpleNamespace(scene=nodes, initial_camera=SimpleNamespace()))
+    picture = FleetPicture(
+        SimpleNamespace(scene=nodes, initial_camera=SimpleNamespace())
+    )
     picture.build(scenario(), ["a"])
     rope = nodes.nodes["/stage/lines1/rope"]
     flight = Flight(None, scenario())
     flight.to(8)
     picture.hurry()
     picture.draw([flight])
-    np.testing.assert_allclose(rope.points[0], [ANCHOR, list(flight.session.state.position)], atol=1e-4)
-    assert {"/stage/scene1/peg", "/stage/lines1/cord", "/stage/scene1/payload"} <= set(nodes.nodes)
+    np.testing.assert_allclose(
+        rope.points[0], [ANCHOR, list(flight.session.state.position)], atol=1e-4
+    )
+    assert {"/stage/scene1/peg", "/stage/lines1/cord", "/stage/scene1/payload"} <= set(
+        nodes.nodes
+    )
 
 
 def test_a_part_warns_in_its_own_place() -> None:
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
 
     lines = [line for line in unlikely_numbers(scenario()) if "rope" in line]
-    assert lines[1].startswith("environment.forces[1]: stiffness = 0.1 N/m: hardly a rope of 'hummingbird")
+    assert lines[1].startswith(
+        "environment.forces[1]: stiffness = 0.1 N/m: hardly a rope of 'hummingbird"
+    )

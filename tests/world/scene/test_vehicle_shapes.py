@@ -1,4 +1,6 @@
-"""The shapes that every picture of a vehicle is made of: where they are, and that nothing of a vehicle is left out."""
+"""The shapes that every picture of a vehicle is made of: where they are, and that
+nothing of a vehicle is left out.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +66,9 @@ def test_bodies_are_where_mujoco_has_them(name: str) -> None:
 
 
 def solid_at(shape: Shape, point: np.ndarray) -> bool:
-    """Whether a point of the body's axes is in an ellipsoid, or within the radius of a rod's axis."""
+    """Whether a point of the body's axes is in an ellipsoid, or within the radius of a
+    rod's axis.
+    """
     local = np.array(shape.rotation).T @ (point - shape.position)
     if shape.kind == "ellipsoid":
         return bool(np.sum((local / shape.size) ** 2) <= 1.0)
@@ -81,48 +85,77 @@ def hanging() -> Vehicle:
     return dataclasses.replace(vehicle, links=links, frames=(*vehicle.frames, camera))
 
 
-@pytest.mark.parametrize("vehicle", [*map(load_vehicle, NAMES), hanging()], ids=lambda vehicle: vehicle.name)
+@pytest.mark.parametrize(
+    "vehicle", [*map(load_vehicle, NAMES), hanging()], ids=lambda vehicle: vehicle.name
+)
 def test_nothing_hangs_in_the_air(vehicle: Vehicle) -> None:
     shapes = vehicle_shapes(vehicle)
     carried = [(other.parent, other.joint.position) for other in vehicle.moving]
     carried += [(frame.link, frame.position) for frame in vehicle.frames]
     for body, end in carried:
-        own = [shape for shape in shapes if shape.body == body and shape.role in ("hull", "boom", "link", "joint")]
+        own = [
+            shape
+            for shape in shapes
+            if shape.body == body and shape.role in ("hull", "boom", "link", "joint")
+        ]
         way = np.linspace(0.0, 1.0, 50)[:, None] * [float(c) for c in end]
-        assert float(end.norm()) == 0.0 or all(any(solid_at(shape, point) for shape in own) for point in way)
+        assert float(end.norm()) == 0.0 or all(
+            any(solid_at(shape, point) for shape in own) for point in way
+        )
 
 
 def test_a_rod_goes_from_its_start_to_its_end() -> None:
     draw = np.random.default_rng(6)
-    for start, end in [*draw.normal(size=(20, 2, 3)), ([0, 0, 0], [0, 0, -1]), ([0, 0, 1], [0, 0, 3])]:
+    for start, end in [
+        *draw.normal(size=(20, 2, 3)),
+        ([0, 0, 0], [0, 0, -1]),
+        ([0, 0, 1], [0, 0, 3]),
+    ]:
         rod = shape_between("rod", "link", "capsule", 0, 0.01, tuple(start), tuple(end))
         along = np.array(rod.rotation) @ [0.0, 0.0, rod.size[1]]
-        np.testing.assert_allclose(np.array(rod.position) - 0.5 * along, start, atol=1e-12)
-        np.testing.assert_allclose(np.array(rod.position) + 0.5 * along, end, atol=1e-12)
+        np.testing.assert_allclose(
+            np.array(rod.position) - 0.5 * along, start, atol=1e-12
+        )
+        np.testing.assert_allclose(
+            np.array(rod.position) + 0.5 * along, end, atol=1e-12
+        )
 
 
 def test_turning_onto_an_axis_is_a_rotation() -> None:
     draw = np.random.default_rng(7)
-    for axis in [*draw.normal(size=(20, 3)), (0.0, 0.0, -2.0), (0.0, 0.0, 1.0), (1e-7, 0.0, -1.0)]:
+    for axis in [
+        *draw.normal(size=(20, 3)),
+        (0.0, 0.0, -2.0),
+        (0.0, 0.0, 1.0),
+        (1e-7, 0.0, -1.0),
+    ]:
         R = np.array(turn_onto(tuple(axis)))
         np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
         assert np.linalg.det(R) == pytest.approx(1.0, abs=1e-12)
-        np.testing.assert_allclose(R[:, 2], np.array(axis) / np.linalg.norm(axis), atol=1e-12)
+        np.testing.assert_allclose(
+            R[:, 2], np.array(axis) / np.linalg.norm(axis), atol=1e-12
+        )
 
 
 def test_discs_of_neighbours_leave_each_other_room() -> None:
     for name in NAMES:
         vehicle = load_vehicle(name)
-        hubs = [np.array([float(c) for c in rotor.position]) for rotor in vehicle.rotors]
+        hubs = [
+            np.array([float(c) for c in rotor.position]) for rotor in vehicle.rotors
+        ]
         apart = [np.linalg.norm(a - b) for i, a in enumerate(hubs) for b in hubs[:i]]
-        sideways = [d for d in apart if d > 0.15 * max(np.linalg.norm(hub) for hub in hubs)]
+        sideways = [
+            d for d in apart if d > 0.15 * max(np.linalg.norm(hub) for hub in hubs)
+        ]
         assert 2.0 * rotor_radius(vehicle) < min(sideways)
 
 
 def test_a_payload_is_a_ball_of_its_mass_at_the_tip() -> None:
     vehicle = load_vehicle("hummingbird_arm2")
     ball = payload_shape(vehicle, 0.05)
-    assert 4.0 / 3.0 * math.pi * ball.size[0] ** 3 * PAYLOAD_DENSITY == pytest.approx(0.05)
+    assert 4.0 / 3.0 * math.pi * ball.size[0] ** 3 * PAYLOAD_DENSITY == pytest.approx(
+        0.05
+    )
     assert ball.position == tuple(float(c) for c in vehicle.frame().position)
     assert ball.body == vehicle.frame().link
 
@@ -131,7 +164,11 @@ def test_a_payload_is_a_ball_of_its_mass_at_the_tip() -> None:
 def test_a_tip_on_the_base_moves_with_the_base(arm: bool) -> None:
     vehicle = load_vehicle("hummingbird_arm2_rotors" if arm else "dragonfly")
     hook = Frame(name="hook", link=BASE, position=Vec3(0.0, 0.1, -0.06))
-    vehicle = dataclasses.replace(vehicle, frames=(*vehicle.frames, hook), end_effector="hook")
+    vehicle = dataclasses.replace(
+        vehicle, frames=(*vehicle.frames, hook), end_effector="hook"
+    )
     half = math.sqrt(0.5)  # a quarter turn about x: y goes up
-    placed = place(vehicle, (1.0, 2.0, 3.0), (half, half, 0.0, 0.0), (0.3, -0.7) if arm else ())
+    placed = place(
+        vehicle, (1.0, 2.0, 3.0), (half, half, 0.0, 0.0), (0.3, -0.7) if arm else ()
+    )
     assert [float(c) for c in placed.tip] == pytest.approx([1.0, 2.06, 3.1], abs=1e-12)

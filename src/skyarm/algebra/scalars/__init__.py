@@ -1,15 +1,29 @@
-"""Elementary functions over any scalar type: float, NumPy array, JAX array, CasADi SX, symbolic value.
+"""Elementary functions over any scalar type: float, NumPy array, JAX array, CasADi SX,
+symbolic value.
 
-Laws of plant and control use these functions and + - * / only, so that one source runs on every engine.
-Two rules hold everywhere:
+Laws of plant and control use these functions and + - * / only, so that one source runs
+on every engine. Two rules hold everywhere:
 
-* IEEE: inf or NaN where Python's own ``math`` would raise, because ``where`` evaluates both of its branches.
-* An ``int`` is *structure* (a zero or a one of the description, known when the program is built) and may fold away;
-  a ``float`` is *data*, may vary from lane to lane and is never folded, even when it happens to be 0.0.
+* IEEE: inf or NaN where Python's own ``math`` would raise, because ``where`` evaluates
+  both of its branches.
+* An ``int`` is *structure* (a zero or a one of the description, known when the program
+  is built) and may fold away; a ``float`` is *data*, may vary from lane to lane and is
+  never folded, even when it happens to be 0.0.
 """
 
 from skyarm.algebra.scalars.elementary import NAMESPACE as PYTHON_NUMBERS
-from skyarm.algebra.scalars.fold import Scalar, Scalars, add, data, mul, neg, same, structural, sub, total
+from skyarm.algebra.scalars.fold import (
+    Scalar,
+    Scalars,
+    add,
+    data,
+    mul,
+    neg,
+    same,
+    structural,
+    sub,
+    total,
+)
 from skyarm.algebra.scalars.functions import (
     absolute,
     acos,

@@ -1,13 +1,15 @@
-"""Sine, exponential and other functions without branches, from + - * / and a few exact bit operations.
+"""Sine, exponential and other functions without branches, from + - * / and a few exact
+bit operations.
 
-Every compiled engine and the Python floats evaluate these same lines, so that they agree to the last bit: a library's
-``sin`` differs from one machine to the next, and none is written for vectors of any width. Largest errors in units of
-the last place of a double: exp 0.9, log 0.8, sin and cos 1.4 (|x| up to 1e5), atan2 1.5, tanh 1.3, asin and acos 2,
-tan 2.5 (|x| up to 20). Each constant is split so that single precision keeps its own accuracy; there the log of a
-number under 1.2e-38 is good to a unit only.
+Every compiled engine and the Python floats evaluate these same lines, so that they
+agree to the last bit: a library's ``sin`` differs from one machine to the next, and
+none is written for vectors of any width. Largest errors in units of the last place of a
+double: exp 0.9, log 0.8, sin and cos 1.4 (|x| up to 1e5), atan2 1.5, tanh 1.3, asin and
+acos 2, tan 2.5 (|x| up to 20). Each constant is split so that single precision keeps
+its own accuracy; there the log of a number under 1.2e-38 is good to a unit only.
 
-Source: fdlibm (Sun Microsystems 1993), kernels of sin, cos, exp and log; Cephes (Moshier 1989), atan and tanh;
-argument reduction Cody, Waite 1980.
+Source: fdlibm (Sun Microsystems 1993), kernels of sin, cos, exp and log; Cephes
+(Moshier 1989), atan and tanh; argument reduction Cody, Waite 1980.
 """
 
 from __future__ import annotations
@@ -21,8 +23,17 @@ from skyarm.algebra.scalars.fold import Scalar
 from skyarm.algebra.scalars.functions import register
 
 TWO_OVER_PI = 0.6366197723675814
-HALF_PI_PARTS = (1.5703125, 0.0004837512969970703, 7.549789948768648e-08, 6.123233995736766e-17)
-LN2_HIGH, LN2_LOW, ONE_OVER_LN2 = 0.693145751953125, 1.4286068203094173e-06, 1.4426950408889634
+HALF_PI_PARTS = (
+    1.5703125,
+    0.0004837512969970703,
+    7.549789948768648e-08,
+    6.123233995736766e-17,
+)
+LN2_HIGH, LN2_LOW, ONE_OVER_LN2 = (
+    0.693145751953125,
+    1.4286068203094173e-06,
+    1.4426950408889634,
+)
 PI, HALF_PI, QUARTER_PI = 3.141592653589793, 1.5707963267948966, 0.7853981633974483
 HALF_PI_LOW = 6.123233995736766e-17
 
@@ -73,8 +84,17 @@ ATAN_Q = (
     2.485846490142306297962e1,
     1.0,
 )
-TANH_P = (-1.61468768441708447952e3, -9.92877231001918586564e1, -9.64399179425052238628e-1)
-TANH_Q = (4.84406305325125486048e3, 2.23548839060100448583e3, 1.12811678491632931402e2, 1.0)
+TANH_P = (
+    -1.61468768441708447952e3,
+    -9.92877231001918586564e1,
+    -9.64399179425052238628e-1,
+)
+TANH_Q = (
+    4.84406305325125486048e3,
+    2.23548839060100448583e3,
+    1.12811678491632931402e2,
+    1.0,
+)
 
 
 def horner(z: Scalar, coefficients: Sequence[float]) -> Scalar:
@@ -92,7 +112,9 @@ def _even_polynomial(z: Scalar, c: Sequence[float]) -> Scalar:
 
 
 def _quarter_turns(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Sine and cosine of x modulo pi/2, with the flag of an odd number of quarter turns and the sign of half turns."""
+    """Sine and cosine of x modulo pi/2, with the flag of an odd number of quarter turns
+    and the sign of half turns.
+    """
     turns = f.floor(x * TWO_OVER_PI + 0.5)
     r = x
     for part in HALF_PI_PARTS:
@@ -103,11 +125,18 @@ def _quarter_turns(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     cosine = 1.0 - (0.5 * z - (z * z) * _even_polynomial(z, COS))
     quarters = turns - 4.0 * f.floor(0.25 * turns)
     turned = quarters > 1.5
-    return sine, cosine, f.where(turned, quarters - 2.0, quarters) > 0.5, f.where(turned, -1.0, 1.0)
+    return (
+        sine,
+        cosine,
+        f.where(turned, quarters - 2.0, quarters) > 0.5,
+        f.where(turned, -1.0, 1.0),
+    )
 
 
 def _odd_function(x: Scalar, value: Scalar) -> Scalar:
-    """Value of an odd function that is close to x near zero; x itself where x * x underflows."""
+    """Value of an odd function that is close to x near zero; x itself where x * x
+    underflows.
+    """
     return f.where(x * x <= 0.0, x, value)
 
 
@@ -139,7 +168,9 @@ def exp(x: Scalar) -> Scalar:
     # two factors, because 2**k alone leaves the range of normal numbers at both ends
     first = f.floor(0.5 * k)
     scaled = y * f.power_of_two(first) * f.power_of_two(k - first)
-    return f.where(x > 709.782712893384, float("inf"), f.where(x < -745.1332191019412, 0.0, scaled))
+    return f.where(
+        x > 709.782712893384, float("inf"), f.where(x < -745.1332191019412, 0.0, scaled)
+    )
 
 
 def log(x: Scalar) -> Scalar:
@@ -153,7 +184,11 @@ def log(x: Scalar) -> Scalar:
     half = 0.5 * m * m
     value = k * LN2_HIGH - ((half - (s * (half + R) + k * LN2_LOW)) - m)
     inside = f.where(x < float("inf"), value, x)
-    return f.where(x > 2.2250738585072014e-308, inside, f.where(x >= 0.0, float("-inf"), float("nan")))
+    return f.where(
+        x > 2.2250738585072014e-308,
+        inside,
+        f.where(x >= 0.0, float("-inf"), float("nan")),
+    )
 
 
 def _atan01(t: Scalar) -> Scalar:
@@ -170,11 +205,13 @@ def atan2(y: Scalar, x: Scalar) -> Scalar:
     ax, ay = f.absolute(x), f.absolute(y)
     steep = ay > ax
     low, high = f.where(steep, ax, ay), f.where(steep, ay, ax)
-    # equal sizes, two infinities too, are one; a NaN beside an infinity compares false and stays
+    # equal sizes, two infinities too, are one; a NaN beside an infinity compares false
+    # and stays
     ratio = f.where(low >= high, 1.0, f.divide(low, high))
     angle = _atan01(f.where(high <= 0.0, low, ratio))
     angle = f.where(steep, (HALF_PI - angle) + HALF_PI_LOW, angle)
-    # what PI lacks of pi, 1.2e-16, stays out: 0.28 units above 2; below 2 half of it makes good what HALF_PI lacked
+    # what PI lacks of pi, 1.2e-16, stays out: 0.28 units above 2; below 2 half of it
+    # makes good what HALF_PI lacked
     angle = f.where(f.copysign(1.0, x) < 0.0, PI - angle, angle)
     return f.copysign(angle, y)
 
@@ -212,10 +249,21 @@ COMPOSED: dict[str, Callable[..., Scalar]] = {
 """Elementary functions by name, for generated code that has no mathematical library."""
 
 
-BASIC = ("divide", "sqrt", "floor", "absolute", "where", "logical_and", "logical_or", "logical_not")
+BASIC = (
+    "divide",
+    "sqrt",
+    "floor",
+    "absolute",
+    "where",
+    "logical_and",
+    "logical_or",
+    "logical_not",
+)
 BITS = ("copysign", "power_of_two", "exponent", "mantissa")
 
-NAMESPACE = SimpleNamespace(**{name: getattr(floats, name) for name in (*BASIC, *BITS)}, **COMPOSED)
+NAMESPACE = SimpleNamespace(
+    **{name: getattr(floats, name) for name in (*BASIC, *BITS)}, **COMPOSED
+)
 
 for kind in (float, int, bool):
     register(kind, NAMESPACE)

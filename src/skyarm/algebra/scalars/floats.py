@@ -1,4 +1,6 @@
-"""Basic operations on Python floats with IEEE results: inf or NaN where Python raises an error."""
+"""Basic operations on Python floats with IEEE results: inf or NaN where Python raises
+an error.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ absolute = math.fabs
 
 
 def copysign(size: float, sign: float) -> float:
-    """Magnitude of the first number with the sign of the second, signed zeros included."""
+    """Magnitude of the first number with the sign of the second, signed zeros
+    included.
+    """
     return math.copysign(size, sign)
 
 

@@ -1,7 +1,7 @@
 """Scalar arithmetic that simplifies operations with the integer constants 0, 1 and -1.
 
-Only exact IEEE identities are used (x * 1 = x, x + 0 = x for a structural zero, (-1) * x = -x), so folding never
-changes the value of a program, whatever engine runs it.
+Only exact IEEE identities are used (x * 1 = x, x + 0 = x for a structural zero, (-1) *
+x = -x), so folding never changes the value of a program, whatever engine runs it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,9 @@ from typing import Any, Protocol
 
 
 class Scalar(Protocol):
-    """Interface (typing.Protocol) of scalars: floats, arrays of NumPy or JAX, symbolic values; an int is a constant."""
+    """Interface (typing.Protocol) of scalars: floats, arrays of NumPy or JAX, symbolic
+    values; an int is a constant.
+    """
 
     def __add__(self, other: Any, /) -> Scalar: ...
     def __radd__(self, other: Any, /) -> Scalar: ...
@@ -34,12 +36,16 @@ Scalars = tuple[Scalar, ...]
 
 
 def structural(value: float) -> int | float:
-    """Convert an exact 0, 1 or -1 to an int, a compile-time constant; any other number to a float."""
+    """Convert an exact 0, 1 or -1 to an int, a compile-time constant; any other number
+    to a float.
+    """
     return int(value) if value in (0.0, 1.0, -1.0) else float(value)
 
 
 def data(value: Scalar) -> Scalar:
-    """Convert an integer constant to a float, which is stored as data; other scalars are returned unchanged."""
+    """Convert an integer constant to a float, which is stored as data; other scalars
+    are returned unchanged.
+    """
     return float(value) if type(value) is int else value
 
 

@@ -1,8 +1,11 @@
-"""Truncated Taylor series as a scalar type, for exact time derivatives of functions over any scalar.
+"""Truncated Taylor series as a scalar type, for exact time derivatives of functions
+over any scalar.
 
-A series holds x(t0 + s) = c_0 + c_1 s + ... + c_K s^K; the k-th derivative is k! c_k. Coefficients are scalars of any
-kind and structural zeros among them fold, so that a constant costs nothing.
-Source: Griewank, Walther 2008, section 13.2 (recurrences of products, quotients, roots, sine and cosine).
+A series holds x(t0 + s) = c_0 + c_1 s + ... + c_K s^K; the k-th derivative is k! c_k.
+Coefficients are scalars of any kind and structural zeros among them fold, so that a
+constant costs nothing.
+Source: Griewank, Walther 2008, section 13.2 (recurrences of products, quotients, roots,
+sine and cosine).
 """
 
 from __future__ import annotations
@@ -15,7 +18,9 @@ from skyarm.algebra.scalars import functions
 from skyarm.algebra.scalars.fold import Scalar, Scalars, add, data, mul, neg, sub, total
 
 
-def _comparison(compare: Callable[[Scalar, Scalar], Scalar]) -> Callable[[Taylor, Scalar], Scalar]:
+def _comparison(
+    compare: Callable[[Scalar, Scalar], Scalar],
+) -> Callable[[Taylor, Scalar], Scalar]:
     """Make a comparison operator of Taylor series, which compares their values."""
 
     def method(self: Taylor, other: Scalar) -> Scalar:
@@ -25,7 +30,9 @@ def _comparison(compare: Callable[[Scalar, Scalar], Scalar]) -> Callable[[Taylor
 
 
 class Taylor:
-    """Truncated Taylor series as a scalar type; an operation on two series keeps the lower order."""
+    """Truncated Taylor series as a scalar type; an operation on two series keeps the
+    lower order.
+    """
 
     __slots__ = ("c",)
     __array_ufunc__ = None
@@ -36,7 +43,12 @@ class Taylor:
     @classmethod
     def of_derivatives(cls, derivatives: Sequence[Scalar]) -> Taylor:
         """Taylor series from value, first derivative, second derivative and so on."""
-        return cls([mul(d, 1 if k < 2 else 1.0 / math.factorial(k)) for k, d in enumerate(derivatives)])
+        return cls(
+            [
+                mul(d, 1 if k < 2 else 1.0 / math.factorial(k))
+                for k, d in enumerate(derivatives)
+            ]
+        )
 
     @classmethod
     def constant(cls, value: Scalar, order: int) -> Taylor:
@@ -49,7 +61,9 @@ class Taylor:
 
     def derivative_series(self) -> Taylor:
         """Taylor series of the first derivative, one order lower."""
-        return Taylor([mul(c, 1 if k == 1 else float(k)) for k, c in enumerate(self.c) if k])
+        return Taylor(
+            [mul(c, 1 if k == 1 else float(k)) for k, c in enumerate(self.c) if k]
+        )
 
     def truncate(self, order: int) -> Taylor:
         """Taylor series truncated to a lower order."""
@@ -57,21 +71,29 @@ class Taylor:
 
     def _terms(self, other: Scalar) -> Scalars:
         """Coefficients of an operand; a plain scalar counts as a constant series."""
-        return other.c if isinstance(other, Taylor) else (other, *(0,) * (len(self.c) - 1))
+        return (
+            other.c if isinstance(other, Taylor) else (other, *(0,) * (len(self.c) - 1))
+        )
 
     def __add__(self, other: Scalar) -> Taylor:
         """Sum of two Taylor series."""
-        return Taylor([add(a, b) for a, b in zip(self.c, self._terms(other), strict=False)])
+        return Taylor(
+            [add(a, b) for a, b in zip(self.c, self._terms(other), strict=False)]
+        )
 
     __radd__ = __add__
 
     def __sub__(self, other: Scalar) -> Taylor:
         """Difference of two Taylor series."""
-        return Taylor([sub(a, b) for a, b in zip(self.c, self._terms(other), strict=False)])
+        return Taylor(
+            [sub(a, b) for a, b in zip(self.c, self._terms(other), strict=False)]
+        )
 
     def __rsub__(self, other: Scalar) -> Taylor:
         """Difference of a constant and this Taylor series."""
-        return Taylor([sub(a, b) for a, b in zip(self._terms(other), self.c, strict=False)])
+        return Taylor(
+            [sub(a, b) for a, b in zip(self._terms(other), self.c, strict=False)]
+        )
 
     def __neg__(self) -> Taylor:
         """Negated Taylor series."""
@@ -82,7 +104,12 @@ class Taylor:
         if not isinstance(other, Taylor):
             return Taylor([mul(a, other) for a in self.c])
         a, b = self.c, other.c
-        return Taylor([total(mul(a[j], b[k - j]) for j in range(k + 1)) for k in range(min(len(a), len(b)))])
+        return Taylor(
+            [
+                total(mul(a[j], b[k - j]) for j in range(k + 1))
+                for k in range(min(len(a), len(b)))
+            ]
+        )
 
     __rmul__ = __mul__
 
@@ -121,7 +148,10 @@ def _sine_cosine(x: Taylor) -> tuple[Taylor, Taylor]:
         up: Scalar = 0
         down: Scalar = 0
         for j in range(1, k + 1):
-            up, down = add(up, mul(slope[j], c[k - j])), add(down, mul(slope[j], s[k - j]))
+            up, down = (
+                add(up, mul(slope[j], c[k - j])),
+                add(down, mul(slope[j], s[k - j])),
+            )
         share = 1 if k == 1 else 1.0 / k
         s.append(mul(up, share))
         c.append(mul(neg(down), share))
@@ -129,7 +159,9 @@ def _sine_cosine(x: Taylor) -> tuple[Taylor, Taylor]:
 
 
 class _TaylorFunctions:
-    """Scalar functions of Taylor series, as a namespace for :mod:`skyarm.algebra.scalars`."""
+    """Scalar functions of Taylor series, as a namespace for
+    :mod:`skyarm.algebra.scalars`.
+    """
 
     @staticmethod
     def sin(x: Taylor) -> Taylor:
@@ -169,12 +201,15 @@ def as_series(x: Scalar, order: int) -> Taylor:
 
 
 def nth_derivative(x: Scalar, k: int) -> Scalar:
-    """Value of the k-th derivative of a Taylor series; any other scalar is a constant."""
+    """Value of the k-th derivative of a Taylor series; any other scalar is a
+    constant.
+    """
     return x.derivative(k) if isinstance(x, Taylor) else x if k == 0 else 0
 
 
 def inverse_root(x: Scalar, halvings: int = 1) -> Scalar:
-    """Power x^(-1/2), with two ``halvings`` x^(-1/4), and so on, of a positive scalar or Taylor series.
+    """Power x^(-1/2), with two ``halvings`` x^(-1/4), and so on, of a positive scalar
+    or Taylor series.
 
     The series of p = x^a follows from x p' = a x' p.
     """
@@ -188,7 +223,10 @@ def inverse_root(x: Scalar, halvings: int = 1) -> Scalar:
     inverse = mul(value, value) if halvings == 1 else functions.divide(1.0, x.c[0])
     steps = [mul(c, inverse) for c in x.c]
     for k in range(1, len(x.c)):
-        terms = (mul(mul(steps[j], coefficients[k - j]), ((exponent + 1.0) * j - k) / k) for j in range(1, k + 1))
+        terms = (
+            mul(mul(steps[j], coefficients[k - j]), ((exponent + 1.0) * j - k) / k)
+            for j in range(1, k + 1)
+        )
         coefficients.append(total(terms))
     return Taylor(coefficients)
 
@@ -199,7 +237,11 @@ def choose(condition: Scalar, a: Scalar, b: Scalar) -> Taylor:
     pairs = zip(as_series(a, order).c, as_series(b, order).c, strict=False)
     return Taylor(
         [
-            0 if type(x) is int and type(y) is int and x == y == 0 else functions.where(condition, data(x), data(y))
+            (
+                0
+                if type(x) is int and type(y) is int and x == y == 0
+                else functions.where(condition, data(x), data(y))
+            )
             for x, y in pairs
         ]
     )

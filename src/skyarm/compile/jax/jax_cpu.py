@@ -13,9 +13,14 @@ EXTRA_OPTIONS = (
 
 
 def configure_extra_options() -> bool:
-    """Add CPU options of XLA to ``XLA_FLAGS``; False if JAX already runs on a CPU without these options."""
+    """Add CPU options of XLA to ``XLA_FLAGS``; False if JAX already runs on a CPU
+    without these options.
+    """
     present = os.environ.get("XLA_FLAGS", "").split()
-    if any(flag.split("=")[0] == EXTRA_OPTIONS.split("=", maxsplit=1)[0] for flag in present):
+    if any(
+        flag.split("=")[0] == EXTRA_OPTIONS.split("=", maxsplit=1)[0]
+        for flag in present
+    ):
         return True
     if _has_started():
         return bool(sys.modules["jax"].default_backend() != "cpu")

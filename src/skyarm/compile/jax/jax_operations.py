@@ -1,11 +1,14 @@
-"""Basic operations and random numbers in JAX, with derivatives that stay finite where the value is finite.
+"""Basic operations and random numbers in JAX, with derivatives that stay finite where
+the value is finite.
 
-``where`` evaluates both of its branches, and so does its derivative: an infinite slope in the branch that is not taken
-(sqrt at 0, a division by 0) becomes 0 * inf = NaN. Such a slope is 0 here, a subgradient of every length |v|.
-|x| and copysign take their slope at 0 from the sign bit, so that atan2 keeps its slope of 1 there.
+``where`` evaluates both of its branches, and so does its derivative: an infinite slope
+in the branch that is not taken (sqrt at 0, a division by 0) becomes 0 * inf = NaN. Such
+a slope is 0 here, a subgradient of every length |v|. |x| and copysign take their slope
+at 0 from the sign bit, so that atan2 keeps its slope of 1 there.
 
-Lane k of seed s draws what :mod:`skyarm.algebra.scalars.philox` draws for (seed, episode k, channel, step), bit for
-bit. Only the last step of a double needs 64-bit integers, so that single precision runs where JAX has none.
+Lane k of seed s draws what :mod:`skyarm.algebra.scalars.philox` draws for (seed,
+episode k, channel, step), bit for bit. Only the last step of a double needs 64-bit
+integers, so that single precision runs where JAX has none.
 Source: Salmon, Moraes, Dror, Shaw 2011, section 3.3.
 """
 
@@ -24,7 +27,9 @@ try:
     import jax.numpy as jnp
     from jax import Array, lax
     from jax.typing import ArrayLike
-except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
+except (
+    ImportError
+) as error:  # pragma: no cover  (the library is there when this is tested)
     raise missing_extra("jax") from error
 
 Float = type[np.float64] | type[np.float32]
@@ -32,7 +37,9 @@ Float = type[np.float64] | type[np.float32]
 
 
 def _layout(x: Array) -> tuple[type[np.int64 | np.int32], int, int]:
-    """Integer type, mantissa bits and exponent bias of the floating-point type of an array."""
+    """Integer type, mantissa bits and exponent bias of the floating-point type of an
+    array.
+    """
     return (np.int64, 52, 1023) if x.dtype == np.float64 else (np.int32, 23, 127)
 
 
@@ -55,7 +62,9 @@ def power_of_two(k: Array) -> Array:
 def exponent(x: Array) -> Array:
     """Binary exponent of a normal number, as a float."""
     integer, shift, bias = _layout(x)
-    field = lax.bitwise_and(lax.shift_right_logical(_bits(x), integer(shift)), integer(2 * bias + 1))
+    field = lax.bitwise_and(
+        lax.shift_right_logical(_bits(x), integer(shift)), integer(2 * bias + 1)
+    )
     return lax.sub(lax.convert_element_type(field, x.dtype), _like(x, bias))
 
 
@@ -64,7 +73,9 @@ def mantissa(x: Array) -> Array:
     """Mantissa of a number, in [1, 2) with its sign."""
     integer, shift, bias = _layout(x)
     mask = ~integer((2 * bias + 1) << shift)
-    return lax.bitcast_convert_type(lax.bitwise_or(lax.bitwise_and(_bits(x), mask), integer(bias << shift)), x.dtype)
+    return lax.bitcast_convert_type(
+        lax.bitwise_or(lax.bitwise_and(_bits(x), mask), integer(bias << shift)), x.dtype
+    )
 
 
 # of x = m 2**e: dm/dx = 2**-e
@@ -110,7 +121,9 @@ def absolute(x: Array) -> Array:
     return lax.abs(x)
 
 
-absolute.defjvps(lambda dx, _, x: dx * lax.select(_negative(x), _like(x, -1.0), _like(x, 1.0)))
+absolute.defjvps(
+    lambda dx, _, x: dx * lax.select(_negative(x), _like(x, -1.0), _like(x, 1.0))
+)
 
 
 @jax.custom_jvp
@@ -156,16 +169,27 @@ OPERATIONS: dict[str, Callable[..., Array]] = {
 
 
 def evaluate(program: Lowered, inputs: Sequence[Array], dtype: Float) -> list[Array]:
-    """Evaluate a traced program on JAX scalars of one floating-point type; returns the outputs."""
-    values: dict[int, ArrayLike] = {node.index: value for node, value in zip(program.inputs, inputs, strict=True)}
+    """Evaluate a traced program on JAX scalars of one floating-point type; returns the
+    outputs.
+    """
+    values: dict[int, ArrayLike] = {
+        node.index: value for node, value in zip(program.inputs, inputs, strict=True)
+    }
     for node in program.nodes:
         if node.op == "const":
             values[node.index] = _constant(node, dtype)
         elif node.op in ("slot", "repeat", "item"):
-            raise ValueError("a program with loops is for machine code: trace it without loops for JAX")
+            raise ValueError(
+                "a program with loops is for machine code: trace it without loops"
+                " for JAX"
+            )
         elif node.op != "input":
-            values[node.index] = OPERATIONS[node.op](*(values[arg.index] for arg in node.args))
-    return [lax.convert_element_type(values[node.index], dtype) for node in program.outputs]
+            values[node.index] = OPERATIONS[node.op](
+                *(values[arg.index] for arg in node.args)
+            )
+    return [
+        lax.convert_element_type(values[node.index], dtype) for node in program.outputs
+    ]
 
 
 def _constant(node: Node, dtype: Float) -> ArrayLike:
@@ -178,15 +202,23 @@ def _constant(node: Node, dtype: Float) -> ArrayLike:
 Words = tuple[Array, Array, Array, Array]
 
 
-def uniforms(seed: Array, episode: Array, step: Array, draws: Sequence[tuple[int, int]], dtype: Float) -> list[Array]:
-    """Uniform random numbers in (0, 1) in JAX for one flight and step, equal to those of NumPy.
+def uniforms(
+    seed: Array,
+    episode: Array,
+    step: Array,
+    draws: Sequence[tuple[int, int]],
+    dtype: Float,
+) -> list[Array]:
+    """Uniform random numbers in (0, 1) in JAX for one flight and step, equal to those
+    of NumPy.
 
     Args:
         seed: low and high word, uint32.
         episode: uint32.
         step: uint32.
         draws: (channel, how many numbers) pairs.
-        dtype: float64, or float32, to which the same numbers are rounded within a unit of the last place.
+        dtype: float64, or float32, to which the same numbers are rounded within a unit
+            of the last place.
     """
     unit = _unit64 if dtype == np.float64 else _unit32
     # as JAX's own numbers: NumPy's scalars warn where they wrap around
@@ -218,8 +250,14 @@ def _philox(counter: Words, key: tuple[Array, Array]) -> Words:
     k0, k1 = key
     for index in range(ROUNDS):
         if index:
-            k0, k1 = k0 + np.uint32(KEY_INCREMENTS[0]), k1 + np.uint32(KEY_INCREMENTS[1])
-        (high0, low0), (high1, low1) = _product(MULTIPLIERS[0], c0), _product(MULTIPLIERS[1], c2)
+            k0, k1 = (
+                k0 + np.uint32(KEY_INCREMENTS[0]),
+                k1 + np.uint32(KEY_INCREMENTS[1]),
+            )
+        (high0, low0), (high1, low1) = (
+            _product(MULTIPLIERS[0], c0),
+            _product(MULTIPLIERS[1], c2),
+        )
         c0, c1, c2, c3 = high1 ^ c1 ^ k0, low1, high0 ^ c3 ^ k1, low0
     return c0, c1, c2, c3
 
@@ -228,11 +266,17 @@ def _unit64(low: Array, high: Array) -> Array:
     """Map a 64-bit integer x to (2 (x >> 12) + 1) 2**-53, a double in (0, 1)."""
     wide = [lax.convert_element_type(word, np.uint64) for word in (low, high)]
     top = (wide[1] << np.uint64(20)) | (wide[0] >> np.uint64(12))
-    one_to_two = lax.bitcast_convert_type(top | np.uint64(0x3FF0000000000000), np.float64)
+    one_to_two = lax.bitcast_convert_type(
+        top | np.uint64(0x3FF0000000000000), np.float64
+    )
     return (one_to_two - 1.0) + 2.0**-53
 
 
 def _unit32(low: Array, high: Array) -> Array:
-    """Map two 32-bit words to a single-precision number in (0, 1), without 64-bit integers."""
+    """Map two 32-bit words to a single-precision number in (0, 1), without 64-bit
+    integers.
+    """
     upper, lower = (lax.convert_element_type(word, np.float32) for word in (high, low))
-    return (upper + lower * np.float32(2.0**-32)) * np.float32(2.0**-32) + np.float32(2.0**-53)
+    return (upper + lower * np.float32(2.0**-32)) * np.float32(2.0**-32) + np.float32(
+        2.0**-53
+    )

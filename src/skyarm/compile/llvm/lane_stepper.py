@@ -1,4 +1,6 @@
-"""Machine code called step by step: for one simulation in real time, many side by side, or a single function."""
+"""Machine code called step by step: for one simulation in real time, many side by side,
+or a single function.
+"""
 
 from __future__ import annotations
 
@@ -23,22 +25,28 @@ ALONE = 8192
 
 
 class LaneStepper:
-    """Machine code that advances many simulations (SIMD lanes) by one step per call, in fixed arrays.
+    """Machine code that advances many simulations (SIMD lanes) by one step per call, in
+    fixed arrays.
 
-    Its threads are made at the first step that shares its lanes, kept from step to step, and made anew after a fork.
-    :meth:`close` ends them.
+    Its threads are made at the first step that shares its lanes, kept from step to
+    step, and made anew after a fork. :meth:`close` ends them.
 
     Args:
-        kernel: machine code of one row a step; each step writes its log anew. lanes: number of lanes.
-        seed: key of the random numbers; of a loop with own seeds, until :meth:`begin` gives others. threads: largest
-            number of threads.
+        kernel: machine code of one row a step; each step writes its log anew. lanes:
+            number of lanes.
+        seed: key of the random numbers; of a loop with own seeds, until :meth:`begin`
+            gives others. threads: largest number of threads.
 
     Attributes:
-        carry, parameters: (leaves, lanes) views that a step reads and writes in place. row: shared by all lanes.
-        logged: (logged, lanes) view on what the last step logged; without logging it has no rows.
+        carry, parameters: (leaves, lanes) views that a step reads and writes in place.
+            row: shared by all lanes.
+        logged: (logged, lanes) view on what the last step logged; without logging it
+            has no rows.
     """
 
-    def __init__(self, kernel: Kernel, lanes: int, *, seed: int = 0, threads: int = 1) -> None:
+    def __init__(
+        self, kernel: Kernel, lanes: int, *, seed: int = 0, threads: int = 1
+    ) -> None:
         width = kernel.lanes.width
         blocks = -(-lanes // width)
         stride = apart(blocks) * width
@@ -49,16 +57,25 @@ class LaneStepper:
         self._row = np.zeros((1, loop.row), dtype)
         self._log = np.zeros((1, loop.logged if kernel.logging else 0, stride), dtype)
         self.logged: Array = self._log[0, :, :lanes]
-        # [seed, episode of every lane], and the seed of every lane where they have their own
-        self._keys = np.zeros(1 + stride * (2 if loop.own_seeds else 1), dtype=np.uint64)
+        # [seed, episode of every lane], and the seed of every lane where they have
+        # their own
+        self._keys = np.zeros(
+            1 + stride * (2 if loop.own_seeds else 1), dtype=np.uint64
+        )
         self._keys[0], self._keys[1 + stride :] = seed, seed
         self._seeds = self._keys[1 + stride :]
         self._tick = 0
-        self.carry, self.parameters, self.row = self._carry[:, :lanes], self._parameters[:, :lanes], self._row[0]
+        self.carry, self.parameters, self.row = (
+            self._carry[:, :lanes],
+            self._parameters[:, :lanes],
+            self._row[0],
+        )
         arrays = (self._carry, self._parameters, self._row, self._log, self._keys)
         # first block, last block, begin, end, start, lanes, log every
         pointers = [array.ctypes.data for array in arrays]
-        self._arguments = np.array([*pointers, 0, blocks, 0, 1, 0, stride, 1], dtype=np.int64)
+        self._arguments = np.array(
+            [*pointers, 0, blocks, 0, 1, 0, stride, 1], dtype=np.int64
+        )
         self._pointer = ctypes.c_void_p(self._arguments.ctypes.data)
         self._quick = kernel.quick
         self._arrays, self._blocks = arrays, blocks
@@ -66,10 +83,14 @@ class LaneStepper:
         self._workers = Workers()
         self._threads, self._process = threads, os.getpid()
         if threads > 1 and lanes > ALONE:
-            self._shared = SharedSteps(kernel.machine, arrays, blocks=blocks, lanes=stride, threads=threads)
+            self._shared = SharedSteps(
+                kernel.machine, arrays, blocks=blocks, lanes=stride, threads=threads
+            )
 
     def fill(self) -> None:
-        """Copy the last lane into the unused elements of the last SIMD vector; call it after writing to the arrays."""
+        """Copy the last lane into the unused elements of the last SIMD vector; call it
+        after writing to the arrays.
+        """
         lanes, last = self.carry.shape[1], self._blocks * self._kernel.lanes.width
         if lanes == last:
             return
@@ -80,8 +101,11 @@ class LaneStepper:
         """Replace the seed of the random numbers."""
         self._keys[0] = seed
 
-    def begin(self, where: Array, episodes: Array, seeds: Array | None = None, first: int = 0) -> None:
-        """Begin new episodes in some SIMD lanes: their random numbers restart with new keys.
+    def begin(
+        self, where: Array, episodes: Array, seeds: Array | None = None, first: int = 0
+    ) -> None:
+        """Begin new episodes in some SIMD lanes: their random numbers restart with new
+        keys.
 
         Args:
             where: (m,) numbers of the lanes.
@@ -97,7 +121,8 @@ class LaneStepper:
     def step(self) -> None:
         """Advance all SIMD lanes by one step.
 
-        What is raised meanwhile, as Ctrl-C raises it, comes through once every lane has made the step.
+        What is raised meanwhile, as Ctrl-C raises it, comes through once every lane has
+        made the step.
         """
         tick, self._tick = self._tick, self._tick + 1
         if self._shared is None:
@@ -114,35 +139,47 @@ class LaneStepper:
 
 
 def apart(blocks: int) -> int:
-    """Memory stride between the arrays' rows, in SIMD vectors: at least ``blocks``, and no multiple of four.
+    """Memory stride between the arrays' rows, in SIMD vectors: at least ``blocks``, and
+    no multiple of four.
 
-    Numbers a multiple of 4 KiB apart share one set of the first cache, which holds eight to twelve of them: 1024 lanes
-    of 32 bits took 40 us a step so, and take 28.
+    Numbers a multiple of 4 KiB apart share one set of the first cache, which holds
+    eight to twelve of them: 1024 lanes of 32 bits took 40 us a step so, and take 28.
     """
     return blocks if blocks % 4 else blocks + 1
 
 
 class Stepper:
-    """Machine code that advances one simulation by one step per call, in about a microsecond.
+    """Machine code that advances one simulation by one step per call, in about a
+    microsecond.
 
     Args:
         kernel: machine code of width 1, with logging if outputs are needed.
-        carry: first carry. parameters: constants. seed, episode: keys of the random numbers.
+        carry: first carry. parameters: constants. seed, episode: keys of the random
+            numbers.
 
     Attributes:
         carry, parameters, row, output: arrays that a step reads and writes in place.
-        clock: one number: index of the next step, for the random numbers; it stays unless it is written.
+        clock: one number: index of the next step, for the random numbers; it stays
+            unless it is written.
         step: function without arguments that advances by one step.
     """
 
     def __init__(
-        self, kernel: Kernel, carry: Array, parameters: Array | None = None, *, seed: int = 0, episode: int = 0
+        self,
+        kernel: Kernel,
+        carry: Array,
+        parameters: Array | None = None,
+        *,
+        seed: int = 0,
+        episode: int = 0,
     ) -> None:
         if kernel.lanes.width != 1:
             raise ValueError(f"lanes.width = {kernel.lanes.width}: must be 1")
         loop, dtype = kernel.loop, kernel.dtype
         self.carry = np.array(carry, dtype=dtype)
-        self.parameters = np.array(() if parameters is None else parameters, dtype=dtype)
+        self.parameters = np.array(
+            () if parameters is None else parameters, dtype=dtype
+        )
         for name, values, count in (
             ("carry", self.carry, loop.carry),
             ("parameters", self.parameters, loop.parameters),
@@ -151,46 +188,72 @@ class Stepper:
                 raise ValueError(f"{name}: shape {values.shape}, allowed ({count},)")
         self.row, self.output = np.zeros(loop.row, dtype), np.zeros(loop.logged, dtype)
         self._keys = np.array([seed, episode], dtype=np.uint64)
-        pointers = [a.ctypes.data for a in (self.carry, self.parameters, self.row, self.output, self._keys)]
+        pointers = [
+            a.ctypes.data
+            for a in (self.carry, self.parameters, self.row, self.output, self._keys)
+        ]
         # first block, last block, begin, end, start, lanes, log every
         self._arguments = np.array([*pointers, 0, 1, 0, 1, 0, 1, 1], dtype=np.int64)
         self.clock = self._arguments[9:10]
         step = partial(kernel.quick, ctypes.c_void_p(self._arguments.ctypes.data))
         self._buffer = self._arguments.data  # written faster than the array
         # who keeps the function alone keeps its arrays and its machine code, too
-        own = (self.carry, self.parameters, self.row, self.output, self._keys, self._arguments)
+        own = (
+            self.carry,
+            self.parameters,
+            self.row,
+            self.output,
+            self._keys,
+            self._arguments,
+        )
         step.__dict__["needs"] = [kernel, own]
         self.step: Callable[[], None] = step
 
     def read_tables(self, rows: Array, log: Array) -> None:
-        """Set the arrays from which steps read their inputs and to which they write logs, one row per step."""
-        if any(table.dtype != self.carry.dtype or not table.flags.c_contiguous for table in (rows, log)):
+        """Set the arrays from which steps read their inputs and to which they write
+        logs, one row per step.
+        """
+        if any(
+            table.dtype != self.carry.dtype or not table.flags.c_contiguous
+            for table in (rows, log)
+        ):
             raise ValueError("tables: must be contiguous and of the kernel's numbers")
         self.step.__dict__["needs"][2:] = rows, log
         self._arguments[2:4] = rows.ctypes.data, log.ctypes.data
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:
-        """Run the steps of rows ``begin`` to ``end`` of the input array; ``start``: step number of its first row."""
+        """Run the steps of rows ``begin`` to ``end`` of the input array; ``start``:
+        step number of its first row.
+        """
         buffer = self._buffer
         buffer[7], buffer[8], buffer[9] = begin, end, start
         self.step()
 
 
 class Quick:
-    """Compiled function with fixed input and output arrays: write ``inputs``, call ``step``, read ``outputs``.
+    """Compiled function with fixed input and output arrays: write ``inputs``, call
+    ``step``, read ``outputs``.
 
-    Both kinds of code give the same numbers to the last bit. Not for two threads at once.
+    Both kinds of code give the same numbers to the last bit. Not for two threads at
+    once.
 
     Args:
         function: takes records, returns one.
-        examples: records whose leaves become the inputs, in order; their integers stay structure.
+        examples: records whose leaves become the inputs, in order; their integers stay
+            structure.
 
     Attributes:
-        inputs, outputs: leaves of the arguments and of the result. step: function that evaluates.
+        inputs, outputs: leaves of the arguments and of the result. step: function that
+            evaluates.
     """
 
     def __init__(self, function: Callable[..., Tree], *examples: Tree) -> None:
-        loop = trace_loop(lambda _carry, _parameters, row, _uniforms: ((), function(*row)), (), (), examples)
+        loop = trace_loop(
+            lambda _carry, _parameters, row, _uniforms: ((), function(*row)),
+            (),
+            (),
+            examples,
+        )
         self.inputs: Array
         self.outputs: Array
         self.step: Callable[[], None]
@@ -202,7 +265,11 @@ class Quick:
             self.inputs, self.outputs = np.zeros(loop.row), np.zeros(loop.logged)
             self.step = self._in_python(loop)
         else:
-            self.inputs, self.outputs, self.step = stepper.row, stepper.output, stepper.step
+            self.inputs, self.outputs, self.step = (
+                stepper.row,
+                stepper.output,
+                stepper.step,
+            )
 
     def shaped(self) -> Any:
         """Output values as the dataclass that the compiled function returns."""

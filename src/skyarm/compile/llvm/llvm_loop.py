@@ -1,11 +1,13 @@
-"""LLVM assembly of a traced loop: one function steps a block of SIMD lanes through all rows of inputs.
+"""LLVM assembly of a traced loop: one function steps a block of SIMD lanes through all
+rows of inputs.
 
     void step_loop(carry*, parameters*, rows*, log*, keys*,
                    first block, last block, begin, end, start, lanes, log every)
 
-Rows begin to end are stepped; their random numbers are those of the steps start + begin to start + end. Lanes are the
-last axis of ``carry`` and ``parameters`` (structure of arrays); ``rows`` are shared by all lanes. What depends on
-parameters alone is computed once per block, before the loop.
+Rows begin to end are stepped; their random numbers are those of the steps start + begin
+to start + end. Lanes are the last axis of ``carry`` and ``parameters`` (structure of
+arrays); ``rows`` are shared by all lanes. What depends on parameters alone is computed
+once per block, before the loop.
 """
 
 from __future__ import annotations
@@ -25,17 +27,22 @@ LOW = 0xFFFFFFFF
 Splat = Callable[[int], str]
 
 
-def write_uniforms(writer: Writer, draws: Sequence[tuple[int, int]], *, own_seeds: bool) -> list[str]:
-    """Write assembly that draws the random numbers of a step; returns the names of the vectors.
+def write_uniforms(
+    writer: Writer, draws: Sequence[tuple[int, int]], *, own_seeds: bool
+) -> list[str]:
+    """Write assembly that draws the random numbers of a step; returns the names of the
+    vectors.
 
     Args:
         writer: assembly of the loop's function.
         draws: (channel, how many numbers) pairs.
-        own_seeds: the seed of each lane stands at ``%seeds.ptr``, in place of the one for all in ``%keys``.
+        own_seeds: the seed of each lane stands at ``%seeds.ptr``, in place of the one
+            for all in ``%keys``.
 
-    The function has ``%keys`` = [seed, key of every lane] as 64-bit integers, ``%episodes.ptr`` at this block's
-    first key, and ``%step``. A lane's key is its episode in the low 32 bits and, in the high ones, what is to be added
-    to ``%step`` for the step of that lane (both modulo 2^32): episodes may begin at different steps.
+    The function has ``%keys`` = [seed, key of every lane] as 64-bit integers,
+    ``%episodes.ptr`` at this block's first key, and ``%step``. A lane's key is its
+    episode in the low 32 bits and, in the high ones, what is to be added to ``%step``
+    for the step of that lane (both modulo 2^32): episodes may begin at different steps.
     """
     words = writer.lanes.vector_of("i64")
 
@@ -61,73 +68,109 @@ def write_uniforms(writer: Writer, draws: Sequence[tuple[int, int]], *, own_seed
         for block in range((count + 1) // 2):
             counter = [splat(block), step, splat(channel), episode]
             out = _philox(writer, words, counter, keys, splat)
-            units += [_unit(writer, words, out[0], out[1], splat), _unit(writer, words, out[2], out[3], splat)]
+            units += [
+                _unit(writer, words, out[0], out[1], splat),
+                _unit(writer, words, out[2], out[3], splat),
+            ]
         numbers += units[:count]
     return numbers
 
 
-def _philox(writer: Writer, words: str, counter: list[str], keys: list[str], splat: Splat) -> list[str]:
+def _philox(
+    writer: Writer, words: str, counter: list[str], keys: list[str], splat: Splat
+) -> list[str]:
     c0, c1, c2, c3 = counter
     k0, k1 = keys
     for index in range(ROUNDS):
         if index:
             k0 = writer.emit(
-                f"and {words} {writer.emit(f'add {words} {k0}, {splat(KEY_INCREMENTS[0])}')}, {splat(LOW)}"
+                f"and {words}"
+                f" {writer.emit(f'add {words} {k0}, {splat(KEY_INCREMENTS[0])}')},"
+                f" {splat(LOW)}"
             )
             k1 = writer.emit(
-                f"and {words} {writer.emit(f'add {words} {k1}, {splat(KEY_INCREMENTS[1])}')}, {splat(LOW)}"
+                f"and {words}"
+                f" {writer.emit(f'add {words} {k1}, {splat(KEY_INCREMENTS[1])}')},"
+                f" {splat(LOW)}"
             )
         p0 = writer.emit(f"mul {words} {c0}, {splat(MULTIPLIERS[0])}")
         p1 = writer.emit(f"mul {words} {c2}, {splat(MULTIPLIERS[1])}")
         high0, high1 = (writer.emit(f"lshr {words} {p}, {splat(32)}") for p in (p0, p1))
         low0, low1 = (writer.emit(f"and {words} {p}, {splat(LOW)}") for p in (p0, p1))
-        n0 = writer.emit(f"xor {words} {writer.emit(f'xor {words} {high1}, {c1}')}, {k0}")
-        n2 = writer.emit(f"xor {words} {writer.emit(f'xor {words} {high0}, {c3}')}, {k1}")
+        n0 = writer.emit(
+            f"xor {words} {writer.emit(f'xor {words} {high1}, {c1}')}, {k0}"
+        )
+        n2 = writer.emit(
+            f"xor {words} {writer.emit(f'xor {words} {high0}, {c3}')}, {k1}"
+        )
         c0, c1, c2, c3 = n0, low1, n2, low0
     return [c0, c1, c2, c3]
 
 
 def _unit(writer: Writer, words: str, low: str, high: str, splat: Splat) -> str:
-    """Write assembly that maps 64-bit random integers to numbers in (0, 1); returns the vector's name."""
+    """Write assembly that maps 64-bit random integers to numbers in (0, 1); returns the
+    vector's name.
+    """
     lanes = writer.lanes
     double = lanes.vector_of("double")
 
     def number(value: str) -> str:
         return lanes.splat(f"double {value}")
 
-    joined = writer.emit(f"or {words} {writer.emit(f'shl {words} {high}, {splat(32)}')}, {low}")
+    joined = writer.emit(
+        f"or {words} {writer.emit(f'shl {words} {high}, {splat(32)}')}, {low}"
+    )
     top = writer.emit(f"lshr {words} {joined}, {splat(12)}")
     bits = writer.emit(f"or {words} {top}, {splat(0x3FF0000000000000)}")
     shifted = writer.emit(f"bitcast {words} {bits} to {double}")
     from_zero = writer.emit(f"fsub {double} {shifted}, {number('1.0')}")
     result = writer.emit(f"fadd {double} {from_zero}, {number('0x3CA0000000000000')}")
-    return writer.emit(f"fptrunc {double} {result} to {lanes.vector}") if lanes.single else result
+    return (
+        writer.emit(f"fptrunc {double} {result} to {lanes.vector}")
+        if lanes.single
+        else result
+    )
 
 
 NAME, CALL, BODY = "step_loop", "step_call", "step_body"
 
 ARGUMENTS = (
-    *(f"ptr noalias %{name}" for name in ("carry", "parameters", "rows", "log", "keys")),
-    *(f"i64 %{name}" for name in ("first", "last", "begin", "end", "start", "lanes", "every")),
+    *(
+        f"ptr noalias %{name}"
+        for name in ("carry", "parameters", "rows", "log", "keys")
+    ),
+    *(
+        f"i64 %{name}"
+        for name in ("first", "last", "begin", "end", "start", "lanes", "every")
+    ),
 )
 
 ALIGNED = 64
-"""Alignment (bytes) of the stack, that of a cache line. Most numbers of a step lie there; with the caller's
-alignment, three vectors of 64 bytes in four span two lines, and flights take a fifth longer."""
+"""Alignment (bytes) of the stack, that of a cache line. Most numbers of a step lie
+there; with the caller's alignment, three vectors of 64 bytes in four span two lines,
+and flights take a fifth longer."""
 
 FLUSH = 0x8040
-"""Bits of the x86 floating-point control register that flush subnormal numbers to zero."""
+"""Bits of the x86 floating-point control register that flush subnormal numbers to
+zero."""
 
 
 def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
     """LLVM assembly text of a traced loop."""
     writer = Writer(lanes)
     inputs = loop.program.inputs
-    marks = (loop.carry, loop.carry + loop.parameters, loop.carry + loop.parameters + loop.row)
+    marks = (
+        loop.carry,
+        loop.carry + loop.parameters,
+        loop.carry + loop.parameters + loop.row,
+    )
     carry, parameters = inputs[: marks[0]], inputs[marks[0] : marks[1]]
     rows, draws = inputs[marks[1] : marks[2]], inputs[marks[2] :]
     invariant, varying = _split(loop.program.nodes, parameters)
-    writer.do(f"define internal void @{BODY}({', '.join(ARGUMENTS)}) noinline alignstack({ALIGNED}) {{\nentry:")
+    writer.do(
+        f"define internal void @{BODY}({', '.join(ARGUMENTS)}) noinline"
+        f" alignstack({ALIGNED}) {{\nentry:"
+    )
     writer.scratch(loop.program.nodes)
     writer.do(f"""
   br label %blocks
@@ -137,7 +180,9 @@ blocks:
   br i1 %any, label %block, label %done
 block:
   %offset = mul i64 %b, {lanes.width}""")
-    for node, name in zip(parameters, _load(writer, "%parameters", loop.parameters), strict=True):
+    for node, name in zip(
+        parameters, _load(writer, "%parameters", loop.parameters), strict=True
+    ):
         writer.names[node.index] = name
     writer.program(invariant)
     starts = _load(writer, "%carry", loop.carry)
@@ -160,12 +205,18 @@ body:
   %step = add i64 %i, %start
   %line = mul i64 %i, {loop.row}
   %row = getelementptr {lanes.scalar}, ptr %rows, i64 %line""")
-    used = {arg.index for node in varying for arg in node.args} | {node.index for node in loop.program.outputs}
+    used = {arg.index for node in varying for arg in node.args} | {
+        node.index for node in loop.program.outputs
+    }
     for i, node in enumerate(rows):
         if node.index in used:
             writer.names[node.index] = _row(writer, i)
     if loop.uniforms:
-        for node, name in zip(draws, write_uniforms(writer, loop.uniforms, own_seeds=loop.own_seeds), strict=True):
+        for node, name in zip(
+            draws,
+            write_uniforms(writer, loop.uniforms, own_seeds=loop.own_seeds),
+            strict=True,
+        ):
             writer.names[node.index] = name
     writer.program(varying)
     results = [writer.names[node.index] for node in loop.program.outputs]
@@ -174,9 +225,13 @@ body:
     # phis come first in a block, but name what the step computes
     writer.lines[head:head] = [
         f"  %c{i} = phi {lanes.vector} [ {start}, %block ], [ {end}, %latch ]"
-        for i, (start, end) in enumerate(zip(starts, results[: loop.carry], strict=True))
+        for i, (start, end) in enumerate(
+            zip(starts, results[: loop.carry], strict=True)
+        )
     ]
-    writer.do("  br label %latch\nlatch:\n  %i.next = add i64 %i, 1\n  br label %head\nstore:")
+    writer.do(
+        "  br label %latch\nlatch:\n  %i.next = add i64 %i, 1\n  br label %head\nstore:"
+    )
     _store(writer, "%carry", "%offset", [f"%c{i}" for i in range(loop.carry)])
     writer.do("""
   br label %next
@@ -186,16 +241,22 @@ next:
 done:
   ret void
 }""")
-    entry = _entry(flush=lanes.contract and platform.machine().lower() in ("x86_64", "amd64"))
+    entry = _entry(
+        flush=lanes.contract and platform.machine().lower() in ("x86_64", "amd64")
+    )
     shared = [line for lines in writer.functions.values() for line in lines]
-    return "\n".join([*writer.lines, *shared, *entry, *_call(), *sorted(writer.intrinsics), ""])
+    return "\n".join(
+        [*writer.lines, *shared, *entry, *_call(), *sorted(writer.intrinsics), ""]
+    )
 
 
 def _entry(*, flush: bool) -> list[str]:
-    """Assembly of the entry function, which flushes subnormal numbers to zero if requested.
+    """Assembly of the entry function, which flushes subnormal numbers to zero if
+    requested.
 
-    A flight that settles leaves numbers below the normal range, on which some processors take three times as long:
-    where bits are free anyway they become zero. The caller's control word comes back.
+    A flight that settles leaves numbers below the normal range, on which some
+    processors take three times as long: where bits are free anyway they become zero.
+    The caller's control word comes back.
     """
     passed = ", ".join(argument.replace("noalias ", "") for argument in ARGUMENTS)
     lines = [f"define void @{NAME}({', '.join(ARGUMENTS)}) {{"]
@@ -220,7 +281,9 @@ def _entry(*, flush: bool) -> list[str]:
 
 
 def _call() -> list[str]:
-    """Assembly of a second entry function, whose only argument is a pointer to the array of all arguments."""
+    """Assembly of a second entry function, whose only argument is a pointer to the
+    array of all arguments.
+    """
     kinds = ["ptr"] * 5 + ["i64"] * 7
     lines = [f"define void @{CALL}(ptr %arguments) {{"]
     for k, kind in enumerate(kinds):
@@ -230,14 +293,20 @@ def _call() -> list[str]:
     return [*lines, f"  call void @{NAME}({passed})", "  ret void", "}"]
 
 
-def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[Node], list[Node]]:
-    """Split operations into those that depend on parameters and constants only, and all others."""
+def _split(
+    nodes: tuple[Node, ...], parameters: tuple[Node, ...]
+) -> tuple[list[Node], list[Node]]:
+    """Split operations into those that depend on parameters and constants only, and all
+    others.
+    """
     fixed = {node.index for node in parameters}
     invariant, varying = [], []
     for node in nodes:
         if node.op == "input":
             continue
-        if node.op == "const" or (node.op != "slot" and all(arg.index in fixed for arg in node.args)):
+        if node.op == "const" or (
+            node.op != "slot" and all(arg.index in fixed for arg in node.args)
+        ):
             fixed.add(node.index)
             invariant.append(node)
         else:
@@ -246,68 +315,107 @@ def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[
 
 
 def split_by_row(loop: Loop) -> tuple[Loop, Loop]:
-    """Take what depends on a step's row of inputs alone out of the step, which then reads it from a longer row.
+    """Take what depends on a step's row of inputs alone out of the step, which then
+    reads it from a longer row.
 
-    Bits stay, also where a product and its only sum are rounded once, as they stay together.
+    Bits stay, also where a product and its only sum are rounded once, as they stay
+    together.
 
     Returns:
-        Program whose carry is the row and whose log are the numbers that follow it; the step.
+        Program whose carry is the row and whose log are the numbers that follow it; the
+        step.
     """
-    nodes, inputs, outputs = loop.program.nodes, loop.program.inputs, loop.program.outputs
+    nodes, inputs, outputs = (
+        loop.program.nodes,
+        loop.program.inputs,
+        loop.program.outputs,
+    )
     end = loop.carry + loop.parameters + loop.row
     row = inputs[end - loop.row : end]
     known, rest = _split(nodes, row)
-    uses = Counter(node.index for node in (*outputs, *(arg for each in nodes for arg in each.args)))
-    read, added = {node.index for node in (*outputs, *(arg for each in rest for arg in each.args))}, list[Node]()
+    uses = Counter(
+        node.index for node in (*outputs, *(arg for each in nodes for arg in each.args))
+    )
+    read, added = (
+        {
+            node.index
+            for node in (*outputs, *(arg for each in rest for arg in each.args))
+        },
+        list[Node](),
+    )
     for node in reversed(known):
         if node.index not in read:
             continue
         # a condition is no number; a product with one use may be rounded with that
-        if node.op == "const" or is_condition(node) or (node.op == "mul" and uses[node.index] == 1):
+        if (
+            node.op == "const"
+            or is_condition(node)
+            or (node.op == "mul" and uses[node.index] == 1)
+        ):
             rest.append(node)
             read.update(arg.index for arg in node.args)
         else:
             added.append(node)
     rest.sort(key=lambda node: node.index)
-    ahead = Loop(Lowered(row, tuple(known), (*row, *added)), loop.row, 0, 0, (), len(added), ())
+    ahead = Loop(
+        Lowered(row, tuple(known), (*row, *added)), loop.row, 0, 0, (), len(added), ()
+    )
     program = Lowered((*inputs[:end], *added, *inputs[end:]), tuple(rest), outputs)
     return ahead, replace(loop, program=program, row=loop.row + len(added))
 
 
 def _addresses(writer: Writer, base: str, first: str, count: int) -> Iterator[str]:
-    """Write assembly for the addresses of variables in turn, from the offset ``first`` on; yields their names.
+    """Write assembly for the addresses of variables in turn, from the offset ``first``
+    on; yields their names.
 
-    Each is a step of ``%lanes`` from the last: a multiplication for every one was a quarter of a program's text.
+    Each is a step of ``%lanes`` from the last: a multiplication for every one was a
+    quarter of a program's text.
     """
     at, skip = base, first
     for _ in range(count):
-        at, skip = writer.emit(f"getelementptr {writer.lanes.scalar}, ptr {at}, i64 {skip}"), "%lanes"
+        at, skip = (
+            writer.emit(f"getelementptr {writer.lanes.scalar}, ptr {at}, i64 {skip}"),
+            "%lanes",
+        )
         yield at
 
 
 def _load(writer: Writer, base: str, count: int) -> list[str]:
-    """Write assembly that reads variables of the current block of SIMD lanes; returns their names."""
+    """Write assembly that reads variables of the current block of SIMD lanes; returns
+    their names.
+    """
     lanes = writer.lanes
     places = _addresses(writer, base, "%offset", count)
-    return [writer.emit(f"load {lanes.vector}, ptr {at}, align {lanes.bytes}") for at in places]
+    return [
+        writer.emit(f"load {lanes.vector}, ptr {at}, align {lanes.bytes}")
+        for at in places
+    ]
 
 
 def _store(writer: Writer, base: str, first: str, names: Sequence[str]) -> None:
     """Write assembly that stores variables of the current block of SIMD lanes."""
     lanes = writer.lanes
-    for at, name in zip(_addresses(writer, base, first, len(names)), names, strict=True):
+    for at, name in zip(
+        _addresses(writer, base, first, len(names)), names, strict=True
+    ):
         writer.do(f"  store {lanes.vector} {name}, ptr {at}, align {lanes.bytes}")
 
 
 def _row(writer: Writer, index: int) -> str:
-    """Write assembly that copies one shared input of a step into all SIMD lanes; returns the vector's name."""
+    """Write assembly that copies one shared input of a step into all SIMD lanes;
+    returns the vector's name.
+    """
     lanes = writer.lanes
     at = writer.emit(f"getelementptr {lanes.scalar}, ptr %row, i64 {index}")
-    return writer.broadcast(writer.emit(f"load {lanes.scalar}, ptr {at}, align {lanes.bytes}"), lanes.scalar)
+    return writer.broadcast(
+        writer.emit(f"load {lanes.scalar}, ptr {at}, align {lanes.bytes}"), lanes.scalar
+    )
 
 
 def _write_log(writer: Writer, names: list[str]) -> None:
-    """Write assembly that stores the logged outputs every ``%every`` steps: log[step / every][output][lane]."""
+    """Write assembly that stores the logged outputs every ``%every`` steps: log[step /
+    every][output][lane].
+    """
     writer.do(f"""
   %log.rest = urem i64 %i, %every
   %log.due = icmp eq i64 %log.rest, 0

@@ -1,4 +1,6 @@
-"""LLVM assembly of straight-line programs on SIMD vectors: one instruction per operation and vector."""
+"""LLVM assembly of straight-line programs on SIMD vectors: one instruction per
+operation and vector.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,8 @@ class Lanes:
 
     Attributes:
         width: lanes per vector. single: 32-bit floats in place of 64-bit ones.
-        contract: let a * b + c become one rounding and, on x86, numbers below the normal range zero (faster, not
-            bit-equal to Python).
+        contract: let a * b + c become one rounding and, on x86, numbers below the
+            normal range zero (faster, not bit-equal to Python).
     """
 
     width: int
@@ -37,7 +39,9 @@ class Lanes:
         return "float" if self.single else "double"
 
     def vector_of(self, scalar: str) -> str:
-        """LLVM type of a SIMD vector of a scalar type; of one lane that type itself: LLVM compiles it twice as fast."""
+        """LLVM type of a SIMD vector of a scalar type; of one lane that type itself:
+        LLVM compiles it twice as fast.
+        """
         return scalar if self.width == 1 else f"<{self.width} x {scalar}>"
 
     @property
@@ -67,7 +71,9 @@ class Lanes:
         return 4 if self.single else 8
 
     def constant(self, value: float) -> str:
-        """LLVM constant with the same number in every SIMD lane, rounded to single precision if needed."""
+        """LLVM constant with the same number in every SIMD lane, rounded to single
+        precision if needed.
+        """
         if self.single:
             value = to_single(value)
         bits = struct.unpack("<Q", struct.pack("<d", value))[0]
@@ -75,7 +81,11 @@ class Lanes:
 
     def splat(self, lane: str) -> str:
         """LLVM constant with the same typed value in every SIMD lane."""
-        return lane.partition(" ")[2] if self.width == 1 else f"<{', '.join([lane] * self.width)}>"
+        return (
+            lane.partition(" ")[2]
+            if self.width == 1
+            else f"<{', '.join([lane] * self.width)}>"
+        )
 
     def integers(self, value: int) -> str:
         """LLVM constant with the same integer in every SIMD lane."""
@@ -84,10 +94,12 @@ class Lanes:
 
 @dataclass(slots=True)
 class Writer:
-    """Writer of an LLVM function: lines of assembly so far, and the name of each operation's result.
+    """Writer of an LLVM function: lines of assembly so far, and the name of each
+    operation's result.
 
     Attributes:
-        functions: lines of the shared functions that are called, by the identity of each.
+        functions: lines of the shared functions that are called, by the identity of
+            each.
     """
 
     lanes: Lanes
@@ -113,7 +125,9 @@ class Writer:
         self.lines += [line for line in text.split("\n") if line]
 
     def broadcast(self, name: str, scalar: str) -> str:
-        """Write assembly that copies a scalar of a type into all SIMD lanes; returns the vector's name."""
+        """Write assembly that copies a scalar of a type into all SIMD lanes; returns
+        the vector's name.
+        """
         lanes, vector = self.lanes, self.lanes.vector_of(scalar)
         if lanes.width == 1:
             return name
@@ -134,7 +148,9 @@ class Writer:
                 self.names[node.index] = self._value(node)
 
     def _loop(self, block: Node, body: Iterable[Node]) -> None:
-        """Write the assembly of a loop, which ends once no SIMD lane needs another iteration."""
+        """Write the assembly of a loop, which ends once no SIMD lane needs another
+        iteration.
+        """
         count, slots, until = block.value
         label, vector = f"r{block.index}", self.lanes.vector
         starts = [self.names[arg.index] for arg in block.args[: len(slots)]]
@@ -142,14 +158,22 @@ class Writer:
             self.names[slot.index] = f"%{label}.s{k}"
         self.lines += [f"  br label %{label}.entry", f"{label}.entry:"]
         begun = "true" if until is None else self._goes_on(starts[until])
-        self.lines += [f"  br i1 {begun}, label %{label}, label %{label}.exit", f"{label}:"]
+        self.lines += [
+            f"  br i1 {begun}, label %{label}, label %{label}.exit",
+            f"{label}:",
+        ]
         heads = len(self.lines)
         self.program(body)
         ends = [self.names[arg.index] for arg in block.args[len(slots) :]]
         # phis come first in a block, but name what its end computes
-        phis = [f"  %{label}.i = phi i64 [ 1, %{label}.entry ], [ %{label}.next, %{label} ]"]
+        phis = [
+            f"  %{label}.i = phi i64 [ 1, %{label}.entry ], [ %{label}.next, %{label} ]"
+        ]
         for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
-            phis.append(f"  %{label}.s{k} = phi {vector} [ {start}, %{label}.entry ], [ {end}, %{label} ]")
+            phis.append(
+                f"  %{label}.s{k} = phi {vector} [ {start}, %{label}.entry ], [ {end},"
+                f" %{label} ]"
+            )
         self.lines[heads:heads] = phis
         self.lines += [
             f"  %{label}.next = add i64 %{label}.i, 1",
@@ -158,28 +182,48 @@ class Writer:
         more = f"%{label}.more"
         if until is not None:
             more = self.emit(f"and i1 {more}, {self._goes_on(ends[until])}")
-        self.lines += [f"  br i1 {more}, label %{label}, label %{label}.exit", f"{label}.exit:"]
+        self.lines += [
+            f"  br i1 {more}, label %{label}, label %{label}.exit",
+            f"{label}.exit:",
+        ]
         for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
-            self.do(f"  %{label}.e{k} = phi {vector} [ {start}, %{label}.entry ], [ {end}, %{label} ]")
+            self.do(
+                f"  %{label}.e{k} = phi {vector} [ {start}, %{label}.entry ], [ {end},"
+                f" %{label} ]"
+            )
 
     def scratch(self, nodes: Iterable[Node]) -> None:
-        """Write assembly that reserves memory for arguments and results of the shared functions that nodes call."""
-        sizes = [max(len(node.args), len(node.value.outputs)) for node in nodes if node.op == "apply"]
+        """Write assembly that reserves memory for arguments and results of the shared
+        functions that nodes call.
+        """
+        sizes = [
+            max(len(node.args), len(node.value.outputs))
+            for node in nodes
+            if node.op == "apply"
+        ]
         if sizes:
-            self.do(f"  %scratch = alloca [{max(sizes)} x {self.lanes.vector}], align 64")
+            self.do(
+                f"  %scratch = alloca [{max(sizes)} x {self.lanes.vector}], align 64"
+            )
 
     def _cell(self, k: int) -> str:
-        """Write assembly for the address of a number in the scratch memory; returns its name."""
+        """Write assembly for the address of a number in the scratch memory; returns its
+        name.
+        """
         return self.emit(f"getelementptr {self.lanes.vector}, ptr %scratch, i64 {k}")
 
     def _apply(self, call: Node) -> None:
-        """Write the assembly of a call of a shared function, and of that function if this is its first call."""
+        """Write the assembly of a call of a shared function, and of that function if
+        this is its first call.
+        """
         function, vector = call.value, self.lanes.vector
         if id(function) not in self.functions:
             lines = self.functions[id(function)] = list[str]()
             inner = Writer(self.lanes, lines, {}, self.intrinsics, self.functions)
             name = f"@shared{len(self.functions)}"
-            inner.do(f"define internal void {name}(ptr noalias %numbers) noinline {{\nentry:")
+            inner.do(
+                f"define internal void {name}(ptr noalias %numbers) noinline {{\nentry:"
+            )
             inner.scratch(function.nodes)
             for k, node in enumerate(function.inputs):
                 at = inner.emit(f"getelementptr {vector}, ptr %numbers, i64 {k}")
@@ -197,11 +241,19 @@ class Writer:
             self.do(f"  %r{call.index}.e{k} = load {vector}, ptr {self._cell(k)}")
 
     def _goes_on(self, left: str) -> str:
-        """Write assembly of the condition (i1) that any SIMD lane needs another iteration; returns its name."""
-        return self._any(self.emit(f"fcmp ogt {self.lanes.vector} {left}, {self.lanes.constant(0.5)}"))
+        """Write assembly of the condition (i1) that any SIMD lane needs another
+        iteration; returns its name.
+        """
+        return self._any(
+            self.emit(
+                f"fcmp ogt {self.lanes.vector} {left}, {self.lanes.constant(0.5)}"
+            )
+        )
 
     def _any(self, condition: str) -> str:
-        """Write assembly of the condition (i1) that a mask is true in any SIMD lane; returns its name."""
+        """Write assembly of the condition (i1) that a mask is true in any SIMD lane;
+        returns its name.
+        """
         if self.lanes.width == 1:
             return condition
         name = f"@llvm.vector.reduce.or.v{self.lanes.width}i1"
@@ -229,26 +281,46 @@ class Writer:
         if op == "where":
             # both branches may be conditions themselves
             kind = lanes.mask if is_condition(node.args[1]) else vector
-            return self.emit(f"select {lanes.mask} {args[0]}, {kind} {args[1]}, {kind} {args[2]}")
+            return self.emit(
+                f"select {lanes.mask} {args[0]}, {kind} {args[1]}, {kind} {args[2]}"
+            )
         if op in INTRINSIC:
             return self.intrinsic(INTRINSIC[op], *args)
-        bitwise = {"power_of_two": self._power_of_two, "exponent": self._exponent, "mantissa": self._mantissa}
+        bitwise = {
+            "power_of_two": self._power_of_two,
+            "exponent": self._exponent,
+            "mantissa": self._mantissa,
+        }
         return bitwise[op](*args)
 
     def intrinsic(self, name: str, *args: str) -> str:
         """Write a call of an LLVM vector intrinsic; returns the name of its result."""
         lanes = self.lanes
         full = f"@llvm.{name}.{lanes.suffix}"
-        self.intrinsics.add(f"declare {lanes.vector} {full}({', '.join([lanes.vector] * len(args))})")
-        return self.emit(f"call {lanes.vector} {full}({', '.join(f'{lanes.vector} {arg}' for arg in args)})")
+        self.intrinsics.add(
+            f"declare {lanes.vector} {full}({', '.join([lanes.vector] * len(args))})"
+        )
+        return self.emit(
+            f"call {lanes.vector}"
+            f" {full}({', '.join(f'{lanes.vector} {arg}' for arg in args)})"
+        )
 
     def _power_of_two(self, k: str) -> str:
-        """Write assembly of 2**k for integers k stored as floats; returns the name of the result."""
+        """Write assembly of 2**k for integers k stored as floats; returns the name of
+        the result.
+        """
         lanes = self.lanes
-        shift, bias, magic = (23, 127, 12582912.0) if lanes.single else (52, 1023, 6755399441055744.0)
+        shift, bias, magic = (
+            (23, 127, 12582912.0) if lanes.single else (52, 1023, 6755399441055744.0)
+        )
         if lanes.single:
-            # exp halves k for the range of doubles; past that of floats it must be inf or 0, not a wrapped exponent
-            k = self.intrinsic("minnum", self.intrinsic("maxnum", k, lanes.constant(-127.0)), lanes.constant(128.0))
+            # exp halves k for the range of doubles; past that of floats it must be inf
+            # or 0, not a wrapped exponent
+            k = self.intrinsic(
+                "minnum",
+                self.intrinsic("maxnum", k, lanes.constant(-127.0)),
+                lanes.constant(128.0),
+            )
         moved = self.emit(f"fadd {lanes.vector} {k}, {lanes.constant(magic)}")
         bits = self.emit(f"bitcast {lanes.vector} {moved} to {lanes.integer}")
         up = self.emit(f"shl {lanes.integer} {bits}, {lanes.integers(shift)}")
@@ -256,7 +328,9 @@ class Writer:
         return self.emit(f"bitcast {lanes.integer} {biased} to {lanes.vector}")
 
     def _exponent(self, x: str) -> str:
-        """Write assembly of the binary exponent of a normal number, as a float; returns its name."""
+        """Write assembly of the binary exponent of a normal number, as a float; returns
+        its name.
+        """
         lanes = self.lanes
         shift, bias, field_mask = (23, 127, 0xFF) if lanes.single else (52, 1023, 0x7FF)
         bits = self.emit(f"bitcast {lanes.vector} {x} to {lanes.integer}")
@@ -268,7 +342,11 @@ class Writer:
     def _mantissa(self, x: str) -> str:
         """Write assembly of the binary mantissa of a number; returns its name."""
         lanes = self.lanes
-        keep, one = (0x807FFFFF, 0x3F800000) if lanes.single else (0x800FFFFFFFFFFFFF, 0x3FF0000000000000)
+        keep, one = (
+            (0x807FFFFF, 0x3F800000)
+            if lanes.single
+            else (0x800FFFFFFFFFFFFF, 0x3FF0000000000000)
+        )
         bits = self.emit(f"bitcast {lanes.vector} {x} to {lanes.integer}")
         fraction = self.emit(f"and {lanes.integer} {bits}, {lanes.integers(keep)}")
         set_ = self.emit(f"or {lanes.integer} {fraction}, {lanes.integers(one)}")

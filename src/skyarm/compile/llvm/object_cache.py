@@ -1,10 +1,13 @@
-"""Disk cache of compiled object files, which are authenticated by a key of the user before execution.
+"""Disk cache of compiled object files, which are authenticated by a key of the user
+before execution.
 
 An entry carries a code (HMAC-SHA256) of its name and content under its user's key
-(:mod:`skyarm.compile.llvm.object_cache`). So neither content written by another user is trusted, nor another
-program's entry under this name. Entries that are damaged or not trusted are built again.
+(:mod:`skyarm.compile.llvm.object_cache`). So neither content written by another user is
+trusted, nor another program's entry under this name. Entries that are damaged or not
+trusted are built again.
 
-After each new entry those used longest ago go, until all together fit into ``SKYARM_CACHE_SIZE`` MB.
+After each new entry those used longest ago go, until all together fit into
+``SKYARM_CACHE_SIZE`` MB.
 """
 
 from __future__ import annotations
@@ -27,7 +30,8 @@ from skyarm.records.files.private import private_folder, read_private, write_pri
 from skyarm.records.immutable import positional
 
 SIZE = 256.0
-"""Default limit (MB) of the total size of the cached object files, used unless ``SKYARM_CACHE_SIZE`` is set."""
+"""Default limit (MB) of the total size of the cached object files, used unless
+``SKYARM_CACHE_SIZE`` is set."""
 
 MB = 1_000_000
 
@@ -41,8 +45,14 @@ def cache_folder() -> Path | None:
 
 
 def state_folder() -> Path | None:
-    """Folder of the user's secret key, outside any cache; None for a user without a home folder."""
-    return _users_folder("skyarm-state" if sys.platform == "win32" else "skyarm", "XDG_STATE_HOME", ".local/state")
+    """Folder of the user's secret key, outside any cache; None for a user without a
+    home folder.
+    """
+    return _users_folder(
+        "skyarm-state" if sys.platform == "win32" else "skyarm",
+        "XDG_STATE_HOME",
+        ".local/state",
+    )
 
 
 def size_limit() -> int:
@@ -59,17 +69,25 @@ def size_limit() -> int:
     except ValueError:
         size = math.nan
     if not 0.0 <= size < math.inf:
-        raise ValueError(f"SKYARM_CACHE_SIZE = {shown(text)}: must be a number of MB, at least 0")
+        raise ValueError(
+            f"SKYARM_CACHE_SIZE = {shown(text)}: must be a number of MB, at least 0"
+        )
     return int(size)
 
 
-ENTRY, TEMPORARY = re.compile(r"[0-9a-f]{64}\.o"), re.compile(r"\.[0-9a-f]{64}\.o\.[0-9a-f]{12}\.part")
-"""File name patterns of cached object files and of files that are still being written."""
+ENTRY, TEMPORARY = (
+    re.compile(r"[0-9a-f]{64}\.o"),
+    re.compile(r"\.[0-9a-f]{64}\.o\.[0-9a-f]{12}\.part"),
+)
+"""File name patterns of cached object files and of files that are still being
+written."""
 
 
 def is_ours(name: str) -> bool:
     """True for a file name that the cache of object files uses."""
-    return bool(ENTRY.fullmatch(name) or TEMPORARY.fullmatch(name)) or name.lstrip(".").startswith(KEY)
+    return bool(ENTRY.fullmatch(name) or TEMPORARY.fullmatch(name)) or name.lstrip(
+        "."
+    ).startswith(KEY)
 
 
 def unused_reason() -> str:
@@ -105,18 +123,21 @@ def user_key(*, make: bool) -> bytes | None:
     """Read this user's secret key for the cache; None if there is none.
 
     Args:
-        make: make one if there is none, and replace one that is damaged or that others could have read.
+        make: make one if there is none, and replace one that is damaged or that others
+            could have read.
     """
     folder = state_folder()
     if folder is None or not usable(folder):
         return None
     file = folder / KEY
-    # asked before the key is read, so that what another process makes meanwhile is not taken for damaged
+    # asked before the key is read, so that what another process makes meanwhile is not
+    # taken for damaged
     there = os.path.lexists(file)
     key = _whole_key(file)
     if key is None and make:
         with suppress(OSError):
-            # of processes that make the first key at once all take the one that was there first
+            # of processes that make the first key at once all take the one that was
+            # there first
             write_private(file, os.urandom(KEY_BYTES), replace=there)
         key = _whole_key(file)
     return key
@@ -124,9 +145,12 @@ def user_key(*, make: bool) -> bytes | None:
 
 def _users_folder(name: str, variable: str, usual: str) -> Path | None:
     """Folder of this library below the user's cache or state folder."""
-    home = Path(os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else variable, ""))
+    home = Path(
+        os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else variable, "")
+    )
     try:
-        # a relative path is to be ignored, says the XDG Base Directory Specification 0.8
+        # a relative path is to be ignored, says the XDG Base Directory Specification
+        # 0.8
         return (home if home.is_absolute() else Path.home() / usual) / name
     except RuntimeError:
         return None
@@ -152,7 +176,8 @@ def _warn(line: str) -> None:
 CODE_BYTES = 32
 
 MOMENT = 60.0
-"""Time (s) within which a repeated use of a cached file is not recorded again, so that most uses write nothing."""
+"""Time (s) within which a repeated use of a cached file is not recorded again, so that
+most uses write nothing."""
 
 FORGOTTEN = 3600.0
 """Age (s) above which a temporary file counts as abandoned by its writer."""
@@ -197,9 +222,11 @@ def load(identity: str) -> bytes | None:
 
 
 def store(identity: str, content: bytes) -> None:
-    """Cache object code under an identifying text; remove the least recently used files beyond the size limit.
+    """Cache object code under an identifying text; remove the least recently used files
+    beyond the size limit.
 
-    A cache that cannot be written is no error; one that others could write causes a warning, and is not used.
+    A cache that cannot be written is no error; one that others could write causes a
+    warning, and is not used.
 
     Raises:
         ValueError: ``SKYARM_CACHE_SIZE`` is no number.
@@ -238,7 +265,9 @@ def _name(identity: str) -> str:
 
 
 def _code(key: bytes, name: str, content: bytes) -> bytes:
-    """Authentication code (HMAC) of a cached file's name and content by the user's secret key."""
+    """Authentication code (HMAC) of a cached file's name and content by the user's
+    secret key.
+    """
     return hmac.digest(key, name.encode() + b"\0" + content, "sha256")
 
 
@@ -253,21 +282,28 @@ def _entries(folder: Path | None, pattern: re.Pattern[str] = ENTRY) -> list[_Ent
     """List the cached object files, most recently used first."""
     entries = []
     try:
-        files = [] if folder is None else [each for each in folder.iterdir() if pattern.fullmatch(each.name)]
+        files = (
+            []
+            if folder is None
+            else [each for each in folder.iterdir() if pattern.fullmatch(each.name)]
+        )
     except (OSError, ValueError):
         files = []
     for path in files:
         with suppress(OSError):  # another process may have removed it
             status = path.lstat()
             if not stat.S_ISDIR(status.st_mode):
-                entries.append(_Entry(used=status.st_mtime, size=status.st_size, path=path))
+                entries.append(
+                    _Entry(used=status.st_mtime, size=status.st_size, path=path)
+                )
     return sorted(entries, key=lambda entry: entry.used, reverse=True)
 
 
 def _prune(folder: Path, limit: int) -> None:
     """Remove the least recently used object files beyond the size limit.
 
-    Processes may do so at once: what one has read is its own, and what one has removed is no error to another.
+    Processes may do so at once: what one has read is its own, and what one has removed
+    is no error to another.
     """
     total = 0
     for entry in _entries(folder):

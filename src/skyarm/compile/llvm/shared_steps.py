@@ -1,4 +1,5 @@
-"""Parallel simulation of many SIMD lanes: work is cut into slices of milliseconds for several threads.
+"""Parallel simulation of many SIMD lanes: work is cut into slices of milliseconds for
+several threads.
 
 Python handles signals between slices, and machine code lets other threads run.
 """
@@ -21,27 +22,34 @@ from skyarm.records.immutable import positional
 
 def cores() -> int:
     """Number of processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return (
+        len(os.sched_getaffinity(0))
+        if hasattr(os, "sched_getaffinity")
+        else os.cpu_count() or 1
+    )
 
 
 SLICE = 0.003
-"""Length (s) of the slice of work that a thread takes at a time. Each slice computes anew what depends on parameters
-alone: 13 us of a quadrotor with a two-joint arm."""
+"""Length (s) of the slice of work that a thread takes at a time. Each slice computes
+anew what depends on parameters alone: 13 us of a quadrotor with a two-joint arm."""
 
 GUESS = 2e-10
 """Estimated time (s) of one operation on a SIMD vector."""
 
 SHARED = 5e-5
-"""Least work (s) for which another thread is used, since waking one takes some 20 us."""
+"""Least work (s) for which another thread is used, since waking one takes some 20
+us."""
 
 SHARES = 4
 """Least number of work groups per thread: some take longer than others."""
 
 WAIT = 0.3
-"""Time (s) after which a waiting caller checks for signals, on systems where a signal does not end the wait."""
+"""Time (s) after which a waiting caller checks for signals, on systems where a signal
+does not end the wait."""
 
 Arguments = ctypes.c_int64 * 12
-"""Arguments of the machine code: five arrays, first and last block, begin, end, start, lanes, logging interval."""
+"""Arguments of the machine code: five arrays, first and last block, begin, end, start,
+lanes, logging interval."""
 
 FIRST, LAST, BEGIN, END, START = range(5, 10)
 
@@ -51,7 +59,8 @@ class Machine:
     """Machine code of a traced loop with its computing time per step.
 
     Attributes:
-        call: takes :data:`Arguments`. engine: holds the code. pace: s that a thread takes for a step of one block.
+        call: takes :data:`Arguments`. engine: holds the code. pace: s that a thread
+            takes for a step of one block.
     """
 
     call: Callable[[ctypes.Array[ctypes.c_int64]], None]
@@ -63,10 +72,12 @@ Job = Callable[[], object]
 
 
 class Workers:
-    """Threads that take jobs from a queue, started as they are needed; they end with the last reference.
+    """Threads that take jobs from a queue, started as they are needed; they end with
+    the last reference.
 
-    An exception that a signal's handler raises within ``Thread.start`` or ``concurrent.futures``, which are Python, may
-    leave a lock taken for ever; here the caller takes none but within functions of C, which no handler cuts in two.
+    An exception that a signal's handler raises within ``Thread.start`` or
+    ``concurrent.futures``, which are Python, may leave a lock taken for ever; here the
+    caller takes none but within functions of C, which no handler cuts in two.
 
     Attributes:
         count: number of threads.
@@ -99,7 +110,9 @@ class Workers:
 
 
 def _work(jobs: SimpleQueue[Job], end: weakref.ref[Workers]) -> None:
-    """Worker thread: run queued jobs until the end marker, which is passed on to the next thread."""
+    """Worker thread: run queued jobs until the end marker, which is passed on to the
+    next thread.
+    """
     while (job := jobs.get()) is not end:
         job()
         del job  # what it holds is not kept while this waits
@@ -110,22 +123,51 @@ class SharedSteps:
     """Parallel stepping of all blocks of SIMD lanes by several threads.
 
     Args:
-        machine: the code. arrays: carry, parameters, rows, log and keys, in machine code's layout.
-        blocks, lanes, every: numbers of blocks, lanes and steps per log entry. threads: largest number of threads.
+        machine: the code. arrays: carry, parameters, rows, log and keys, in machine
+            code's layout.
+        blocks, lanes, every: numbers of blocks, lanes and steps per log entry. threads:
+            largest number of threads.
     """
 
     def __init__(
-        self, machine: Machine, arrays: Sequence[Array], *, blocks: int, lanes: int, every: int = 1, threads: int = 1
+        self,
+        machine: Machine,
+        arrays: Sequence[Array],
+        *,
+        blocks: int,
+        lanes: int,
+        every: int = 1,
+        threads: int = 1,
     ) -> None:
-        self._machine, self._blocks, self._steps, self._most = machine, blocks, len(arrays[2]), threads
+        self._machine, self._blocks, self._steps, self._most = (
+            machine,
+            blocks,
+            len(arrays[2]),
+            threads,
+        )
         # whoever may still step holds arrays and machine code
-        self._arrays, self._fixed = arrays, (*map(_address, arrays), 0, 0, 0, 0, 0, lanes, every)
+        self._arrays, self._fixed = (
+            arrays,
+            (
+                *map(_address, arrays),
+                0,
+                0,
+                0,
+                0,
+                0,
+                lanes,
+                every,
+            ),
+        )
 
-    def run(self, start: int, workers: Workers | None = None, *, whole: bool = False) -> None:
-        """Advance all blocks of SIMD lanes through all rows of the input array, on the given worker threads.
+    def run(
+        self, start: int, workers: Workers | None = None, *, whole: bool = False
+    ) -> None:
+        """Advance all blocks of SIMD lanes through all rows of the input array, on the
+        given worker threads.
 
-        What is raised meanwhile comes through within milliseconds, or, where the arrays are to be a ``whole``, once
-        every lane has made its steps.
+        What is raised meanwhile comes through within milliseconds, or, where the arrays
+        are to be a ``whole``, once every lane has made its steps.
 
         Args:
             start: number of the first step.
@@ -142,11 +184,17 @@ class SharedSteps:
             with suppress(IndexError):  # no group is left
                 while not given_up:
                     first = groups.popleft()
-                    arguments[FIRST], arguments[LAST] = first, min(first + group, self._blocks)
+                    arguments[FIRST], arguments[LAST] = (
+                        first,
+                        min(first + group, self._blocks),
+                    )
                     for begin in range(0, self._steps, span):
                         if given_up:
                             return
-                        arguments[BEGIN], arguments[END] = begin, min(begin + span, self._steps)
+                        arguments[BEGIN], arguments[END] = (
+                            begin,
+                            min(begin + span, self._steps),
+                        )
                         machine.call(arguments)
 
         shares = int(self._blocks * self._steps * machine.pace / SHARED)
@@ -154,7 +202,12 @@ class SharedSteps:
         if workers is None or threads == 1:
             step()
             return
-        entered, left, failed, bell = list[bool](), list[bool](), list[BaseException](), SimpleQueue[bool]()
+        entered, left, failed, bell = (
+            list[bool](),
+            list[bool](),
+            list[BaseException](),
+            SimpleQueue[bool](),
+        )
 
         def share() -> None:
             entered.append(True)
@@ -168,7 +221,8 @@ class SharedSteps:
                 bell.put(True)
 
         def finish() -> None:
-            # who enters after the last group was taken, or after it was given up, steps nothing
+            # who enters after the last group was taken, or after it was given up, steps
+            # nothing
             while (groups and not given_up) or len(left) < len(entered):
                 with suppress(Empty):
                     bell.get(timeout=WAIT)
@@ -193,7 +247,9 @@ class SharedSteps:
 
 
 def slice_work(blocks: int, steps: int, pace: float, threads: int) -> tuple[int, int]:
-    """Number of blocks and steps per call of machine code, so that a call takes a few milliseconds."""
+    """Number of blocks and steps per call of machine code, so that a call takes a few
+    milliseconds.
+    """
     fit = max(1, int(SLICE / pace))
     if steps > fit:
         parts = -(-steps // fit)

@@ -1,6 +1,8 @@
-"""Evaluation of a traced program on NumPy arrays, with the same bits as on Python floats.
+"""Evaluation of a traced program on NumPy arrays, with the same bits as on Python
+floats.
 
-NumPy's own sine or exponential may differ from ours in the last bit, so the program's basic operations are run.
+NumPy's own sine or exponential may differ from ours in the last bit, so the program's
+basic operations are run.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ def _exponent(x: Array) -> Array:
 def _power_of_two(k: Array) -> Array:
     """Power 2**k of each number k; NaN outside (-1100, 1100)."""
     sound = (k > -1100.0) & (k < 1100.0)
-    return np.where(sound, np.ldexp(1.0, np.where(sound, k, 0.0).astype(np.int64)), np.nan)
+    return np.where(
+        sound, np.ldexp(1.0, np.where(sound, k, 0.0).astype(np.int64)), np.nan
+    )
 
 
 OPERATIONS: dict[str, Callable[..., AnyArray]] = {
@@ -53,21 +57,29 @@ OPERATIONS: dict[str, Callable[..., AnyArray]] = {
 }
 
 
-def evaluate(program: Program, inputs: Sequence[ArrayLike | Scalar], count: int) -> Array:
-    """Evaluate a traced program on arrays of inputs; returns the outputs, shape (outputs, count).
+def evaluate(
+    program: Program, inputs: Sequence[ArrayLike | Scalar], count: int
+) -> Array:
+    """Evaluate a traced program on arrays of inputs; returns the outputs, shape
+    (outputs, count).
 
     Every column has the bits of :meth:`skyarm.compile.Program.flat` of its inputs.
     """
     lowered = program.lowered
     last = {arg.index: node.index for node in lowered.nodes for arg in node.args}
     results = {node.index for node in lowered.outputs}
-    values = {node.index: doubles(value) for node, value in zip(lowered.inputs, inputs, strict=True)}
+    values = {
+        node.index: doubles(value)
+        for node, value in zip(lowered.inputs, inputs, strict=True)
+    }
     with np.errstate(all="ignore"):
         for node in lowered.nodes:
             if node.op == "const":
                 values[node.index] = node.value
             elif node.op != "input":
-                values[node.index] = OPERATIONS[node.op](*(values[arg.index] for arg in node.args))
+                values[node.index] = OPERATIONS[node.op](
+                    *(values[arg.index] for arg in node.args)
+                )
             for arg in node.args:
                 # a table of a million rows has room for what is still needed only
                 if last[arg.index] == node.index and arg.index not in results:

@@ -1,7 +1,9 @@
-"""Digests of what a traced function returns and contents of its arguments, to compare repeated traces and calls.
+"""Digests of what a traced function returns and contents of its arguments, to compare
+repeated traces and calls.
 
-A program is traced once and runs for ever. What a function keeps in a closure, a global or an attribute is frozen in
-it, and nobody sees. Therefore it is traced again, and the digests are compared.
+A program is traced once and runs for ever. What a function keeps in a closure, a global
+or an attribute is frozen in it, and nobody sees. Therefore it is traced again, and the
+digests are compared.
 """
 
 from __future__ import annotations
@@ -14,7 +16,10 @@ from skyarm.compile.tracing.lower import live
 from skyarm.compile.tracing.tracer import Graph, Node
 from skyarm.records.leaves import Record, Tree, leaves, parts, rebuild
 
-OUTSIDE = "it keeps state outside its memory: a closure, a global, an attribute, random numbers or a clock"
+OUTSIDE = (
+    "it keeps state outside its memory: a closure, a global, an attribute, random"
+    " numbers or a clock"
+)
 
 LIBRARY = f"{__name__.partition('.')[0]}."
 
@@ -25,7 +30,8 @@ def in_floats(record: Record) -> Record:
 
 
 def fingerprint(function: Callable[..., Any], *examples: Tree) -> dict[str, str]:
-    """Digests of the values that a traced function returns, by path; equal in every process for the same program.
+    """Digests of the values that a traced function returns, by path; equal in every
+    process for the same program.
 
     Args:
         function: function of records over any scalar; may return a table.
@@ -39,20 +45,29 @@ def fingerprint(function: Callable[..., Any], *examples: Tree) -> dict[str, str]
     def text(value: object) -> str:
         if isinstance(value, Node):
             return texts[value.index]
-        return repr(value) if isinstance(value, (bool, int, float, str, bytes)) else type(value).__name__
+        return (
+            repr(value)
+            if isinstance(value, (bool, int, float, str, bytes))
+            else type(value).__name__
+        )
 
-    for node in live([graph.lift(value) for value in values.values() if isinstance(value, Node)]):
+    for node in live(
+        [graph.lift(value) for value in values.values() if isinstance(value, Node)]
+    ):
         line = f"{node.op} {node.value!r} {[texts[arg.index] for arg in node.args]}"
         texts[node.index] = hashlib.blake2b(line.encode(), digest_size=16).hexdigest()
     graph.close(lowered=True)
     return {at: text(value) for at, value in values.items()}
 
 
-def contents(value: Any, place: str = "", above: tuple[int, ...] = ()) -> dict[str, Any]:
-    """Innermost values of nested dataclasses, lists, dictionaries and objects of this library, by path.
+def contents(
+    value: Any, place: str = "", above: tuple[int, ...] = ()
+) -> dict[str, Any]:
+    """Innermost values of nested dataclasses, lists, dictionaries and objects of this
+    library, by path.
 
-    Of an object that refers to one that it is in, whose ids are ``above``, as one vehicle's motion to the others', that
-    one is left out.
+    Of an object that refers to one that it is in, whose ids are ``above``, as one
+    vehicle's motion to the others', that one is left out.
     """
     below: Mapping[Any, Any] = parts(value)
     if isinstance(value, (list, Mapping)):
@@ -68,11 +83,18 @@ def contents(value: Any, place: str = "", above: tuple[int, ...] = ()) -> dict[s
     return found
 
 
-def changed_argument(arguments: Mapping[str, Any], before: Mapping[str, Any]) -> str | None:
-    """Name of the first argument whose contents differ from those before a call; None if all are unchanged."""
+def changed_argument(
+    arguments: Mapping[str, Any], before: Mapping[str, Any]
+) -> str | None:
+    """Name of the first argument whose contents differ from those before a call; None
+    if all are unchanged.
+    """
     now = contents(arguments)
     for at, value in before.items():
-        # by identity, as traced numbers cannot be compared; what is first computed now may be added
-        if not (now.get(at) is value or (type(value) is bytes and now.get(at) == value)):
+        # by identity, as traced numbers cannot be compared; what is first computed now
+        # may be added
+        if not (
+            now.get(at) is value or (type(value) is bytes and now.get(at) == value)
+        ):
             return at.split(".")[1]
     return None

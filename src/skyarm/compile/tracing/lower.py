@@ -1,11 +1,14 @@
-"""Lowering of sin, exp and other functions to basic operations, so that all simulators compute the same bits.
+"""Lowering of sin, exp and other functions to basic operations, so that all simulators
+compute the same bits.
 
-A repetition is a loop in machine code, written out on every engine that has no loops. It keeps long programs short:
-twenty integration steps of a stiff joint cost the code of one. Its body may use any value from outside; what does not
-change inside is computed once. Loops do not nest: a repetition inside one is written out.
+A repetition is a loop in machine code, written out on every engine that has no loops.
+It keeps long programs short: twenty integration steps of a stiff joint cost the code of
+one. Its body may use any value from outside; what does not change inside is computed
+once. Loops do not nest: a repetition inside one is written out.
 
-A function that many records of one structure pass through, such as the law of several vehicles, is shared: its machine
-code is written once and called, so that equal vehicles compile in less time and stay in the processor's cache.
+A function that many records of one structure pass through, such as the law of several
+vehicles, is shared: its machine code is written once and called, so that equal vehicles
+compile in less time and stay in the processor's cache.
 """
 
 from __future__ import annotations
@@ -19,7 +22,9 @@ from skyarm.compile.tracing.tracer import Graph, Lowered, Node, is_condition
 from skyarm.records.leaves import blend, leaves, mismatch, rebuild
 
 
-def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]) -> Lowered:
+def lower(
+    inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]
+) -> Lowered:
     """Rewrite a traced program in basic operations such as + and *."""
     target = Graph(loops=True)
     made = {node.index: target.input(node.value) for node in inputs}
@@ -36,8 +41,13 @@ def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]
         elif node.op == "repeat":
             count, slots, until = node.value
             half = len(slots)
-            variables = [made[slot.index] if slot.index in made else target.slot() for slot in slots]
-            items = target.repeat(count, variables, args[:half], args[half:], until=until)
+            variables = [
+                made[slot.index] if slot.index in made else target.slot()
+                for slot in slots
+            ]
+            items = target.repeat(
+                count, variables, args[:half], args[half:], until=until
+            )
             made[node.index] = items[0].args[0]
         elif node.op == "item":
             made[node.index] = target.item(args[0], node.value)
@@ -55,11 +65,15 @@ def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]
             made[node.index] = target.call(node.op, *args)
     results = tuple(made[node.index] for node in outputs)
     target.close()
-    return Lowered(tuple(made[node.index] for node in inputs), tuple(live(results)), results)
+    return Lowered(
+        tuple(made[node.index] for node in inputs), tuple(live(results)), results
+    )
 
 
 def live(outputs: Sequence[Node]) -> list[Node]:
-    """List the operations that the outputs of a program depend on, in order of creation."""
+    """List the operations that the outputs of a program depend on, in order of
+    creation.
+    """
     seen: dict[int, Node] = {}
     stack = list(outputs)
     while stack:
@@ -73,14 +87,19 @@ def live(outputs: Sequence[Node]) -> list[Node]:
 Record = TypeVar("Record")
 
 WRITTEN_OUT = 6000
-"""Number of operations up to which a repeated block is unrolled, which runs a fifth faster but compiles longer."""
+"""Number of operations up to which a repeated block is unrolled, which runs a fifth
+faster but compiles longer."""
 
 
-def repeat_while(count: int, rounds: Scalar, function: Callable[[Record], Record], record: Record) -> Record:
-    """Apply ``function`` ``rounds`` times, at most ``count``; ``rounds`` may be symbolic and differ between SIMD lanes.
+def repeat_while(
+    count: int, rounds: Scalar, function: Callable[[Record], Record], record: Record
+) -> Record:
+    """Apply ``function`` ``rounds`` times, at most ``count``; ``rounds`` may be
+    symbolic and differ between SIMD lanes.
 
-    Machine code makes as many rounds as the lane that asks for most, none where none asks; other lanes keep what they
-    have. Where nothing can be skipped, ``count`` rounds are made.
+    Machine code makes as many rounds as the lane that asks for most, none where none
+    asks; other lanes keep what they have. Where nothing can be skipped, ``count``
+    rounds are made.
 
     Args:
         count: most rounds.
@@ -96,25 +115,45 @@ def repeat_while(count: int, rounds: Scalar, function: Callable[[Record], Record
     return repeat(count, round_of, (rounds, record), until=0)[1]
 
 
-def repeat(count: int, function: Callable[[Record], Record], record: Record, until: int | None = None) -> Record:
-    """Apply ``function`` ``count`` times in succession, starting from the nested dataclass ``record``.
+def repeat(
+    count: int,
+    function: Callable[[Record], Record],
+    record: Record,
+    until: int | None = None,
+) -> Record:
+    """Apply ``function`` ``count`` times in succession, starting from the nested
+    dataclass ``record``.
 
-    It is a loop in a traced program that may have loops; ``until`` as of :meth:`Graph.repeat`.
+    It is a loop in a traced program that may have loops; ``until`` as of
+    :meth:`Graph.repeat`.
 
     Raises:
         ValueError: the function returns a record with another number of scalars.
     """
-    graph = next((leaf.graph for leaf in leaves(record) if isinstance(leaf, Node)), None)
+    graph = next(
+        (leaf.graph for leaf in leaves(record) if isinstance(leaf, Node)), None
+    )
     if graph is not None and graph.loops and (count > 1 or until is not None):
         graph.loops = False
         try:
-            starts, before = [graph.lift(leaf) for leaf in leaves(record)], len(graph.nodes)
+            starts, before = (
+                [graph.lift(leaf) for leaf in leaves(record)],
+                len(graph.nodes),
+            )
             slots = [graph.slot() for _ in starts]
-            ends = [graph.lift(leaf) for leaf in leaves(function(rebuild(record, iter(slots))))]
+            ends = [
+                graph.lift(leaf)
+                for leaf in leaves(function(rebuild(record, iter(slots))))
+            ]
             if len(ends) != len(starts):
-                raise ValueError(f"the function returns a record of {len(ends)} scalars, took one of {len(starts)}")
+                raise ValueError(
+                    f"the function returns a record of {len(ends)} scalars, took one of"
+                    f" {len(starts)}"
+                )
             if until is not None or count * (len(graph.nodes) - before) > WRITTEN_OUT:
-                return rebuild(record, iter(graph.repeat(count, slots, starts, ends, until=until)))
+                return rebuild(
+                    record, iter(graph.repeat(count, slots, starts, ends, until=until))
+                )
             for _ in range(count):
                 record = function(record)
             return record
@@ -129,18 +168,24 @@ Result = TypeVar("Result")
 
 
 def compiled_once(
-    key: Hashable, function: Callable[[Record], Result], record: Record, constants: object = ()
+    key: Hashable,
+    function: Callable[[Record], Result],
+    record: Record,
+    constants: object = (),
 ) -> Result:
-    """Apply a function to a record; in a program for machine code, by code that is written once for all equal calls.
+    """Apply a function to a record; in a program for machine code, by code that is
+    written once for all equal calls.
 
-    Calls are equal if key and constants are, and the structure and the constants of the record. Bits are those of
-    ``function(record)``.
+    Calls are equal if key and constants are, and the structure and the constants of the
+    record. Bits are those of ``function(record)``.
 
     Args:
         key: what the function depends on besides the record, as far as it has a hash.
-        function: pure function of the record, without calls of Python functions that cannot be traced.
+        function: pure function of the record, without calls of Python functions that
+            cannot be traced.
         record: nested dataclass of scalars.
-        constants: what else the function depends on; where it has a symbolic value, each call has code of its own.
+        constants: what else the function depends on; where it has a symbolic value,
+            each call has code of its own.
     """
     symbols, whole = _symbols(record), (record, constants)
     functions = symbols[0].graph.functions if symbols else None
@@ -152,7 +197,10 @@ def compiled_once(
         inner = Graph(loops=True)
         inputs = [inner.input(f"x{i}") for i, _ in enumerate(symbols)]
         result = function(_with_symbols(record, inputs))
-        result = _with_symbols(result, [each.value if each.op == "const" else each for each in _symbols(result)])
+        result = _with_symbols(
+            result,
+            [each.value if each.op == "const" else each for each in _symbols(result)],
+        )
         # refuses a symbol that is no input
         outputs = [inner.lift(each) for each in _symbols(result)]
         if any(map(is_condition, (*symbols, *outputs))):
@@ -162,7 +210,10 @@ def compiled_once(
         known.append(call)
     graph, (_, lowered, shape) = symbols[0].graph, call
     block = graph.apply(lowered, symbols)
-    return _with_symbols(cast("Result", shape), [graph.result(block, k) for k in range(len(lowered.outputs))])
+    return _with_symbols(
+        cast("Result", shape),
+        [graph.result(block, k) for k in range(len(lowered.outputs))],
+    )
 
 
 def _symbols(record: object) -> list[Node]:
@@ -173,26 +224,40 @@ def _symbols(record: object) -> list[Node]:
 def _with_symbols(record: Record, values: Sequence[Scalar]) -> Record:
     """Copy of a nested dataclass with its symbolic values replaced, in order."""
     given = iter(values)
-    return rebuild(record, (next(given) if isinstance(leaf, Node) else leaf for leaf in leaves(record)))
+    return rebuild(
+        record,
+        (next(given) if isinstance(leaf, Node) else leaf for leaf in leaves(record)),
+    )
 
 
 def _equal_call(example: tuple[object, object], whole: tuple[object, object]) -> bool:
-    """True if a call's record and constants are those of an example but for symbolic values."""
+    """True if a call's record and constants are those of an example but for symbolic
+    values.
+    """
     return all(
-        a is b or (mismatch(a, b, "") is None and all(map(_alike, leaves(a), leaves(b))))
+        a is b
+        or (mismatch(a, b, "") is None and all(map(_alike, leaves(a), leaves(b))))
         for a, b in zip(example, whole, strict=True)
     )
 
 
 def _alike(one: object, other: object) -> bool:
-    """True if two leaves are symbolic values both, or the same number to the sign of a zero, or one object."""
+    """True if two leaves are symbolic values both, or the same number to the sign of a
+    zero, or one object.
+    """
     if type(one) is not type(other):
         return False
-    return one is other or isinstance(one, Node) or (type(one) is float and repr(one) == repr(other))
+    return (
+        one is other
+        or isinstance(one, Node)
+        or (type(one) is float and repr(one) == repr(other))
+    )
 
 
 def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
-    """Order the operations of a program for evaluation, each with its loop body (empty for all but loops)."""
+    """Order the operations of a program for evaluation, each with its loop body (empty
+    for all but loops).
+    """
     arranged: list[tuple[Node, list[Node]]] = []
     inside: dict[int, int] = {}
     bodies: dict[int, list[Node]] = {}
@@ -217,7 +282,8 @@ def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
 
 
 EARLY = 4
-"""Rounds that are counted of a loop which may end early, as that of the substeps in contact: its most are hundreds."""
+"""Rounds that are counted of a loop which may end early, as that of the substeps in
+contact: its most are hundreds."""
 
 
 def operations(nodes: Iterable[Node], *, written: bool = False) -> int:
@@ -225,7 +291,8 @@ def operations(nodes: Iterable[Node], *, written: bool = False) -> int:
 
     Args:
         nodes: operations of the program.
-        written: count what is compiled: code once, however often it is called or repeated.
+        written: count what is compiled: code once, however often it is called or
+            repeated.
     """
     quiet, sizes, count = ("input", "const", "item", "result"), dict[int, int](), 0
 
@@ -239,7 +306,9 @@ def operations(nodes: Iterable[Node], *, written: bool = False) -> int:
         if node.op == "repeat":
             most, _, until = node.value
             rounds = 1 if written else most if until is None else min(most, EARLY)
-            count += (len(body) + sum(of(each) for each in body if each.op == "apply")) * rounds
+            count += (
+                len(body) + sum(of(each) for each in body if each.op == "apply")
+            ) * rounds
         elif node.op not in quiet:
             count += of(node) + 1 if node.op == "apply" else 1
     return count + (sum(sizes.values()) if written else 0)

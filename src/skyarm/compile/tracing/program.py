@@ -1,4 +1,6 @@
-"""Tracing of functions of dataclasses into programs, and translation of programs to straight-line Python."""
+"""Tracing of functions of dataclasses into programs, and translation of programs to
+straight-line Python.
+"""
 
 from __future__ import annotations
 
@@ -14,28 +16,52 @@ from skyarm.compile.tracing.tracer import Graph, Lowered, Node, pause_collection
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, leaves, mismatch, rebuild, shaped_like
 
-_INFIX = {"add": "+", "sub": "-", "mul": "*", "lt": "<", "le": "<=", "and": "and", "or": "or"}
+_INFIX = {
+    "add": "+",
+    "sub": "-",
+    "mul": "*",
+    "lt": "<",
+    "le": "<=",
+    "and": "and",
+    "or": "or",
+}
 _FORMS = {op: f"{{0}} {sign} {{1}}" for op, sign in _INFIX.items()}
-_FORMS |= {"neg": "-{0}", "not": "not {0}", "where": "{1} if {0} else {2}", "abs": "fabs({0})"}
+_FORMS |= {
+    "neg": "-{0}",
+    "not": "not {0}",
+    "where": "{1} if {0} else {2}",
+    "abs": "fabs({0})",
+}
 # 3.5 // 1.0 is floor(3.5) with the sign of a zero kept; infinities are their own floor
 _FORMS["floor"] = "{0} // 1.0 if -1e300 < {0} < 1e300 else {0}"
-_BITS = {name: getattr(floats, name) for name in ("power_of_two", "exponent", "mantissa")} | {"copysign": math.copysign}
+_BITS = {
+    name: getattr(floats, name) for name in ("power_of_two", "exponent", "mantissa")
+} | {"copysign": math.copysign}
 _FAST = {"sqrt": math.sqrt, "fabs": math.fabs, **_BITS}
 _SAFE = {"sqrt": floats.sqrt, "fabs": math.fabs, "div": floats.divide, **_BITS}
 
 
 Flat = Callable[[Sequence[float]], tuple[float, ...]]
-"""Type of a compiled program: function from the sequence of input numbers to the tuple of output numbers."""
+"""Type of a compiled program: function from the sequence of input numbers to the tuple
+of output numbers."""
 
 
 class Program:
-    """Straight-line program of a traced function: inputs, operations in order of evaluation, outputs.
+    """Straight-line program of a traced function: inputs, operations in order of
+    evaluation, outputs.
 
-    Calling it takes records shaped like the examples it was traced with and returns a record; :meth:`flat` takes and
-    returns plain sequences and is the fast way in. Results equal those of the traced function on floats bit for bit.
+    Calling it takes records shaped like the examples it was traced with and returns a
+    record; :meth:`flat` takes and returns plain sequences and is the fast way in.
+    Results equal those of the traced function on floats bit for bit.
     """
 
-    def __init__(self, graph: Graph, inputs: Sequence[Node], result: Tree, examples: tuple[Tree, ...]) -> None:
+    def __init__(
+        self,
+        graph: Graph,
+        inputs: Sequence[Node],
+        result: Tree,
+        examples: tuple[Tree, ...],
+    ) -> None:
         self.inputs = list(inputs)
         self._examples = examples
         self._result = result
@@ -45,10 +71,15 @@ class Program:
         self.flat = python_function(self.lowered)
 
     def __call__(self, *records: Tree) -> Any:
-        """Evaluate the program on dataclasses of floats with the same structure as the examples given to the tracer."""
+        """Evaluate the program on dataclasses of floats with the same structure as the
+        examples given to the tracer.
+        """
         different = mismatch(self._examples, records, "arguments")
         if different:
-            raise ValueError(f"{different}: integers, text and None are structure; trace again to change them")
+            raise ValueError(
+                f"{different}: integers, text and None are structure; trace again to"
+                " change them"
+            )
         return self.record(self.flat(leaves(records)))
 
     def record(self, values: Sequence[Scalar]) -> Any:
@@ -56,24 +87,32 @@ class Program:
         return shaped_like(self._result, values)
 
     def operations(self) -> Counter[str]:
-        """Count the occurrences of each operation (constants and inputs not counted)."""
-        return Counter(node.op for node in self.nodes if node.op not in ("input", "const"))
+        """Count the occurrences of each operation (constants and inputs not
+        counted).
+        """
+        return Counter(
+            node.op for node in self.nodes if node.op not in ("input", "const")
+        )
 
 
 @pause_collection()
 def trace(function: Callable[..., Tree], *examples: Tree) -> Program:
-    """Trace ``function`` on symbolic arguments shaped like ``examples`` and return its program.
+    """Trace ``function`` on symbolic arguments shaped like ``examples`` and return its
+    program.
 
     Args:
         function: takes records (dataclasses or tuples of scalars), returns one.
-        examples: records whose leaves become the inputs, in order; their integers stay structure.
+        examples: records whose leaves become the inputs, in order; their integers stay
+            structure.
 
     Raises:
         TracedBranchError: the function branches on a traced value; names file and line.
     """
     graph = Graph()
     inputs = [graph.input(f"x{i}") for i, _ in enumerate(leaves(examples))]
-    program = Program(graph, inputs, function(*rebuild(examples, iter(inputs))), examples)
+    program = Program(
+        graph, inputs, function(*rebuild(examples, iter(inputs))), examples
+    )
     graph.close()
     return program
 
@@ -84,15 +123,24 @@ def _literal(value: float) -> str:
     return "_nan" if math.isnan(value) else "_inf" if value > 0.0 else "(-_inf)"
 
 
-def _loop(block: Node, body: Sequence[Node], name: Callable[[Node], str], divide: str) -> list[str]:
-    """Lines of Python source of a loop over variables that are all updated at the end of an iteration."""
+def _loop(
+    block: Node, body: Sequence[Node], name: Callable[[Node], str], divide: str
+) -> list[str]:
+    """Lines of Python source of a loop over variables that are all updated at the end
+    of an iteration.
+    """
     count, slots, until = block.value
     variables = ", ".join(f"v{slot.index}" for slot in slots)
     starts, ends = block.args[: len(slots)], block.args[len(slots) :]
-    lines = [f"    {variables}, = {', '.join(map(name, starts))},", f"    for _ in range({count}):"]
+    lines = [
+        f"    {variables}, = {', '.join(map(name, starts))},",
+        f"    for _ in range({count}):",
+    ]
     if until is not None:
         lines += [f"        if not {name(slots[until])} > 0.5:", "            break"]
-    lines += [f"        v{node.index} = {_expression(node, name, divide)}" for node in body]
+    lines += [
+        f"        v{node.index} = {_expression(node, name, divide)}" for node in body
+    ]
     return [*lines, f"        {variables}, = {', '.join(map(name, ends))},"]
 
 
@@ -104,7 +152,9 @@ def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:
     args = [name(arg) for arg in node.args]
     if node.op == "call":
         given = iter(args)
-        groups = ["".join(f"{next(given)}, " for _ in range(size)) for size in node.value[1]]
+        groups = [
+            "".join(f"{next(given)}, " for _ in range(size)) for size in node.value[1]
+        ]
         return f"call{node.index}({', '.join(f'({group})' for group in groups)})"
     if node.op == "apply":
         return f"apply{node.index}(({''.join(f'{arg}, ' for arg in args)}))"
@@ -113,13 +163,17 @@ def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:
 
 
 def python_source(program: Lowered, divide: str = "{0} / {1}") -> str:
-    """Source of the Python function ``program``, which evaluates a traced program: one assignment per operation."""
+    """Source of the Python function ``program``, which evaluates a traced program: one
+    assignment per operation.
+    """
 
     def variable(node: Node) -> str:
         return f"({_literal(node.value)})" if node.op == "const" else f"v{node.index}"
 
     live = {node.index for node in program.nodes}
-    targets = ", ".join(f"v{node.index}" if node.index in live else "_" for node in program.inputs)
+    targets = ", ".join(
+        f"v{node.index}" if node.index in live else "_" for node in program.inputs
+    )
     lines = ["def program(x):", *([f"    {targets}, = x"] if program.inputs else [])]
     for node, body in arrange(program.nodes):
         if node.op == "repeat":
@@ -131,7 +185,9 @@ def python_source(program: Lowered, divide: str = "{0} / {1}") -> str:
 
 
 class _CallOnce:
-    """External function of a traced program, called only once even if the program is evaluated twice."""
+    """External function of a traced program, called only once even if the program is
+    evaluated twice.
+    """
 
     def __init__(self, function: Callable[..., Sequence[float]]) -> None:
         self._function = function
@@ -144,12 +200,18 @@ class _CallOnce:
 
 
 def python_function(program: Lowered) -> Flat:
-    """Compile a traced program to a Python function that returns inf or NaN where Python floats would raise.
+    """Compile a traced program to a Python function that returns inf or NaN where
+    Python floats would raise.
 
-    ``math`` and ``/`` are faster than their IEEE versions but raise; on the first such case the same program is run
-    once more with the IEEE versions, which give the same bits wherever both are defined.
+    ``math`` and ``/`` are faster than their IEEE versions but raise; on the first such
+    case the same program is run once more with the IEEE versions, which give the same
+    bits wherever both are defined.
     """
-    calls = {f"call{node.index}": _CallOnce(node.value[0]) for node in program.nodes if node.op == "call"}
+    calls = {
+        f"call{node.index}": _CallOnce(node.value[0])
+        for node in program.nodes
+        if node.op == "call"
+    }
     applied = [node for node in program.nodes if node.op == "apply"]
     shared = {id(node.value): python_function(node.value) for node in applied}
     functions = {f"apply{node.index}": shared[id(node.value)] for node in applied}
@@ -167,7 +229,14 @@ def python_function(program: Lowered) -> Flat:
         except (ZeroDivisionError, ValueError, OverflowError):
             if not safe:
                 names = dict(_SAFE) | constants
-                exec(compile(python_source(program, "div({0}, {1})"), "<skyarm program, IEEE>", "exec"), names)
+                exec(
+                    compile(
+                        python_source(program, "div({0}, {1})"),
+                        "<skyarm program, IEEE>",
+                        "exec",
+                    ),
+                    names,
+                )
                 safe.append(names["program"])
             return safe[0](x)
 
@@ -176,13 +245,16 @@ def python_function(program: Lowered) -> Flat:
 
 @positional
 class Loop:
-    """Traced program of one simulation step: from state, parameters and inputs to next state and logged values.
+    """Traced program of one simulation step: from state, parameters and inputs to next
+    state and logged values.
 
-    Inputs come in the order carry, parameters, row, uniforms; outputs are the next carry, then what may be logged.
+    Inputs come in the order carry, parameters, row, uniforms; outputs are the next
+    carry, then what may be logged.
 
     Attributes:
         program: basic operations of one step.
-        carry, parameters, row: numbers of inputs of each kind. uniforms: (channel, count) of the random numbers.
+        carry, parameters, row: numbers of inputs of each kind. uniforms: (channel,
+            count) of the random numbers.
         logged: number of outputs that follow the next carry.
         result: the records (carry, log) the step returns, for shaping.
         own_seeds: every lane draws with a seed of its own, not with one for all.
@@ -198,7 +270,9 @@ class Loop:
     own_seeds: bool = False
 
     def stepper(self) -> Flat:
-        """Compile the step to a Python function of all inputs in order; the reference for all other simulators."""
+        """Compile the step to a Python function of all inputs in order; the reference
+        for all other simulators.
+        """
         return python_function(self.program)
 
 
@@ -213,27 +287,37 @@ def trace_loop(
     loops: bool = False,
     own_seeds: bool = False,
 ) -> Loop:
-    """Trace one step (state, parameters, inputs, random numbers) -> (next state, logged values).
+    """Trace one step (state, parameters, inputs, random numbers) -> (next state, logged
+    values).
 
     Args:
-        step: pure function of records; the carry it returns has the leaves of the one it takes.
+        step: pure function of records; the carry it returns has the leaves of the one
+            it takes.
         carry: example record of what a step hands to the next.
         parameters: example record of constants per lane.
         row: example record of the inputs of one step.
         uniforms: (channel, count) of the numbers uniform in (0, 1) that a step draws.
-        loops: keep repetitions as loops, for machine code and Python; other engines want them written out.
-        own_seeds: every lane draws with a seed of its own (:class:`skyarm.compile.llvm.lane_stepper.LaneStepper`).
+        loops: keep repetitions as loops, for machine code and Python; other engines
+            want them written out.
+        own_seeds: every lane draws with a seed of its own
+            (:class:`skyarm.compile.llvm.lane_stepper.LaneStepper`).
 
     Raises:
-        ValueError: the step returns a carry of another structure; where one has an int, a constant, so has the other.
+        ValueError: the step returns a carry of another structure; where one has an int,
+            a constant, so has the other.
     """
     graph, examples = Graph(loops=loops), (carry, parameters, row)
     groups = [
         [graph.input(f"{name}{i}") for i, _ in enumerate(leaves(record))]
         for name, record in zip("cpr", examples, strict=True)
     ]
-    draws = tuple(graph.input(f"u{i}") for i in range(sum(count for _, count in uniforms)))
-    arguments = [rebuild(record, iter(group)) for record, group in zip(examples, groups, strict=True)]
+    draws = tuple(
+        graph.input(f"u{i}") for i in range(sum(count for _, count in uniforms))
+    )
+    arguments = [
+        rebuild(record, iter(group))
+        for record, group in zip(examples, groups, strict=True)
+    ]
     result = step(*arguments, draws)
     following, log = map(leaves, result)
     if wrong := mismatch(carry, result[0], "carry"):
@@ -242,4 +326,13 @@ def trace_loop(
     inputs = [node for group in (*groups, draws) for node in group]
     program = lower(inputs, live(outputs), outputs)
     graph.close(lowered=True)
-    return Loop(program, len(groups[0]), len(groups[1]), len(groups[2]), uniforms, len(log), result, own_seeds)
+    return Loop(
+        program,
+        len(groups[0]),
+        len(groups[1]),
+        len(groups[2]),
+        uniforms,
+        len(log),
+        result,
+        own_seeds,
+    )

@@ -1,7 +1,9 @@
-"""Tracer: runs a function on symbolic values and records the straight-line program that it computes.
+"""Tracer: runs a function on symbolic values and records the straight-line program that
+it computes.
 
-Equal expressions become one node, so common subexpressions are shared; constants are folded by computing them with
-the same float functions; only rewritings that are exact in IEEE arithmetic are made (structural 0 and 1, signs).
+Equal expressions become one node, so common subexpressions are shared; constants are
+folded by computing them with the same float functions; only rewritings that are exact
+in IEEE arithmetic are made (structural 0 and 1, signs).
 """
 
 from __future__ import annotations
@@ -39,10 +41,21 @@ FOLD: dict[str, Callable[..., Scalar]] = {
     "or": floats.logical_or,
     "not": floats.logical_not,
     "abs": floats.absolute,
-    **{name: getattr(floats, name) for name in ("sqrt", "floor", "copysign", "power_of_two", "exponent", "mantissa")},
+    **{
+        name: getattr(floats, name)
+        for name in (
+            "sqrt",
+            "floor",
+            "copysign",
+            "power_of_two",
+            "exponent",
+            "mantissa",
+        )
+    },
     **COMPOSED,
 }
-"""Python function of each operation of a traced program, for the folding of constants."""
+"""Python function of each operation of a traced program, for the folding of
+constants."""
 
 
 class TracedBranchError(TypeError):
@@ -58,14 +71,17 @@ def _caller() -> str:
 
 
 _PAUSES, _PAUSING = list[bool](), Lock()
-"""For each pause of the garbage collector, of any thread, whether it collected before; and who may change them."""
+"""For each pause of the garbage collector, of any thread, whether it collected before;
+and who may change them."""
 
 
 @contextmanager
 def pause_collection() -> Iterator[None]:
-    """Context manager, and decorator, that pauses Python's garbage collector, for all threads of the process.
+    """Context manager, and decorator, that pauses Python's garbage collector, for all
+    threads of the process.
 
-    The collector would visit a growing graph again and again, a fifth of the time of tracing, and find no garbage.
+    The collector would visit a growing graph again and again, a fifth of the time of
+    tracing, and find no garbage.
     """
     with _PAUSING:
         _PAUSES.append(gc.isenabled())
@@ -82,16 +98,25 @@ def pause_collection() -> Iterator[None]:
 class Node:
     """Symbolic value of a traced program: an operation with its operands.
 
-    Its operators fold an integer only where that is exact for every float (x - 0, x * 1, x / 1), so that a program
-    keeps the bits of plain Python arithmetic; :mod:`skyarm.algebra.scalars.fold` folds structural zeros on every
-    engine alike. A Taylor series on the right takes the operation over.
+    Its operators fold an integer only where that is exact for every float (x - 0, x *
+    1, x / 1), so that a program keeps the bits of plain Python arithmetic;
+    :mod:`skyarm.algebra.scalars.fold` folds structural zeros on every engine alike. A
+    Taylor series on the right takes the operation over.
     """
 
     __slots__ = ("args", "graph", "index", "op", "value")
     __array_ufunc__ = None  # a NumPy scalar on the left must leave the operation to us
 
-    def __init__(self, graph: Graph, index: int, op: str, args: tuple[Node, ...], value: Any) -> None:
-        self.graph, self.index, self.op, self.args, self.value = graph, index, op, args, value
+    def __init__(
+        self, graph: Graph, index: int, op: str, args: tuple[Node, ...], value: Any
+    ) -> None:
+        self.graph, self.index, self.op, self.args, self.value = (
+            graph,
+            index,
+            op,
+            args,
+            value,
+        )
 
     def __add__(self, other: Scalar) -> Scalar:
         """Add an addition to the traced program."""
@@ -121,7 +146,11 @@ class Node:
         """Add a division to the traced program."""
         if type(other) is int and other in (-1, 1):
             return self if other == 1 else -self
-        return NotImplemented if type(other) is Taylor else self.graph.call("div", self, other)
+        return (
+            NotImplemented
+            if type(other) is Taylor
+            else self.graph.call("div", self, other)
+        )
 
     def __rtruediv__(self, other: Scalar) -> Scalar:
         """Add a division by this value to the traced program."""
@@ -137,23 +166,41 @@ class Node:
 
     def __lt__(self, other: Scalar) -> Scalar:
         """Add the condition self < other to the traced program."""
-        return NotImplemented if type(other) is Taylor else self.graph.call("lt", self, other)
+        return (
+            NotImplemented
+            if type(other) is Taylor
+            else self.graph.call("lt", self, other)
+        )
 
     def __le__(self, other: Scalar) -> Scalar:
         """Add the condition self <= other to the traced program."""
-        return NotImplemented if type(other) is Taylor else self.graph.call("le", self, other)
+        return (
+            NotImplemented
+            if type(other) is Taylor
+            else self.graph.call("le", self, other)
+        )
 
     def __gt__(self, other: Scalar) -> Scalar:
         """Add the condition self > other to the traced program."""
-        return NotImplemented if type(other) is Taylor else self.graph.call("lt", other, self)
+        return (
+            NotImplemented
+            if type(other) is Taylor
+            else self.graph.call("lt", other, self)
+        )
 
     def __ge__(self, other: Scalar) -> Scalar:
         """Add the condition self >= other to the traced program."""
-        return NotImplemented if type(other) is Taylor else self.graph.call("le", other, self)
+        return (
+            NotImplemented
+            if type(other) is Taylor
+            else self.graph.call("le", other, self)
+        )
 
     def __eq__(self, other: object) -> bool:
         """Refuse equality: it would compare symbolic values, not numbers."""
-        raise TracedBranchError(f"{_caller()}: == on a traced value; compare by < or <=")
+        raise TracedBranchError(
+            f"{_caller()}: == on a traced value; compare by < or <="
+        )
 
     __hash__ = object.__hash__
 
@@ -166,9 +213,12 @@ class Node:
         return self.graph.call("or", self, other)
 
     def __bool__(self) -> bool:
-        """Refuse a Python branch on a symbolic value, which has no number while tracing."""
+        """Refuse a Python branch on a symbolic value, which has no number while
+        tracing.
+        """
         raise TracedBranchError(
-            f"{_caller()}: branch on a traced value; use skyarm.algebra.scalars.where(condition, a, b)"
+            f"{_caller()}: branch on a traced value; use"
+            " skyarm.algebra.scalars.where(condition, a, b)"
         )
 
     def __float__(self) -> float:
@@ -192,7 +242,8 @@ class Lowered:
     """Traced program that consists of basic operations only.
 
     Attributes:
-        inputs, outputs: inputs and outputs in their order. nodes: live operations, in an order of evaluation.
+        inputs, outputs: inputs and outputs in their order. nodes: live operations, in
+            an order of evaluation.
     """
 
     inputs: tuple[Node, ...]
@@ -204,11 +255,12 @@ class Graph:
     """All symbolic values of a traced program as a graph, in order of creation.
 
     Args:
-        loops: keep a repetition (:mod:`skyarm.compile.tracing.lower`) as a loop, and a shared function as one; else
-            they are written out.
+        loops: keep a repetition (:mod:`skyarm.compile.tracing.lower`) as a loop, and a
+            shared function as one; else they are written out.
 
     Attributes:
-        functions: functions of :func:`skyarm.compile.tracing.lower.compiled_once` by their keys; None without.
+        functions: functions of :func:`skyarm.compile.tracing.lower.compiled_once` by
+            their keys; None without.
     """
 
     def __init__(self, *, loops: bool = False) -> None:
@@ -216,16 +268,17 @@ class Graph:
         self.loops = loops
         self._loops_made = 0
         self._known: dict[Hashable, Node] = {}
-        self.functions: dict[Hashable, list[tuple[tuple[object, object], Lowered, object]]] | None = (
-            {} if loops else None
-        )
+        self.functions: (
+            dict[Hashable, list[tuple[tuple[object, object], Lowered, object]]] | None
+        ) = {} if loops else None
 
     def close(self, *, lowered: bool = False) -> None:
-        """Empty the graph, so that its values are freed with the last program that uses them.
+        """Empty the graph, so that its values are freed with the last program that uses
+        them.
 
         Args:
-            lowered: the program has been written in basic operations: the values need no operands any more, whatever
-                still refers to one of them.
+            lowered: the program has been written in basic operations: the values need
+                no operands any more, whatever still refers to one of them.
         """
         for node in self.nodes if lowered else ():
             node.args = ()
@@ -240,24 +293,37 @@ class Graph:
 
     def constant(self, value: Scalar) -> Node:
         """Symbolic value of a constant number or truth value."""
-        if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b":
+        if (
+            isinstance(value, bool)
+            or getattr(getattr(value, "dtype", None), "kind", "") == "b"
+        ):
             truth = bool(value)  # NumPy's is no bool, and would become 1.0
             return self._make("const", (), truth, ("bool", truth))
         number = float(value)
-        # a number is its own key but where zeros differ by their sign, and NaN from itself
+        # a number is its own key but where zeros differ by their sign, and NaN from
+        # itself
         plain = number < 0.0 or number > 0.0
-        return self._make("const", (), number, number if plain else ("const", struct.pack("<d", number)))
+        return self._make(
+            "const",
+            (),
+            number,
+            number if plain else ("const", struct.pack("<d", number)),
+        )
 
     def lift(self, value: Scalar) -> Node:
         """Convert any scalar to a symbolic value of the traced program."""
         if isinstance(value, Node):
             if value.graph is not self:
-                raise TypeError("a value of another trace reached this one: pass it as an argument")
+                raise TypeError(
+                    "a value of another trace reached this one: pass it as an argument"
+                )
             return value
         return self.constant(value)
 
     def call(self, op: str, *values: Scalar) -> Node:
-        """Symbolic value of an operation; equal operations are shared, and constants are folded."""
+        """Symbolic value of an operation; equal operations are shared, and constants
+        are folded.
+        """
         # lists, not generators: this runs ten thousand times a trace
         args = [self.lift(value) for value in values]
         if len(args) == 2:
@@ -269,7 +335,9 @@ class Graph:
         return self._make(op, tuple(args), None, (op, *[arg.index for arg in args]))
 
     def _pair(self, op: str, x: Node, y: Node) -> Node:
-        """Symbolic value of an operation with two operands (the most frequent case, kept short for speed)."""
+        """Symbolic value of an operation with two operands (the most frequent case,
+        kept short for speed).
+        """
         if x.op == "const" and y.op == "const":
             return self.constant(FOLD[op](x.value, y.value))
         if y.index < x.index and op in _COMMUTATIVE:
@@ -295,7 +363,9 @@ class Graph:
         return self._pair("sub", x, y)
 
     def mul(self, a: Scalar, b: Scalar) -> Node:
-        """Return a * b; signs are moved out, so that (-a) b and a b share their product."""
+        """Return a * b; signs are moved out, so that (-a) b and a b share their
+        product.
+        """
         x, y = self.lift(a), self.lift(b)
         if x.op == "neg" and y.op == "neg":
             return self._pair("mul", x.args[0], y.args[0])
@@ -311,19 +381,33 @@ class Graph:
         return x.args[0] if x.op == "neg" else self.call("neg", x)
 
     def slot(self) -> Node:
-        """Add a loop variable: the start value at first, then the value of the previous iteration."""
+        """Add a loop variable: the start value at first, then the value of the previous
+        iteration.
+        """
         return self._make("slot", (), self._loops_made, ("slot", len(self.nodes)))
 
     def repeat(
-        self, count: int, slots: list[Node], starts: list[Node], ends: list[Node], *, until: int | None = None
+        self,
+        count: int,
+        slots: list[Node],
+        starts: list[Node],
+        ends: list[Node],
+        *,
+        until: int | None = None,
     ) -> list[Node]:
-        """Close a loop over the loop variables ``slots``; return their values after the last iteration.
+        """Close a loop over the loop variables ``slots``; return their values after the
+        last iteration.
 
-        ``until`` is the number of a slot: while it is at most 0.5 in every lane, at the start or later, further rounds
-        change nothing and need not be made.
+        ``until`` is the number of a slot: while it is at most 0.5 in every lane, at the
+        start or later, further rounds change nothing and need not be made.
         """
         self._loops_made += 1
-        block = self._make("repeat", (*starts, *ends), (count, tuple(slots), until), ("repeat", len(self.nodes)))
+        block = self._make(
+            "repeat",
+            (*starts, *ends),
+            (count, tuple(slots), until),
+            ("repeat", len(self.nodes)),
+        )
         return [self.item(block, k) for k in range(len(slots))]
 
     def item(self, block: Node, k: int) -> Node:
@@ -331,11 +415,16 @@ class Graph:
         return self._make("item", (block,), k, ("item", block.index, k))
 
     def external(
-        self, function: Callable[..., Sequence[float]], groups: Sequence[Sequence[Scalar]], count: int
+        self,
+        function: Callable[..., Sequence[float]],
+        groups: Sequence[Sequence[Scalar]],
+        count: int,
     ) -> list[Node]:
-        """Record a call of a Python function that cannot be compiled; return ``count`` result nodes.
+        """Record a call of a Python function that cannot be compiled; return ``count``
+        result nodes.
 
-        Calls are made in the order of their tracing. ``function`` takes one tuple for each group.
+        Calls are made in the order of their tracing. ``function`` takes one tuple for
+        each group.
         """
         args = tuple(self.lift(value) for group in groups for value in group)
         value = (function, tuple(map(len, groups)))
@@ -363,12 +452,18 @@ class _NodeFunctions:
     """Scalar functions such as sin and where on symbolic values of a traced program."""
 
     def __getattr__(self, name: str) -> Callable[..., Node]:
-        op = {"divide": "div", "absolute": "abs", "logical_and": "and", "logical_or": "or", "logical_not": "not"}.get(
-            name, name
-        )
+        op = {
+            "divide": "div",
+            "absolute": "abs",
+            "logical_and": "and",
+            "logical_or": "or",
+            "logical_not": "not",
+        }.get(name, name)
         if op not in FOLD:
             raise AttributeError(name)
-        return lambda *values: next(value.graph for value in values if isinstance(value, Node)).call(op, *values)
+        return lambda *values: next(
+            value.graph for value in values if isinstance(value, Node)
+        ).call(op, *values)
 
 
 register(Node, _NodeFunctions())

@@ -1,4 +1,6 @@
-"""Common parts of the published laws: desired specific force, attitude control, inverse dynamics and mixing."""
+"""Common parts of the published laws: desired specific force, attitude control, inverse
+dynamics and mixing.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,12 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Vehicle
 
 
-def wanted_specific_force(par: Parameters, measurement: Measurement, reference: Reference) -> Vec3:
-    """Desired specific force (m/s^2, world axes): position PD plus reference acceleration plus gravity."""
+def wanted_specific_force(
+    par: Parameters, measurement: Measurement, reference: Reference
+) -> Vec3:
+    """Desired specific force (m/s^2, world axes): position PD plus reference
+    acceleration plus gravity.
+    """
     down = downward_acceleration(
         par.gains,
         par.model.vehicle.mass,
@@ -30,8 +36,12 @@ def wanted_specific_force(par: Parameters, measurement: Measurement, reference: 
     return -down
 
 
-def turn_towards(par: Parameters, measurement: Measurement, reference: Reference, R: Mat3, up: Vec3) -> Vec3:
-    """Angular acceleration (rad/s^2, base axes) that turns body z towards ``up`` and the nose to the desired yaw."""
+def turn_towards(
+    par: Parameters, measurement: Measurement, reference: Reference, R: Mat3, up: Vec3
+) -> Vec3:
+    """Angular acceleration (rad/s^2, base axes) that turns body z towards ``up`` and
+    the nose to the desired yaw.
+    """
     return attitude_loop(
         par.gains,
         par.model.vehicle.base.inertia,
@@ -44,15 +54,28 @@ def turn_towards(par: Parameters, measurement: Measurement, reference: Reference
     )
 
 
-def arm_alone(par: Parameters, R: Mat3, joints: Sequence[Scalar], joint_accelerations: Sequence[Scalar]) -> Scalars:
-    """Joint torques for desired joint accelerations, gravity included, on a motionless base at attitude R."""
+def arm_alone(
+    par: Parameters,
+    R: Mat3,
+    joints: Sequence[Scalar],
+    joint_accelerations: Sequence[Scalar],
+) -> Scalars:
+    """Joint torques for desired joint accelerations, gravity included, on a motionless
+    base at attitude R.
+    """
     vehicle = par.model.vehicle
     weight = Motion(ZERO3, R.apply_T(E_Z * par.model.gravity))
-    return dynamics.inverse_dynamics(vehicle, joints, ZERO3, (0,) * vehicle.n, weight, joint_accelerations)[1]
+    return dynamics.inverse_dynamics(
+        vehicle, joints, ZERO3, (0,) * vehicle.n, weight, joint_accelerations
+    )[1]
 
 
-def make_command(par: Parameters, torque: Vec3, thrust: Scalar, efforts: Sequence[Scalar]) -> tuple[Command, Scalars]:
-    """Limited command for body torque, thrust and joint torques, and the squared rotor speeds before the limits."""
+def make_command(
+    par: Parameters, torque: Vec3, thrust: Scalar, efforts: Sequence[Scalar]
+) -> tuple[Command, Scalars]:
+    """Limited command for body torque, thrust and joint torques, and the squared rotor
+    speeds before the limits.
+    """
     speeds, squares = mix(par.mixer, torque, thrust)
     return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts)), squares
 
@@ -66,20 +89,37 @@ def standing_command(model: Model) -> Command:
     """Command of the model in level hover with all joints at zero."""
     vehicle = model.vehicle
     trim = hover_trim(vehicle, vehicle.zeros, model.gravity)
-    speeds = tuple(minimum(w, rotor.max_speed) for w, rotor in zip(trim.speeds, vehicle.rotors, strict=True))
+    speeds = tuple(
+        minimum(w, rotor.max_speed)
+        for w, rotor in zip(trim.speeds, vehicle.rotors, strict=True)
+    )
     return Command(rotor_speeds=speeds, efforts=tuple(trim.efforts)).dense()
 
 
 def coupled_forces(
-    par: Parameters, measurement: Measurement, base: Motion, joint_accelerations: Sequence[Scalar]
+    par: Parameters,
+    measurement: Measurement,
+    base: Motion,
+    joint_accelerations: Sequence[Scalar],
 ) -> tuple[Force, Scalars]:
-    """Inverse dynamics of base and arm at the measured state: force on the base and joint torques."""
-    vehicle, joints, rate, rates = par.model.vehicle, measurement.joints, measurement.rate, measurement.joint_rates
-    return dynamics.inverse_dynamics(vehicle, joints, rate, rates, base, joint_accelerations)
+    """Inverse dynamics of base and arm at the measured state: force on the base and
+    joint torques.
+    """
+    vehicle, joints, rate, rates = (
+        par.model.vehicle,
+        measurement.joints,
+        measurement.rate,
+        measurement.joint_rates,
+    )
+    return dynamics.inverse_dynamics(
+        vehicle, joints, rate, rates, base, joint_accelerations
+    )
 
 
 def rotor_thrust(vehicle: Vehicle, speeds: Sequence[Scalar]) -> tuple[Vec3, Vec3]:
-    """Torque about and force at the base origin of rotors at given speeds in calm air, base axes."""
+    """Torque about and force at the base origin of rotors at given speeds in calm air,
+    base axes.
+    """
     torque, force = ZERO3, ZERO3
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
         thrust = rotor.axis * (rotor.thrust_coefficient * (speed * speed))
@@ -93,11 +133,15 @@ def inverse_mass(vehicle: Vehicle) -> Scalar:
     return divide(1.0, vehicle.mass)
 
 
-def joint_pd(gains: JointGains, measurement: Measurement, reference: Reference) -> Scalars:
-    """PD feedback kp (q_d - q) + kd (qd_d - qd) of each joint: torque or acceleration, by the gains.
+def joint_pd(
+    gains: JointGains, measurement: Measurement, reference: Reference
+) -> Scalars:
+    """PD feedback kp (q_d - q) + kd (qd_d - qd) of each joint: torque or acceleration,
+    by the gains.
 
-    The difference of angles is not wrapped: encoders count turns, and a joint wound once past its reference is brought
-    back the way it came, so that cables unwind. Wrapping is the reference's choice, not the law's.
+    The difference of angles is not wrapped: encoders count turns, and a joint wound
+    once past its reference is brought back the way it came, so that cables unwind.
+    Wrapping is the reference's choice, not the law's.
     """
     return tuple(
         add(mul(kp, q_d - q), mul(kd, qd_d - qd))

@@ -1,11 +1,15 @@
-"""Extrapolation of reference signals from their last samples to the present, with derivatives up to the fourth.
+"""Extrapolation of reference signals from their last samples to the present, with
+derivatives up to the fourth.
 
-With a preview, rate and acceleration of the held sample and of the next one, T later, and the acceleration at 2 T fix a
-rate of fourth order, so that jerk and snap have hardly a step at a sample. Without one they are extrapolated:
+With a preview, rate and acceleration of the held sample and of the next one, T later,
+and the acceleration at 2 T fix a rate of fourth order, so that jerk and snap have
+hardly a step at a sample. Without one they are extrapolated:
 
-a sample brings value, rate and acceleration, as a trajectory message does; jerk and snap come from the accelerations of
-the last three samples. Both are zero at a jump. At the sample with a_0 and those before it, a_1 and a_2, a period T
-apart: jerk = (3 a_0 - 4 a_1 + a_2) / 2T, snap = (a_0 - 2 a_1 + a_2) / T^2 (backward differences of second order).
+a sample brings value, rate and acceleration, as a trajectory message does; jerk and
+snap come from the accelerations of the last three samples. Both are zero at a jump. At
+the sample with a_0 and those before it, a_1 and a_2, a period T apart: jerk = (3 a_0 -
+4 a_1 + a_2) / 2T, snap = (a_0 - 2 a_1 + a_2) / T^2 (backward differences of second
+order).
 """
 
 from __future__ import annotations
@@ -15,15 +19,25 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 from skyarm.algebra import Scalar
-from skyarm.algebra.scalars import absolute, add, data, divide, logical_or, minimum, same, total, where
+from skyarm.algebra.scalars import (
+    absolute,
+    add,
+    data,
+    divide,
+    logical_or,
+    minimum,
+    same,
+    total,
+    where,
+)
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.preview import Sample
 
 JUMP, ROUGH = 0.1, 0.02
-"""Tolerances of the jump test of a rate, as fractions of the difference and of the size of two accelerations. A rate
-that misses their mean by more has jumped."""
+"""Tolerances of the jump test of a rate, as fractions of the difference and of the size
+of two accelerations. A rate that misses their mean by more has jumped."""
 
 
 def extrapolate(
@@ -36,7 +50,8 @@ def extrapolate(
     ahead: Sequence[Sequence[Sample]] = (),
     late: Scalar = 0,
 ) -> tuple[list[Taylor], tuple[Channel, ...], Scalar]:
-    """Extrapolated reference signals, next states of the extrapolators, and age (s) of the last reference sample.
+    """Extrapolated reference signals, next states of the extrapolators, and age (s) of
+    the last reference sample.
 
     Args:
         channels: states of the signals, one period earlier.
@@ -51,35 +66,59 @@ def extrapolate(
     changed = total(
         absolute(data(value) - old)
         for channel, sample in zip(channels, held, strict=True)
-        for old, value in zip((channel.value, channel.rate, channel.acceleration), sample, strict=True)
+        for old, value in zip(
+            (channel.value, channel.rate, channel.acceleration), sample, strict=True
+        )
     )
     new = logical_or(started < 0.5, changed > 0.0)
     due = age + dt > period * (1.0 - 1e-6)
     age = where(new, 0.0, minimum(age + dt, period))
     if ahead:
         rows = zip(held, ahead[0], ahead[1], strict=True)
-        return [_interpolate(*row, add(age, late), period) for row in rows], tuple(map(_hold, channels, held)), age
+        return (
+            [_interpolate(*row, add(age, late), period) for row in rows],
+            tuple(map(_hold, channels, held)),
+            age,
+        )
     moved = tuple(
-        _after(channel, sample, new, due, started, period) for channel, sample in zip(channels, held, strict=True)
+        _after(channel, sample, new, due, started, period)
+        for channel, sample in zip(channels, held, strict=True)
     )
-    series = [_series(channel, sample, add(age, late), period) for channel, sample in zip(moved, held, strict=True)]
+    series = [
+        _series(channel, sample, add(age, late), period)
+        for channel, sample in zip(moved, held, strict=True)
+    ]
     return series, moved, age
 
 
 def _hold(channel: Channel, sample: Sample) -> Channel:
-    """Extrapolator state that stores the current sample of a reference signal whose next samples are known."""
+    """Extrapolator state that stores the current sample of a reference signal whose
+    next samples are known.
+    """
     value, rate, acceleration = map(data, sample)
     return replace(channel, value=value, rate=rate, acceleration=acceleration)
 
 
-def _after(channel: Channel, sample: Sample, new: Scalar, due: Scalar, started: Scalar, period: Scalar) -> Channel:
+def _after(
+    channel: Channel,
+    sample: Sample,
+    new: Scalar,
+    due: Scalar,
+    started: Scalar,
+    period: Scalar,
+) -> Channel:
     """State of a reference signal's extrapolator, updated with the current sample.
 
-    Where a sample is due and nothing has changed, the motion is over: its last jerk and snap do not continue.
+    Where a sample is due and nothing has changed, the motion is over: its last jerk and
+    snap do not continue.
     """
     value, rate, acceleration = map(data, sample)
-    jumped = _is_jump((channel.rate, channel.acceleration), (rate, acceleration), period)
-    count = where(logical_or(jumped, started < 0.5), 0.0, minimum(channel.count + 1.0, 2.0))
+    jumped = _is_jump(
+        (channel.rate, channel.acceleration), (rate, acceleration), period
+    )
+    count = where(
+        logical_or(jumped, started < 0.5), 0.0, minimum(channel.count + 1.0, 2.0)
+    )
     return Channel(
         value=value,
         rate=rate,
@@ -90,19 +129,27 @@ def _after(channel: Channel, sample: Sample, new: Scalar, due: Scalar, started: 
     )
 
 
-def _is_jump(before: tuple[Scalar, Scalar], after: tuple[Scalar, Scalar], period: Scalar) -> Any:
-    """True if rates and accelerations of two successive samples do not fit one smooth motion."""
+def _is_jump(
+    before: tuple[Scalar, Scalar], after: tuple[Scalar, Scalar], period: Scalar
+) -> Any:
+    """True if rates and accelerations of two successive samples do not fit one smooth
+    motion.
+    """
     (v0, a0), (v1, a1) = before, after
     missed = absolute(v1 - v0 - (0.5 * period) * (a1 + a0))
     size = absolute(a1) + absolute(a0)
     return missed > (JUMP * period) * absolute(a1 - a0) + (ROUGH * period) * size + 1e-9
 
 
-def _interpolate(held: Sample, following: Sample, later: Sample, age: Scalar, period: Scalar) -> Taylor:
-    """Fourth-order Taylor series of a reference signal, interpolated between its last sample and the next one.
+def _interpolate(
+    held: Sample, following: Sample, later: Sample, age: Scalar, period: Scalar
+) -> Taylor:
+    """Fourth-order Taylor series of a reference signal, interpolated between its last
+    sample and the next one.
 
-    The rate is the cubic of both samples' rates and accelerations plus k t^2 (t - T)^2, whose slope at 2 T is 12 k T^3.
-    Values of the samples do not enter the derivatives, which single precision would spoil.
+    The rate is the cubic of both samples' rates and accelerations plus k t^2 (t - T)^2,
+    whose slope at 2 T is 12 k T^3. Values of the samples do not enter the derivatives,
+    which single precision would spoil.
     """
     if all(same(c, 0) for sample in (held, following, later) for c in sample[1:]):
         return Taylor.constant(held[0], 4)
@@ -113,7 +160,11 @@ def _interpolate(held: Sample, following: Sample, later: Sample, age: Scalar, pe
     b2 = (3.0 * mean - 2.0 * a - a1) * inverse
     b3 = (a + a1 - 2.0 * mean) * (inverse * inverse)
     away = a2 - a - period * (4.0 * b2 + 12.0 * period * b3)
-    k = where(_is_jump((v1, a1), (v2, a2), period), 0.0, away * (inverse * inverse * inverse / 12.0))
+    k = where(
+        _is_jump((v1, a1), (v2, a2), period),
+        0.0,
+        away * (inverse * inverse * inverse / 12.0),
+    )
     steady = _is_jump((v, a), (v1, a1), period)
     b2 = where(steady, 0.0, b2 + k * (period * period))
     b3 = where(steady, 0.0, b3 - (2.0 * period) * k)
@@ -132,7 +183,9 @@ def _interpolate(held: Sample, following: Sample, later: Sample, age: Scalar, pe
 
 
 def _series(channel: Channel, sample: Sample, age: Scalar, period: Scalar) -> Taylor:
-    """Fourth-order Taylor series of a reference signal, ``age`` seconds after its sample was published."""
+    """Fourth-order Taylor series of a reference signal, ``age`` seconds after its
+    sample was published.
+    """
     if all(same(c, 0) for c in sample[1:]):
         return Taylor.constant(sample[0], 4)
     p, v, a = map(data, sample)
@@ -157,13 +210,26 @@ def _series(channel: Channel, sample: Sample, age: Scalar, period: Scalar) -> Ta
 
 @immutable
 class Channel:
-    """State of one signal's extrapolator: last sample, two earlier accelerations, and count of continuous samples."""
+    """State of one signal's extrapolator: last sample, two earlier accelerations, and
+    count of continuous samples.
+    """
 
-    value: Annotated[Scalar, Unit("", "last sample of a reference signal: x, y, z, yaw or joint")] = 0.0
-    rate: Annotated[Scalar, Unit("", "first derivative of the signal at the last sample, per second")] = 0.0
+    value: Annotated[
+        Scalar, Unit("", "last sample of a reference signal: x, y, z, yaw or joint")
+    ] = 0.0
+    rate: Annotated[
+        Scalar,
+        Unit("", "first derivative of the signal at the last sample, per second"),
+    ] = 0.0
     acceleration: Annotated[
-        Scalar, Unit("", "second derivative of the signal at the last sample, per second squared")
+        Scalar,
+        Unit(
+            "", "second derivative of the signal at the last sample, per second squared"
+        ),
     ] = 0.0
     before: Annotated[Scalar, Unit("", "second derivative one sample earlier")] = 0.0
     earlier: Annotated[Scalar, Unit("", "second derivative two samples earlier")] = 0.0
-    count: Annotated[Scalar, Unit("", "number of consecutive samples of one smooth motion, at most 2")] = 0.0
+    count: Annotated[
+        Scalar,
+        Unit("", "number of consecutive samples of one smooth motion, at most 2"),
+    ] = 0.0

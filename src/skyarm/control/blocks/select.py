@@ -1,4 +1,6 @@
-"""Selection between two vectors or tuples by a condition, which may be a symbolic value."""
+"""Selection between two vectors or tuples by a condition, which may be a symbolic
+value.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +9,17 @@ from skyarm.algebra.scalars import data, where
 
 
 def vector_data(v: Vec3) -> Vec3:
-    """Vector with int constants as floats, so that a law's internal state keeps its data types."""
+    """Vector with int constants as floats, so that a law's internal state keeps its
+    data types.
+    """
     return Vec3(*map(data, v))
 
 
 def choose(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
     """Vector ``a`` where the condition holds, else ``b``."""
-    return Vec3(*(where(condition, data(x), data(y)) for x, y in zip(a, b, strict=True)))
+    return Vec3(
+        *(where(condition, data(x), data(y)) for x, y in zip(a, b, strict=True))
+    )
 
 
 def choose_each(condition: Scalar, a: Scalars, b: Scalars) -> Scalars:

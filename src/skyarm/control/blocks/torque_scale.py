@@ -1,17 +1,22 @@
-"""Estimate of joint torque scale errors from the arm's weight in free flight, and standard error of the tip force.
+"""Estimate of joint torque scale errors from the arm's weight in free flight, and
+standard error of the tip force.
 
-A joint that is commanded tau gives (1 + s) tau. In free flight it holds the known weight of the links, so that the
-disturbance observer reports d = s tau, plus the error of that weight. With prior deviations sigma_s of the scale and
-sigma_m of the weight torques (:class:`Tolerances`), sums A of tau^2 and B of d tau with a fading memory, and the error
-epsilon by which d is known (:class:`skyarm.control.blocks.tip_force.ForceErrors`), the linear estimate is
+A joint that is commanded tau gives (1 + s) tau. In free flight it holds the known
+weight of the links, so that the disturbance observer reports d = s tau, plus the error
+of that weight. With prior deviations sigma_s of the scale and sigma_m of the weight
+torques (:class:`Tolerances`), sums A of tau^2 and B of d tau with a fading memory, and
+the error epsilon by which d is known
+(:class:`skyarm.control.blocks.tip_force.ForceErrors`), the linear estimate is
 
-    s = B sigma_s^2 / (A (sigma_s^2 + sigma_m^2) + epsilon^2 T),     var s = sigma_s^2 (1 - K),
+    s = B sigma_s^2 / (A (sigma_s^2 + sigma_m^2) + epsilon^2 T),
+    var s = sigma_s^2 (1 - K),
 
-K the factor of B times A / B. Without an error of the weights all of d is scale, without one of the scale none. The
-disturbance less s tau is that of a joint with the right scale.
+K the factor of B times A / B. Without an error of the weights all of d is scale,
+without one of the scale none. The disturbance less s tau is that of a joint with the
+right scale.
 
-Errors of the scales of different joints are taken as independent; that of a weight goes to the bias of the tip's force,
-and counts until the bias has learned it.
+Errors of the scales of different joints are taken as independent; that of a weight goes
+to the bias of the tip's force, and counts until the bias has learned it.
 
 Source: Gauss-Markov estimate with a prior; Kay 1993, theorem 10.3.
 """
@@ -38,47 +43,88 @@ CORRELATED = 0.1
 
 @immutable
 class Tolerances:
-    """Standard deviations of joint torque scales and arm weight in a tip force estimate from joint torques."""
+    """Standard deviations of joint torque scales and arm weight in a tip force estimate
+    from joint torques.
+    """
 
-    torques: Annotated[Scalar, Unit("", "standard deviation of the scale of a joint's torque, relative")]
-    masses: Annotated[Scalar, Unit("", "standard deviation of the arm's weight torques, relative")]
+    torques: Annotated[
+        Scalar,
+        Unit("", "standard deviation of the scale of a joint's torque, relative"),
+    ]
+    masses: Annotated[
+        Scalar, Unit("", "standard deviation of the arm's weight torques, relative")
+    ]
 
 
 @immutable
 class TorqueScale:
-    """State of the torque scale estimate: least-squares sums of each joint, and standard error of the tip force.
+    """State of the torque scale estimate: least-squares sums of each joint, and
+    standard error of the tip force.
 
     Attributes:
         squares, products: fading sums of tau^2 and d tau over time.
-        unlearned: share of the weight's error that the bias of the force has not learned.
+        unlearned: share of the weight's error that the bias of the force has not
+            learned.
         met: 1 once the tip has touched anything.
         deviation: standard error of the tip's force along the normal.
     """
 
-    squares: Annotated[Scalars, Unit("N^2 m^2 s or N^2 s", "fading sum of the squared torque of each joint")]
+    squares: Annotated[
+        Scalars,
+        Unit("N^2 m^2 s or N^2 s", "fading sum of the squared torque of each joint"),
+    ]
     products: Annotated[
-        Scalars, Unit("N^2 m^2 s or N^2 s", "fading sum of torque times observed torque error of each joint")
+        Scalars,
+        Unit(
+            "N^2 m^2 s or N^2 s",
+            "fading sum of torque times observed torque error of each joint",
+        ),
     ]
     unlearned: Annotated[
-        Scalar, Unit("", "fraction of the weight's error that the force bias has not absorbed, 0 to 1")
+        Scalar,
+        Unit(
+            "",
+            "fraction of the weight's error that the force bias has not absorbed, 0"
+            " to 1",
+        ),
     ] = 1.0
     met: Annotated[Scalar, Unit("", "1 once the tip has been in contact")] = 0.0
-    deviation: Annotated[Scalar, Unit("N", "standard error of the tip force along the normal")] = 0.0
+    deviation: Annotated[
+        Scalar, Unit("N", "standard error of the tip force along the normal")
+    ] = 0.0
 
     def factors(self, by: Tolerances, errors: ForceErrors, at: TipLevers) -> Scalars:
-        """Ratio of each joint's torque scale error to the integral of disturbance times torque, 1 / (N^2 m^2 s)."""
+        """Ratio of each joint's torque scale error to the integral of disturbance times
+        torque, 1 / (N^2 m^2 s).
+        """
         prior = by.torques * by.torques
         both = prior + by.masses * by.masses
         rows = zip(self.squares, at.vehicle.links, strict=True)
-        return tuple(divide(prior, both * A + divide(CORRELATED, errors.weight_of(link))) for A, link in rows)
+        return tuple(
+            divide(prior, both * A + divide(CORRELATED, errors.weight_of(link)))
+            for A, link in rows
+        )
 
     def correct(
-        self, by: Tolerances, errors: ForceErrors, at: TipLevers, d: Disturbance, efforts: Sequence[Scalar]
+        self,
+        by: Tolerances,
+        errors: ForceErrors,
+        at: TipLevers,
+        d: Disturbance,
+        efforts: Sequence[Scalar],
     ) -> Disturbance:
-        """Observed disturbance minus the joint efforts that torque scale errors cause: d - s tau."""
-        rows = zip(d.efforts, self.factors(by, errors, at), self.products, efforts, strict=True)
+        """Observed disturbance minus the joint efforts that torque scale errors cause:
+        d - s tau.
+        """
+        rows = zip(
+            d.efforts, self.factors(by, errors, at), self.products, efforts, strict=True
+        )
         return dataclasses.replace(
-            d, efforts=tuple(sub(seen, mul(mul(factor, B), effort)) for seen, factor, B, effort in rows)
+            d,
+            efforts=tuple(
+                sub(seen, mul(mul(factor, B), effort))
+                for seen, factor, B, effort in rows
+            ),
         )
 
     def learn(
@@ -107,10 +153,19 @@ class TorqueScale:
             dt: s.
         """
         variance: Scalar = 0.0
-        rows = zip(self.squares, self.factors(by, errors, at), efforts, effort_shares(errors, at, n), strict=True)
+        rows = zip(
+            self.squares,
+            self.factors(by, errors, at),
+            efforts,
+            effort_shares(errors, at, n),
+            strict=True,
+        )
         weight = mul(by.masses, self.unlearned)
         for A, factor, effort, share in rows:
-            left = add(mul(by.torques * by.torques, maximum(1.0 - mul(factor, A), 0.0)), mul(weight, weight))
+            left = add(
+                mul(by.torques * by.torques, maximum(1.0 - mul(factor, A), 0.0)),
+                mul(weight, weight),
+            )
             size = mul(share, effort)
             variance = add(variance, mul(left, mul(size, size)))
 
@@ -118,11 +173,17 @@ class TorqueScale:
             return data(where(free, total + (rate - MEMORY * total) * dt, total))
 
         return TorqueScale(
-            squares=tuple(fading(A, mul(tau, tau)) for A, tau in zip(self.squares, efforts, strict=True)),
-            products=tuple(
-                fading(B, mul(seen, tau)) for B, seen, tau in zip(self.products, d.efforts, efforts, strict=True)
+            squares=tuple(
+                fading(A, mul(tau, tau))
+                for A, tau in zip(self.squares, efforts, strict=True)
             ),
-            unlearned=data(where(free, self.unlearned * (1.0 - rate * dt), self.unlearned)),
+            products=tuple(
+                fading(B, mul(seen, tau))
+                for B, seen, tau in zip(self.products, d.efforts, efforts, strict=True)
+            ),
+            unlearned=data(
+                where(free, self.unlearned * (1.0 - rate * dt), self.unlearned)
+            ),
             met=self.met,
             deviation=data(sqrt(maximum(variance, 0.0))),
         )

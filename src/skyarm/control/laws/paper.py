@@ -1,6 +1,8 @@
-"""Laws of Barakou et al. 2026: RotorS's controller, decoupled PD baseline, hybrid geometric computed torque.
+"""Laws of Barakou et al. 2026: RotorS's controller, decoupled PD baseline, hybrid
+geometric computed torque.
 
-Each is step(memory, measurement, reference, dt, *, par) -> (memory, command); these have no memory.
+Each is step(memory, measurement, reference, dt, *, par) -> (memory, command); these
+have no memory.
 
 Source: Barakou et al. 2026.
 """
@@ -11,7 +13,18 @@ import dataclasses
 from collections.abc import Sequence
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3, sums
+from skyarm.algebra import (
+    E_Z,
+    ZERO3,
+    Force,
+    Mat3,
+    Motion,
+    Quaternion,
+    Scalar,
+    Scalars,
+    Vec3,
+    sums,
+)
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.algebra.scalars import add, cos, mul
 from skyarm.control.blocks.actuators import limit_efforts
@@ -22,15 +35,25 @@ from skyarm.control.law_maker import law_maker
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.actuators.drive import friction
-from skyarm.dynamics.euler_coordinates import rate_matrix, rate_matrix_inverse, rate_matrix_rate
+from skyarm.dynamics.euler_coordinates import (
+    rate_matrix,
+    rate_matrix_inverse,
+    rate_matrix_rate,
+)
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
 
 def geometric_accelerations(
-    par: Parameters, measurement: Measurement, reference: Reference, *, feedforward: bool
+    par: Parameters,
+    measurement: Measurement,
+    reference: Reference,
+    *,
+    feedforward: bool,
 ) -> tuple[Mat3, Vec3, Vec3]:
-    """Attitude R_WB, desired acceleration a_d of eq. (82), and angular acceleration alpha_d of eq. (85)."""
+    """Attitude R_WB, desired acceleration a_d of eq. (82), and angular acceleration
+    alpha_d of eq. (85).
+    """
     R = measurement.rotation
     vehicle = par.model.vehicle
     a_d = downward_acceleration(
@@ -45,7 +68,12 @@ def geometric_accelerations(
 
 
 def rotors_sim_position(
-    memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
+    memory: Memory,
+    measurement: Measurement,
+    reference: Reference,
+    dt: Scalar,
+    *,
+    par: Parameters,
 ) -> tuple[Memory, Command]:
     """RotorS's geometric position controller for the base, with zero joint torques."""
     del dt
@@ -54,11 +82,18 @@ def rotors_sim_position(
 
 
 def decoupled_pd(
-    memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
+    memory: Memory,
+    measurement: Measurement,
+    reference: Reference,
+    dt: Scalar,
+    *,
+    par: Parameters,
 ) -> tuple[Memory, Command]:
-    """Baseline of Barakou et al. 2026: RotorS's controller for the base, joint PD with simplified gravity.
+    """Baseline of Barakou et al. 2026: RotorS's controller for the base, joint PD with
+    simplified gravity.
 
-    tau = Kp e + Kd ed + G(joints) at R = 1, limited to the joint's effort. Position and velocity references only.
+    tau = Kp e + Kd ed + G(joints) at R = 1, limited to the joint's effort. Position and
+    velocity references only.
 
     Source: Barakou et al. 2026, section 5 and Table A2.
     """
@@ -71,19 +106,29 @@ def decoupled_pd(
 
 
 def hybrid_computed_torque(
-    memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
+    memory: Memory,
+    measurement: Measurement,
+    reference: Reference,
+    dt: Scalar,
+    *,
+    par: Parameters,
 ) -> tuple[Memory, Command]:
-    """Hybrid geometric computed torque: geometric accelerations through the coupled inverse dynamics, body axes.
+    """Hybrid geometric computed torque: geometric accelerations through the coupled
+    inverse dynamics, body axes.
 
-    [-a_d; alpha_d; etadd_d] -> recursive Newton-Euler = M qdd + C qd + G of (49), (88); thrust is the force along body
-    z (103), the torque goes to the rotors through the mixer, joint torques are limited. The option ``euler`` is the
-    paper's own form, on [p, Phi, eta].
+    [-a_d; alpha_d; etadd_d] -> recursive Newton-Euler = M qdd + C qd + G of (49), (88);
+    thrust is the force along body z (103), the torque goes to the rotors through the
+    mixer, joint torques are limited. The option ``euler`` is the paper's own form, on
+    [p, Phi, eta].
 
-    Source: Barakou et al. 2026, eq. (86)-(96). Gravity stands in -a_d once, for base and joints alike.
+    Source: Barakou et al. 2026, eq. (86)-(96). Gravity stands in -a_d once, for base
+    and joints alike.
     """
     del dt
     terms = par.terms
-    R, a_d, alpha = geometric_accelerations(par, measurement, reference, feedforward=terms.feedforward)
+    R, a_d, alpha = geometric_accelerations(
+        par, measurement, reference, feedforward=terms.feedforward
+    )
     base = Motion(alpha, R.apply_T(-a_d))
     qdd = joint_accelerations(par, measurement, with_weighted_rates(par, reference))
     if par.euler:
@@ -98,7 +143,9 @@ def hybrid_computed_torque(
 def generalized_force(
     par: Parameters, R: Mat3, measurement: Measurement, base: Motion, qdd: Scalars
 ) -> tuple[Force, Scalars]:
-    """Inverse dynamics at the measured state, without the terms that an ablation disables."""
+    """Inverse dynamics at the measured state, without the terms that an ablation
+    disables.
+    """
     vehicle, terms = par.model.vehicle, par.terms
     q = measurement.joints
     rate, rates = measurement.rate, measurement.joint_rates
@@ -110,7 +157,9 @@ def generalized_force(
     force, torques = dynamics.inverse_dynamics(vehicle, q, rate, rates, base, qdd)
     if not terms.coupling:
         alone = Motion(ZERO3, weight if terms.full_gravity else ZERO3)
-        force, _ = dynamics.inverse_dynamics(vehicle, q, rate, rates, base, (0,) * vehicle.n)
+        force, _ = dynamics.inverse_dynamics(
+            vehicle, q, rate, rates, base, (0,) * vehicle.n
+        )
         _, torques = dynamics.inverse_dynamics(vehicle, q, rate, rates, alone, qdd)
     if not terms.full_gravity:
         force = force + Force(ZERO3, weight * vehicle.mass)
@@ -122,10 +171,12 @@ def generalized_force(
 def force_by_euler_rates(
     par: Parameters, R: Mat3, measurement: Measurement, base: Motion, qdd: Scalars
 ) -> tuple[Force, Scalars]:
-    """Inverse dynamics M qdd + C qd in coordinates with Euler angles, as force on the base and joint torques.
+    """Inverse dynamics M qdd + C qd in coordinates with Euler angles, as force on the
+    base and joint torques.
 
-    alpha_d passes (95), Phidd = Q^-1 (alpha_d - Qdot Phid); the dynamics is the tree's, by w = Q Phid, so that an
-    ablation without C leaves Qdot Phid out; torque on Phi is tau_Phi = Q^T tau, and (94) gives tau = Q^-T tau_Phi.
+    alpha_d passes (95), Phidd = Q^-1 (alpha_d - Qdot Phid); the dynamics is the tree's,
+    by w = Q Phid, so that an ablation without C leaves Qdot Phid out; torque on Phi is
+    tau_Phi = Q^T tau, and (94) gives tau = Q^-T tau_Phi.
 
     Source: Barakou et al. 2026, eq. (88), (94), (95).
     """
@@ -136,31 +187,46 @@ def force_by_euler_rates(
     alpha = Q.apply(inverse.apply(base.angular - turning))
     if par.terms.coriolis:
         alpha = alpha + turning
-    force, torques = generalized_force(par, R, measurement, Motion(alpha, base.linear), qdd)
+    force, torques = generalized_force(
+        par, R, measurement, Motion(alpha, base.linear), qdd
+    )
     return Force(inverse.apply_T(Q.apply_T(force.torque)), force.force), torques
 
 
 SINGULAR = 1e-6
 """Squared cosine of the pitch below which the Euler rates count as singular."""
 
-SINGULAR_PITCH = "pitch near 90 degrees: Euler angles are singular; use hybrid_computed_torque (body coordinates)"
+SINGULAR_PITCH = (
+    "pitch near 90 degrees: Euler angles are singular; use hybrid_computed_torque (body"
+    " coordinates)"
+)
 
 
 def euler_margin(quaternion: Quaternion) -> Scalar:
-    """Squared cosine of the pitch minus its least value: distance of an attitude to the singularity of Euler rates."""
+    """Squared cosine of the pitch minus its least value: distance of an attitude to the
+    singularity of Euler rates.
+    """
     cosine = cos(euler_angles(quaternion.rotation())[1])
     return cosine * cosine - SINGULAR
 
 
 def level_joint_gravity(model: Model, joints: Scalars) -> Scalars:
-    """Joint torques that hold the arm against gravity under a level base, eq. (78)-(79)."""
+    """Joint torques that hold the arm against gravity under a level base, eq.
+    (78)-(79).
+    """
     still = (0,) * model.vehicle.n
     level = Motion(ZERO3, E_Z * model.gravity)
-    return dynamics.inverse_dynamics(model.vehicle, joints, ZERO3, still, level, still)[1]
+    return dynamics.inverse_dynamics(model.vehicle, joints, ZERO3, still, level, still)[
+        1
+    ]
 
 
-def joint_accelerations(par: Parameters, measurement: Measurement, reference: Reference) -> Scalars:
-    """Desired joint accelerations, eq. (92): PD plus, if fed forward, the reference's acceleration."""
+def joint_accelerations(
+    par: Parameters, measurement: Measurement, reference: Reference
+) -> Scalars:
+    """Desired joint accelerations, eq. (92): PD plus, if fed forward, the reference's
+    acceleration.
+    """
     pd = joint_pd(par.joint_gains, measurement, reference)
     if not par.terms.feedforward:
         return pd
@@ -168,12 +234,16 @@ def joint_accelerations(par: Parameters, measurement: Measurement, reference: Re
 
 
 def with_friction(
-    par: Parameters, measurement: Measurement, reference: Reference, efforts: Sequence[Scalar]
+    par: Parameters,
+    measurement: Measurement,
+    reference: Reference,
+    efforts: Sequence[Scalar],
 ) -> Scalars:
     """Joint torques with a fraction of the modelled friction compensated.
 
-    Viscous friction is taken at the measured rate, Coulomb's at the reference's, which does not chatter. It belongs
-    behind the inertia matrix: a joint's own friction moves nothing else.
+    Viscous friction is taken at the measured rate, Coulomb's at the reference's, which
+    does not chatter. It belongs behind the inertia matrix: a joint's own friction moves
+    nothing else.
     """
     if not par.friction_compensation:
         return tuple(efforts)
@@ -186,38 +256,62 @@ def with_friction(
         strict=True,
     )
     return tuple(
-        add(effort, mul(share, friction(link.joint, rate, desired))) for effort, share, link, rate, desired in rows
+        add(effort, mul(share, friction(link.joint, rate, desired)))
+        for effort, share, link, rate, desired in rows
     )
 
 
 def with_weighted_rates(par: Parameters, reference: Reference) -> Reference:
-    """Reference with weighted joint rates (set-point weighting of the derivative action)."""
+    """Reference with weighted joint rates (set-point weighting of the derivative
+    action).
+    """
     if not par.rate_weights:
         return reference
-    rates = tuple(mul(weight, qd_d) for weight, qd_d in zip(par.rate_weights, reference.joint_rates, strict=True))
+    rates = tuple(
+        mul(weight, qd_d)
+        for weight, qd_d in zip(par.rate_weights, reference.joint_rates, strict=True)
+    )
     return dataclasses.replace(reference, joint_rates=rates)
 
 
-def _base_speeds(par: Parameters, measurement: Measurement, reference: Reference, *, feedforward: bool) -> Scalars:
-    """Rotor speeds of RotorS's controller, for torque I_b alpha_d and thrust -m a_d . (R e_3)."""
-    R, a_d, alpha = geometric_accelerations(par, measurement, reference, feedforward=feedforward)
+def _base_speeds(
+    par: Parameters,
+    measurement: Measurement,
+    reference: Reference,
+    *,
+    feedforward: bool,
+) -> Scalars:
+    """Rotor speeds of RotorS's controller, for torque I_b alpha_d and thrust -m a_d .
+    (R e_3).
+    """
+    R, a_d, alpha = geometric_accelerations(
+        par, measurement, reference, feedforward=feedforward
+    )
     vehicle = par.model.vehicle
-    speeds, _ = mix(par.mixer, vehicle.base.inertia.apply(alpha), body_thrust(vehicle.mass, a_d, R))
+    speeds, _ = mix(
+        par.mixer, vehicle.base.inertia.apply(alpha), body_thrust(vehicle.mass, a_d, R)
+    )
     return speeds
 
 
-make_rotors_sim_position = law_maker("rotors_sim_position", rotors_sim_position, shared=("rate_error",))
+make_rotors_sim_position = law_maker(
+    "rotors_sim_position", rotors_sim_position, shared=("rate_error",)
+)
 """Maker of RotorS's position controller."""
 
 OF_JOINTS = ("friction_compensation", "rate_weights")
 
-make_decoupled_pd = law_maker("decoupled_pd", decoupled_pd, shared=("rate_error", *OF_JOINTS), torque_gains=True)
+make_decoupled_pd = law_maker(
+    "decoupled_pd", decoupled_pd, shared=("rate_error", *OF_JOINTS), torque_gains=True
+)
 """Maker of the decoupled PD baseline of Barakou et al. 2026."""
 
 make_hybrid_computed_torque = law_maker(
     "hybrid_computed_torque",
     hybrid_computed_torque,
     shared=("rate_error", "terms", "euler", *OF_JOINTS),
-    bounds=lambda par: {"margin": euler_margin, "limit": SINGULAR_PITCH} if par.euler else {},
+    bounds=lambda par: (
+        {"margin": euler_margin, "limit": SINGULAR_PITCH} if par.euler else {}
+    ),
 )
 """Maker of the hybrid geometric computed torque law of Barakou et al. 2026."""

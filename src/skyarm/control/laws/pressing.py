@@ -1,31 +1,39 @@
-"""Hybrid force/motion control and admittance control, built on the laws of Barakou et al. 2026.
+"""Hybrid force/motion control and admittance control, built on the laws of Barakou et
+al. 2026.
 
-Both share an observer whose estimates are not compensated, only read: the tip's force along the surface's normal, its
-bias, touch and loss are those of the centroidal law (:mod:`skyarm.control.laws.centroidal.contact.interaction`): only
-what is done with them differs.
+Both share an observer whose estimates are not compensated, only read: the tip's force
+along the surface's normal, its bias, touch and loss are those of the centroidal law
+(:mod:`skyarm.control.laws.centroidal.contact.interaction`): only what is done with them
+differs.
 
-``hybrid_ct``, the paper's computed torque with a force along the nominal outward normal n. Across n the law is the
-paper's. Along n, from the first touch on, the tip has no position, only damping: of the joints' desired accelerations
-that part which moves the tip along n is replaced by -d v_n, by the pseudo-inverse of the row n'J. The order
+``hybrid_ct``, the paper's computed torque with a force along the nominal outward normal
+n. Across n the law is the paper's. Along n, from the first touch on, the tip has no
+position, only damping: of the joints' desired accelerations that part which moves the
+tip along n is replaced by -d v_n, by the pseudo-inverse of the row n'J. The order
 
     o = g (f_d + i),   i' = k (f_d - f . n)
 
-stands as a known force n o of the surface on the tip: its joint torques J^T n o, its torque about the base and its
-force are taken off the inverse dynamics, and the attitude turns for the rest. Touch, loss, ramp g, integral, damping
-and the shift of the reference with which the base comes to the surface and follows it are the centroidal law's.
+stands as a known force n o of the surface on the tip: its joint torques J^T n o, its
+torque about the base and its force are taken off the inverse dynamics, and the attitude
+turns for the rest. Touch, loss, ramp g, integral, damping and the shift of the
+reference with which the base comes to the surface and follows it are the centroidal
+law's.
 
-``admittance_pd``, the paper's baseline on a reference that a virtual mass shifts by s along n:
+``admittance_pd``, the paper's baseline on a reference that a virtual mass shifts by s
+along n:
 
     M s'' + D s' = f . n - f_d,     D = f_d / v,     M = D / rate,
 
-with f the observed force of the surface on the tip, f_d the desired one and v the speed with which the tip comes: in
-free flight f_d drives the virtual mass towards the surface at v, on it s rests where the desired force acts. Without
-contact s returns. The base's soft position loop presses; the joints carry the desired force by J^T n f_d, ramped as the
-centroidal law does, and keep the arm's posture by PD.
+with f the observed force of the surface on the tip, f_d the desired one and v the speed
+with which the tip comes: in free flight f_d drives the virtual mass towards the surface
+at v, on it s rests where the desired force acts. Without contact s returns. The base's
+soft position loop presses; the joints carry the desired force by J^T n f_d, ramped as
+the centroidal law does, and keep the arm's posture by PD.
 
-Source: Raibert, Craig 1981, "Hybrid position/force control of manipulators"; Khatib 1987 (force feed-forward J^T f);
-Hogan 1985; admittance around a position-controlled aerial robot as in Augugliaro, D'Andrea 2013, "Admittance control
-for physical human-quadrocopter interaction", ECC; the laws: Barakou et al. 2026, eq. (86)-(96).
+Source: Raibert, Craig 1981, "Hybrid position/force control of manipulators"; Khatib
+1987 (force feed-forward J^T f); Hogan 1985; admittance around a position-controlled
+aerial robot as in Augugliaro, D'Andrea 2013, "Admittance control for physical
+human-quadrocopter interaction", ECC; the laws: Barakou et al. 2026, eq. (86)-(96).
 """
 
 from __future__ import annotations
@@ -34,7 +42,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-from skyarm.algebra import E_Z, Motion, Scalar, Scalars, Vec3, axis_rotation, differences
+from skyarm.algebra import (
+    E_Z,
+    Motion,
+    Scalar,
+    Scalars,
+    Vec3,
+    axis_rotation,
+    differences,
+)
 from skyarm.algebra.scalars import add, clip, divide, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import no_command, turn_towards, wanted_specific_force
@@ -58,7 +74,12 @@ from skyarm.control.blocks.force_control import (
 from skyarm.control.blocks.tip_force import TipLevers, levers
 from skyarm.control.controller import ControllerError
 from skyarm.control.law_maker import law_maker, option_numbers
-from skyarm.control.laws.paper import decoupled_pd, generalized_force, hybrid_computed_torque, joint_accelerations
+from skyarm.control.laws.paper import (
+    decoupled_pd,
+    generalized_force,
+    hybrid_computed_torque,
+    joint_accelerations,
+)
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.kinematics import frame_pose
@@ -71,7 +92,9 @@ from skyarm.vehicle import Vehicle
 
 @immutable
 class PressingParameters(Parameters):
-    """Constants of hybrid force control and admittance control: observer and contact force controller."""
+    """Constants of hybrid force control and admittance control: observer and contact
+    force controller.
+    """
 
     observer: ObserverGains
     interaction: InteractionGains
@@ -82,7 +105,8 @@ class PressingMemory:
     """Internal state of hybrid force control and admittance control.
 
     Attributes:
-        started: 0 before the first measurement. observed: state of the observer. sent: the last command.
+        started: 0 before the first measurement. observed: state of the observer. sent:
+            the last command.
         interaction: state of the contact force controller.
     """
 
@@ -94,12 +118,16 @@ class PressingMemory:
 
 @positional
 class ObservedContact:
-    """Contact in one control period: tip Jacobian, desired and observed force, and speeds of the tip.
+    """Contact in one control period: tip Jacobian, desired and observed force, and
+    speeds of the tip.
 
     Attributes:
-        at: measured levers of the tip. pressing: output of the contact force controller.
-        force: desired force, N. along: observed force of the surface along its normal, N; 0 without contact.
-        speed: desired speed of the approach, m/s. into: speed of the tip into the surface, m/s.
+        at: measured levers of the tip. pressing: output of the contact force
+            controller.
+        force: desired force, N. along: observed force of the surface along its normal,
+            N; 0 without contact.
+        speed: desired speed of the approach, m/s. into: speed of the tip into the
+            surface, m/s.
     """
 
     at: TipLevers
@@ -111,30 +139,63 @@ class ObservedContact:
 
 
 def observe_contact(
-    memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Scalar, par: PressingParameters
+    memory: PressingMemory,
+    measurement: Measurement,
+    reference: Reference,
+    dt: Scalar,
+    par: PressingParameters,
 ) -> tuple[PressingMemory, ObservedContact | None]:
-    """Step of disturbance observer and contact detection; the contact is None unless the reference requests one."""
+    """Step of disturbance observer and contact detection; the contact is None unless
+    the reference requests one.
+    """
     vehicle = par.model.vehicle
     free = (1.0,) * (1 + vehicle.n)
     observed = observe_uncompensated(
-        par.model, par.observer, memory.observed, measurement, memory.sent, memory.started, free, dt
+        par.model,
+        par.observer,
+        memory.observed,
+        measurement,
+        memory.sent,
+        memory.started,
+        free,
+        dt,
     )
     after = replace(memory, started=memory.started * 0.0 + 1.0, observed=observed)
     if not reference.push:
         return after, None
     at = levers(vehicle, measurement.rotation, measurement.joints)
     desired = wanted_of(reference.push[:5])
-    into = -desired.normal.dot(at.velocity(measurement.velocity, measurement.rate, measurement.joint_rates))
+    into = -desired.normal.dot(
+        at.velocity(measurement.velocity, measurement.rate, measurement.joint_rates)
+    )
     interaction, pressing = interact(
-        par.interaction, memory.interaction, desired, disturbance(observed), at, into, 0.0, dt
+        par.interaction,
+        memory.interaction,
+        desired,
+        disturbance(observed),
+        at,
+        into,
+        0.0,
+        dt,
     )
     along = where(interaction.touching > 0.5, desired.normal.dot(pressing.force), 0.0)
-    touch = ObservedContact(at=at, pressing=pressing, force=desired.force, along=along, speed=desired.speed, into=into)
+    touch = ObservedContact(
+        at=at,
+        pressing=pressing,
+        force=desired.force,
+        along=along,
+        speed=desired.speed,
+        into=into,
+    )
     return replace(after, interaction=interaction), touch
 
 
-def shift_base(reference: Reference, n: Vec3, shift: tuple[Scalar, Scalar, Scalar]) -> Reference:
-    """Reference with the base position, velocity and acceleration shifted along the surface normal."""
+def shift_base(
+    reference: Reference, n: Vec3, shift: tuple[Scalar, Scalar, Scalar]
+) -> Reference:
+    """Reference with the base position, velocity and acceleration shifted along the
+    surface normal.
+    """
     s, rate, acceleration = shift
     return replace(
         reference,
@@ -145,21 +206,27 @@ def shift_base(reference: Reference, n: Vec3, shift: tuple[Scalar, Scalar, Scala
 
 
 def thresholds(model: Model, forces: Any) -> InteractionGains:
-    """Contact detection constants from two normal forces (N), the thresholds of contact and of its loss.
+    """Contact detection constants from two normal forces (N), the thresholds of contact
+    and of its loss.
 
     Raises:
         ControllerError: forces that are none, or a vehicle whose joints move no tip.
     """
     vehicle = model.vehicle
     if not vehicle.end_effector or not vehicle.n:
-        raise ControllerError(f"model.vehicle = {vehicle.name!r}: must have joints that move an end_effector")
+        raise ControllerError(
+            f"model.vehicle = {vehicle.name!r}: must have joints that move an"
+            " end_effector"
+        )
     touch, lost = option_numbers("interaction", forces, 2)
     require_thresholds((touch, lost), leads=True, optional=False)
     return InteractionGains(touch=touch, lost=lost)
 
 
 def first_memory(par: PressingParameters) -> PressingMemory:
-    """Initial internal state of hybrid force control and admittance control, without contact."""
+    """Initial internal state of hybrid force control and admittance control, without
+    contact.
+    """
     vehicle = par.model.vehicle
     return PressingMemory(
         started=0.0,
@@ -169,23 +236,35 @@ def first_memory(par: PressingParameters) -> PressingMemory:
     )
 
 
-READERS = {"observer": ((25.0, 30.0, 40.0), observer_gains), "interaction": ((0.3, 0.1), thresholds)}
+READERS = {
+    "observer": ((25.0, 30.0, 40.0), observer_gains),
+    "interaction": ((0.3, 0.1), thresholds),
+}
 
 VAGUE = 0.01
 """Lever (m/rad) along the normal below which the damping leaves a joint unchanged."""
 
 
 def hybrid_ct(
-    memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: PressingParameters
+    memory: PressingMemory,
+    measurement: Measurement,
+    reference: Reference,
+    dt: Scalar,
+    *,
+    par: PressingParameters,
 ) -> tuple[PressingMemory, Command]:
-    """Hybrid force/motion control: computed torque across the surface normal, force control along it."""
+    """Hybrid force/motion control: computed torque across the surface normal, force
+    control along it.
+    """
     after, touch = observe_contact(memory, measurement, reference, dt, par)
     if touch is None:
         _, command = hybrid_computed_torque((), measurement, reference, dt, par=par)
         return replace(after, sent=command), command
     reference = shift_base(reference, touch.pressing.n, touch.pressing.shift)
     tip = level_tip(par.model.vehicle, reference)
-    gap = touch.pressing.n.dot(measurement.position + touch.at.R.apply(touch.at.tip) - tip)
+    gap = touch.pressing.n.dot(
+        measurement.position + touch.at.R.apply(touch.at.tip) - tip
+    )
     command = pressing_command(par, measurement, reference, touch)
     interaction = replace(after.interaction, gap=gap)
     return replace(after, sent=command, interaction=interaction), command
@@ -193,20 +272,31 @@ def hybrid_ct(
 
 def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
     """Tip position (m, world axes) for a level base at its reference."""
-    arm = axis_rotation(E_Z, reference.yaw).apply(frame_pose(vehicle, vehicle.frame(), reference.joints).p)
+    arm = axis_rotation(E_Z, reference.yaw).apply(
+        frame_pose(vehicle, vehicle.frame(), reference.joints).p
+    )
     return reference.position + arm
 
 
 def pressing_command(
-    par: PressingParameters, measurement: Measurement, reference: Reference, touch: ObservedContact
+    par: PressingParameters,
+    measurement: Measurement,
+    reference: Reference,
+    touch: ObservedContact,
 ) -> Command:
-    """Computed torque command plus the contact force command along the surface normal."""
+    """Computed torque command plus the contact force command along the surface
+    normal.
+    """
     vehicle, R = par.model.vehicle, measurement.rotation
     up = wanted_specific_force(par, measurement, reference)
     reaction = touch.at.disturbance(touch.pressing.n * touch.pressing.order)
-    alpha = turn_towards(par, measurement, reference, R, up - reaction.force * divide(1.0, vehicle.mass))
+    alpha = turn_towards(
+        par, measurement, reference, R, up - reaction.force * divide(1.0, vehicle.mass)
+    )
     qdd = release_normal(touch, joint_accelerations(par, measurement, reference))
-    force, torques = generalized_force(par, R, measurement, Motion(alpha, R.apply_T(up)), qdd)
+    force, torques = generalized_force(
+        par, R, measurement, Motion(alpha, R.apply_T(up)), qdd
+    )
     efforts = differences(torques, reaction.efforts)
     thrust = force.force.z - R.apply_T(reaction.force).z
     speeds, _ = mix(par.mixer, force.torque - reaction.torque, thrust)
@@ -214,34 +304,53 @@ def pressing_command(
 
 
 def release_normal(touch: ObservedContact, wanted: Sequence[Scalar]) -> Scalars:
-    """Joint accelerations whose part along the surface normal is replaced by damping while the tip presses."""
+    """Joint accelerations whose part along the surface normal is replaced by damping
+    while the tip presses.
+    """
     own = touch.at.R.apply_T(touch.pressing.n)
     row = [own.dot(column) for column in touch.at.columns]
     length: Scalar = VAGUE * VAGUE
     along = touch.pressing.damping * -touch.into
     for each, acceleration in zip(row, wanted, strict=True):
-        length, along = add(length, mul(each, each)), add(along, mul(each, acceleration))
+        length, along = (
+            add(length, mul(each, each)),
+            add(along, mul(each, acceleration)),
+        )
     step = mul(touch.pressing.share, divide(along, length))
-    return tuple(sub(acceleration, mul(each, step)) for each, acceleration in zip(row, wanted, strict=True))
+    return tuple(
+        sub(acceleration, mul(each, step))
+        for each, acceleration in zip(row, wanted, strict=True)
+    )
 
 
-make_hybrid_ct = law_maker("hybrid_ct", hybrid_ct, PressingParameters, readers=READERS, memory=first_memory)
+make_hybrid_ct = law_maker(
+    "hybrid_ct", hybrid_ct, PressingParameters, readers=READERS, memory=first_memory
+)
 """Maker of hybrid force control for any vehicle whose joints move a tip."""
 
 RATE = 4.0
-"""Ratio D / M (1/s) of virtual damping to mass: the approach speed is reached in a quarter of a second."""
+"""Ratio D / M (1/s) of virtual damping to mass: the approach speed is reached in a
+quarter of a second."""
 
 BACK = 4.0
 """Bandwidth (rad/s) of the critically damped return of the reference's shift."""
 
 LEAST = 0.01
-"""Least desired force (N) and speed (m/s) from which the virtual damping is computed."""
+"""Least desired force (N) and speed (m/s) from which the virtual damping is
+computed."""
 
 
 def admittance_pd(
-    memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: PressingParameters
+    memory: PressingMemory,
+    measurement: Measurement,
+    reference: Reference,
+    dt: Scalar,
+    *,
+    par: PressingParameters,
 ) -> tuple[PressingMemory, Command]:
-    """Admittance control: decoupled PD control of a reference that a virtual mass shifts."""
+    """Admittance control: decoupled PD control of a reference that a virtual mass
+    shifts.
+    """
     after, touch = observe_contact(memory, measurement, reference, dt, par)
     if touch is not None:
         shift = admittance_motion(par, memory, touch, dt)
@@ -252,7 +361,9 @@ def admittance_pd(
         )
     _, command = decoupled_pd((), measurement, reference, dt, par=par)
     if touch is not None:
-        borne = touch.at.disturbance(touch.pressing.n * (touch.pressing.share * touch.force)).efforts
+        borne = touch.at.disturbance(
+            touch.pressing.n * (touch.pressing.share * touch.force)
+        ).efforts
         efforts = differences(command.efforts, borne)
         command = replace(command, efforts=limit_efforts(par, efforts))
     return replace(after, sent=command), command
@@ -261,14 +372,20 @@ def admittance_pd(
 def admittance_motion(
     par: PressingParameters, memory: PressingMemory, touch: ObservedContact, dt: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """Position, velocity and acceleration of the virtual mass along the normal, one period later."""
+    """Position, velocity and acceleration of the virtual mass along the normal, one
+    period later.
+    """
     s, rate = memory.interaction.shift, memory.interaction.shift_rate
     damping = divide(maximum(touch.force, LEAST), maximum(touch.speed, LEAST))
     driven = divide(touch.along - touch.force, damping)  # m/s, at which it would settle
     # a hard surface pushes no faster back than the tip came
     driven = minimum(driven, touch.speed)
-    after = where(touch.pressing.asked, (rate + RATE * dt * driven) / (1.0 + RATE * dt), 0.0)
-    back = (rate - BACK * BACK * dt * s) / (1.0 + 2.0 * BACK * dt + BACK * BACK * dt * dt)
+    after = where(
+        touch.pressing.asked, (rate + RATE * dt * driven) / (1.0 + RATE * dt), 0.0
+    )
+    back = (rate - BACK * BACK * dt * s) / (
+        1.0 + 2.0 * BACK * dt + BACK * BACK * dt * dt
+    )
     velocity = where(touch.pressing.asked, after, back)
     far = par.interaction.furthest
     place = clip(s + dt * velocity, -far, far)
@@ -277,6 +394,11 @@ def admittance_motion(
 
 
 make_admittance_pd = law_maker(
-    "admittance_pd", admittance_pd, PressingParameters, readers=READERS, memory=first_memory, torque_gains=True
+    "admittance_pd",
+    admittance_pd,
+    PressingParameters,
+    readers=READERS,
+    memory=first_memory,
+    torque_gains=True,
 )
 """Maker of admittance control for any vehicle whose joints move a tip."""

@@ -1,4 +1,6 @@
-"""Safety layer around any control law: bounded references and commands, joint barrier, supervisor and recovery."""
+"""Safety layer around any control law: bounded references and commands, joint barrier,
+supervisor and recovery.
+"""
 
 from skyarm.control.safety.limits import Limits, limits_for
 from skyarm.control.safety.safety_layer import with_safety_layer

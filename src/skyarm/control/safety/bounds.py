@@ -1,12 +1,14 @@
 """Limits on references and commands in the safety layer, and the joint-limit barrier.
 
-Reference: a wrapper sees neither the law's attitude loop nor its gains, but it may move the reference. With the law
-taken for a = stiffness e_p + damping e_v + a_ref, the errors and a_ref are scaled together, which keeps the balance of
-pull and brake, so that commanded tilt, climb and speed stay bounded; a reference within the limits passes as it is, bit
-for bit.
+Reference: a wrapper sees neither the law's attitude loop nor its gains, but it may move
+the reference. With the law taken for a = stiffness e_p + damping e_v + a_ref, the
+errors and a_ref are scaled together, which keeps the balance of pull and brake, so that
+commanded tilt, climb and speed stay bounded; a reference within the limits passes as it
+is, bit for bit.
 
-Commands: rotor speeds are brought within the rotors' limits with thrust, roll and pitch before yaw, whatever mixer the
-law has. The joint barrier bounds the acceleration that a torque would cause by the model.
+Commands: rotor speeds are brought within the rotors' limits with thrust, roll and pitch
+before yaw, whatever mixer the law has. The joint barrier bounds the acceleration that a
+torque would cause by the model.
 """
 
 from __future__ import annotations
@@ -29,16 +31,38 @@ from skyarm.algebra import (
     ldl_solve,
     sums,
 )
-from skyarm.algebra.scalars import absolute, add, clip, divide, logical_or, maximum, minimum, mul, sqrt, sub, tan, where
+from skyarm.algebra.scalars import (
+    absolute,
+    add,
+    clip,
+    divide,
+    logical_or,
+    maximum,
+    minimum,
+    mul,
+    sqrt,
+    sub,
+    tan,
+    where,
+)
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import Limits
-from skyarm.dynamics.actuators import AllocationError, Command, Mixer, allocation_matrix, make_mixer, mix, rotor_force
+from skyarm.dynamics.actuators import (
+    AllocationError,
+    Command,
+    Mixer,
+    allocation_matrix,
+    make_mixer,
+    mix,
+    rotor_force,
+)
 from skyarm.dynamics.actuators.drive import friction
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
 TINY = 1e-9
-"""Small number added to the length (m, m/s or m/s^2) of a vector to avoid division by zero."""
+"""Small number added to the length (m, m/s or m/s^2) of a vector to avoid division by
+zero."""
 
 
 def govern_base(
@@ -50,20 +74,27 @@ def govern_base(
     damping: Scalar,
     gravity: Scalar,
 ) -> Reference:
-    """Reference whose position, velocity and acceleration are limited relative to the measurement.
+    """Reference whose position, velocity and acceleration are limited relative to the
+    measurement.
 
-    1. No faster than ``speed``. 2. A position error pulls no harder than that speed brakes. 3. The acceleration asked
-    stays within ``climb`` and, level, within tan(tilt) times the specific force along the vertical. 4. Errors within
-    ``step`` and ``step_speed`` pass all the same: a stiff law bounds its own answer to those. 5. A planned centre of
-    mass and a preview move with the base.
+    1. No faster than ``speed``. 2. A position error pulls no harder than that speed
+    brakes. 3. The acceleration asked stays within ``climb`` and, level, within
+    tan(tilt) times the specific force along the vertical. 4. Errors within ``step`` and
+    ``step_speed`` pass all the same: a stiff law bounds its own answer to those. 5. A
+    planned centre of mass and a preview move with the base.
     """
     v_d = _limit_length(reference.velocity, limits.speed)
-    pull = _limit_length(reference.position - measurement.position, divide(mul(limits.speed, damping), stiffness))
+    pull = _limit_length(
+        reference.position - measurement.position,
+        divide(mul(limits.speed, damping), stiffness),
+    )
     brake = v_d - measurement.velocity
     asked = pull * stiffness + brake * damping + reference.acceleration
     rise = minimum(1.0, divide(limits.climb, absolute(asked.z) + TINY))
     room = mul(tan(limits.tilt), add(gravity, mul(rise, asked.z)))
-    level = minimum(1.0, divide(room, sqrt(asked.x * asked.x + asked.y * asked.y) + TINY))
+    level = minimum(
+        1.0, divide(room, sqrt(asked.x * asked.x + asked.y * asked.y) + TINY)
+    )
     least = minimum(1.0, divide(limits.step, pull.norm() + TINY))
     least = minimum(least, divide(limits.step_speed, brake.norm() + TINY))
     level, rise = maximum(level, least), maximum(rise, least)
@@ -77,29 +108,49 @@ def govern_base(
 
     governed = replace(
         reference,
-        position=where_bound(measurement.position + pull.hadamard(shares), reference.position),
-        velocity=where_bound(measurement.velocity + brake.hadamard(shares), reference.velocity),
-        acceleration=where_bound(reference.acceleration.hadamard(shares), reference.acceleration),
+        position=where_bound(
+            measurement.position + pull.hadamard(shares), reference.position
+        ),
+        velocity=where_bound(
+            measurement.velocity + brake.hadamard(shares), reference.velocity
+        ),
+        acceleration=where_bound(
+            reference.acceleration.hadamard(shares), reference.acceleration
+        ),
         # a reference that moves with the measurement has no higher derivatives
         jerk=where_bound(ZERO3_DATA, reference.jerk),
         snap=where_bound(ZERO3_DATA, reference.snap),
     )
     if not (reference.center or reference.ahead):
         return governed
-    changes = [differences(*rows) for rows in zip(_base_motion(governed), _base_motion(reference), strict=True)]
-    # numbers of a preview go signal by signal, those of a centre of mass derivative by derivative
+    changes = [
+        differences(*rows)
+        for rows in zip(_base_motion(governed), _base_motion(reference), strict=True)
+    ]
+    # numbers of a preview go signal by signal, those of a centre of mass derivative by
+    # derivative
     others = (0,) * (3 * (1 + len(reference.joints)))
-    sample = [*(change for axis in zip(*changes[:3], strict=True) for change in axis), *others]
+    sample = [
+        *(change for axis in zip(*changes[:3], strict=True) for change in axis),
+        *others,
+    ]
     return replace(
         governed,
-        center=reference.center and sums(reference.center, [each for change in changes for each in change]),
+        center=reference.center
+        and sums(reference.center, [each for change in changes for each in change]),
         ahead=sums(reference.ahead, sample * (len(reference.ahead) // len(sample))),
     )
 
 
 def _base_motion(reference: Reference) -> list[Sequence[Scalar]]:
     """Position of the base and its first four derivatives."""
-    motion = (reference.position, reference.velocity, reference.acceleration, reference.jerk, reference.snap)
+    motion = (
+        reference.position,
+        reference.velocity,
+        reference.acceleration,
+        reference.jerk,
+        reference.snap,
+    )
     return [tuple(each) for each in motion]
 
 
@@ -111,7 +162,9 @@ def _limit_length(v: Vec3, longest: Scalar) -> Vec3:
 
 
 def _longer(v: Vec3, shortened: Vec3) -> Any:
-    """True if the vector ``v`` is longer than its copy ``shortened``, so that a limit was active."""
+    """True if the vector ``v`` is longer than its copy ``shortened``, so that a limit
+    was active.
+    """
     return shortened.norm() < v.norm()
 
 
@@ -126,14 +179,16 @@ def govern_joints(
     model: Model,
     limits: Limits,
 ) -> tuple[Reference, Scalars]:
-    """Joint references clipped to joint limits, and limited in rate after a jump by more than ``steps``.
+    """Joint references clipped to joint limits, and limited in rate after a jump by
+    more than ``steps``.
 
     Args:
         reference: wanted.
         before: rad or m, where the governed references stood one period ago.
         ramping: 1 for a joint whose reference was on its way.
         speeds: rad/s or m/s, on the way.
-        steps: rad or m; a gap up to this is closed at once, unless it is what is left of a longer one.
+        steps: rad or m; a gap up to this is closed at once, unless it is what is left
+            of a longer one.
         dt: s.
         model: joint limits.
         limits: margins, and the largest rate of a reference.
@@ -167,11 +222,15 @@ def govern_joints(
         on_way.append(where(slow, 1.0, 0.0))
         slowed.append(logical_or(slow, outside))
         moving = where(gap > 0.0, speed, 0.0 - speed)
-        rates.append(where(slow, moving, where(outside, 0.0, clip(rate, 0.0 - most, most))))
+        rates.append(
+            where(slow, moving, where(outside, 0.0, clip(rate, 0.0 - most, most)))
+        )
 
     def still(values: Sequence[Scalar]) -> Scalars:
         # a reference may come without its higher derivatives
-        return tuple(where(slow, 0.0, value) for slow, value in zip(slowed, values, strict=False))
+        return tuple(
+            where(slow, 0.0, value) for slow, value in zip(slowed, values, strict=False)
+        )
 
     governed = replace(
         reference,
@@ -185,7 +244,8 @@ def govern_joints(
 
 
 def with_priorities(model: Model, mixer: Mixer) -> Mixer:
-    """Return the mixer with priorities (roll and pitch torque first) if the rotors allow it, else unchanged.
+    """Return the mixer with priorities (roll and pitch torque first) if the rotors
+    allow it, else unchanged.
 
     A law that ranks demands already, in whatever order, keeps its own.
     """
@@ -199,70 +259,109 @@ def with_priorities(model: Model, mixer: Mixer) -> Mixer:
 
 
 def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> Scalars:
-    """Rotor speeds reallocated from their torque and thrust where one exceeds its limit, else unchanged.
+    """Rotor speeds reallocated from their torque and thrust where one exceeds its
+    limit, else unchanged.
 
-    A law that commands more than it needs, to undo the motors' lag, may command such speeds with any mixer.
+    A law that commands more than it needs, to undo the motors' lag, may command such
+    speeds with any mixer.
     """
     beyond: Scalar = False
     for speed, top in zip(speeds, mixer.highest, strict=True):
         beyond = logical_or(beyond, speed > sqrt(top))
     sideways, squares = bool(mixer.across), [speed * speed for speed in speeds]
-    pushes = [inner_product(row, squares) for row in allocation_matrix(model.vehicle, sideways)]
+    pushes = [
+        inner_product(row, squares)
+        for row in allocation_matrix(model.vehicle, sideways)
+    ]
     across = Vec3(pushes[4], pushes[5], 0) if sideways else ZERO3
     again, _ = mix(mixer, Vec3(*pushes[:3]), pushes[3], across)
-    return tuple(where(beyond, new, old) for new, old in zip(again, speeds, strict=True))
+    return tuple(
+        where(beyond, new, old) for new, old in zip(again, speeds, strict=True)
+    )
 
 
 def limit_slew(
-    command: Command, last: Command, started: Scalar, rotor_slew: Scalar, effort_slew: Sequence[Scalar], dt: Scalar
+    command: Command,
+    last: Command,
+    started: Scalar,
+    rotor_slew: Scalar,
+    effort_slew: Sequence[Scalar],
+    dt: Scalar,
 ) -> Command:
-    """Command whose change since the last command is limited in rate; the first command is unlimited."""
+    """Command whose change since the last command is limited in rate; the first command
+    is unlimited.
+    """
 
     def near(value: Scalar, before: Scalar, slew: Scalar) -> Scalar:
         step = mul(slew, dt)
-        return where(started > 0.5, clip(value, sub(before, step), add(before, step)), value)
+        return where(
+            started > 0.5, clip(value, sub(before, step), add(before, step)), value
+        )
 
     return Command(
         rotor_speeds=tuple(
-            near(w, old, rotor_slew) for w, old in zip(command.rotor_speeds, last.rotor_speeds, strict=True)
+            near(w, old, rotor_slew)
+            for w, old in zip(command.rotor_speeds, last.rotor_speeds, strict=True)
         ),
         efforts=tuple(
-            near(t, old, slew) for t, old, slew in zip(command.efforts, last.efforts, effort_slew, strict=True)
+            near(t, old, slew)
+            for t, old, slew in zip(
+                command.efforts, last.efforts, effort_slew, strict=True
+            )
         ),
     )
 
 
-def apply_joint_barrier(model: Model, limits: Limits, measurement: Measurement, efforts: Sequence[Scalar]) -> Scalars:
-    """Joint efforts corrected by a control barrier function so that no joint reaches its limits.
+def apply_joint_barrier(
+    model: Model, limits: Limits, measurement: Measurement, efforts: Sequence[Scalar]
+) -> Scalars:
+    """Joint efforts corrected by a control barrier function so that no joint reaches
+    its limits.
 
-    With d the distance to a limit (less the margin) and k the pole, d'' + 2 k d' + k^2 d >= 0 bounds the acceleration
-    towards it; 4 k (speed - rate) bounds it near the largest speed. The model says which accelerations the efforts and
-    the rotors' present thrust cause; to a joint whose own is out of bounds its entry of M_free (bounded - caused) is
-    added, with M_free the inertia of the joints on a floating base: enough, and more if others may move.
+    With d the distance to a limit (less the margin) and k the pole, d'' + 2 k d' + k^2
+    d >= 0 bounds the acceleration towards it; 4 k (speed - rate) bounds it near the
+    largest speed. The model says which accelerations the efforts and the rotors'
+    present thrust cause; to a joint whose own is out of bounds its entry of M_free
+    (bounded - caused) is added, with M_free the inertia of the joints on a floating
+    base: enough, and more if others may move.
 
-    Source: Ames et al. 2019, "Control barrier functions: theory and applications", exponential barrier of degree two.
+    Source: Ames et al. 2019, "Control barrier functions: theory and applications",
+    exponential barrier of degree two.
     """
     caused = _accelerations(model, measurement, efforts)
     allowed = _within_barrier(model, limits, measurement, caused)
-    added = floating_inertia_times(model, measurement.joints, differences(allowed, caused))
-    # other joints keep their torques: where a drive is dead the model is wrong about what they cause
+    added = floating_inertia_times(
+        model, measurement.joints, differences(allowed, caused)
+    )
+    # other joints keep their torques: where a drive is dead the model is wrong about
+    # what they cause
     return tuple(
         where(logical_or(bounded < qdd, bounded > qdd), add(tau, more), tau)
         for bounded, qdd, tau, more in zip(allowed, caused, efforts, added, strict=True)
     )
 
 
-def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Scalar]) -> Scalars:
-    """Joint accelerations of the model, friction included, at the measured rotor speeds in calm air."""
+def _accelerations(
+    model: Model, measurement: Measurement, efforts: Sequence[Scalar]
+) -> Scalars:
+    """Joint accelerations of the model, friction included, at the measured rotor speeds
+    in calm air.
+    """
     total, rates = Force(ZERO3, ZERO3), measurement.joint_rates
-    for rotor, speed in zip(model.vehicle.rotors, measurement.rotor_speeds, strict=True):
+    for rotor, speed in zip(
+        model.vehicle.rotors, measurement.rotor_speeds, strict=True
+    ):
         total = total + rotor_force(rotor, speed, ZERO3)
     rows = zip(model.vehicle.joints, efforts, rates, strict=True)
     torques = tuple(sub(effort, friction(joint, qd, qd)) for joint, effort, qd in rows)
-    return dynamics.forward_dynamics(model.vehicle, measurement.joints, measurement.rate, rates, total, torques)[1]
+    return dynamics.forward_dynamics(
+        model.vehicle, measurement.joints, measurement.rate, rates, total, torques
+    )[1]
 
 
-def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Scalar]) -> list[Scalar]:
+def _within_barrier(
+    model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Scalar]
+) -> list[Scalar]:
     """Joint accelerations clipped to the bounds of the joint-limit barrier."""
     bounded: list[Scalar] = []
     k = limits.joint_pole
@@ -276,14 +375,21 @@ def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caus
         strict=True,
     ):
         damp, square = mul(2.0 * k, rate), k * k
-        above, below = sub(sub(joint.upper, margin), q), sub(add(joint.lower, margin), q)
+        above, below = (
+            sub(sub(joint.upper, margin), q),
+            sub(add(joint.lower, margin), q),
+        )
         top = minimum(sub(mul(square, above), damp), mul(4.0 * k, sub(speed, rate)))
-        bottom = maximum(sub(mul(square, below), damp), mul(4.0 * k, sub(0.0 - speed, rate)))
+        bottom = maximum(
+            sub(mul(square, below), damp), mul(4.0 * k, sub(0.0 - speed, rate))
+        )
         bounded.append(minimum(maximum(qdd, bottom), top))
     return bounded
 
 
-def floating_inertia_times(model: Model, joints: Sequence[Scalar], change: Sequence[Scalar]) -> list[Scalar]:
+def floating_inertia_times(
+    model: Model, joints: Sequence[Scalar], change: Sequence[Scalar]
+) -> list[Scalar]:
     """Joint torques for a ``change`` of joint accelerations on a free-floating base.
 
     [M_bb M_bj; M_jb M_jj] [a; change] = [0; torque].
@@ -291,9 +397,15 @@ def floating_inertia_times(model: Model, joints: Sequence[Scalar], change: Seque
     M = dynamics.mass_matrix(model.vehicle, Mat3.identity(), joints)
     pushed = [inner_product(row[6:], change) for row in M[:6]]
     base = ldl_solve([row[:6] for row in M[:6]], [0.0 - value for value in pushed])
-    return [add(inner_product(row[:6], base), inner_product(row[6:], change)) for row in M[6:]]
+    return [
+        add(inner_product(row[:6], base), inner_product(row[6:], change))
+        for row in M[6:]
+    ]
 
 
 def within_efforts(limits: Limits, efforts: Sequence[Scalar]) -> Scalars:
     """Efforts clipped to their limits; NaN stays NaN."""
-    return tuple(clip(effort, 0.0 - most, most) for effort, most in zip(efforts, limits.effort, strict=True))
+    return tuple(
+        clip(effort, 0.0 - most, most)
+        for effort, most in zip(efforts, limits.effort, strict=True)
+    )

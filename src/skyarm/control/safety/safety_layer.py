@@ -1,4 +1,6 @@
-"""Safety layer around any controller: limited reference, law, supervisor, recovery and limited command."""
+"""Safety layer around any controller: limited reference, law, supervisor, recovery and
+limited command.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,12 @@ from skyarm.algebra import ZERO3, ZERO3_DATA, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import absolute, logical_or, where
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.select import choose, choose_each
-from skyarm.control.controller import Controller, ControllerError, Law, with_applied_command
+from skyarm.control.controller import (
+    Controller,
+    ControllerError,
+    Law,
+    with_applied_command,
+)
 from skyarm.control.law_checks import LawError, check_controller, checked_law, wrong
 from skyarm.control.law_maker import default_gains, default_joint_gains
 from skyarm.control.model import LayerParameters, Model
@@ -24,7 +31,13 @@ from skyarm.control.safety.bounds import (
     with_priorities,
     within_efforts,
 )
-from skyarm.control.safety.limits import MEASURED, USUAL_JOINTS, Limits, law_stiffness, limits_for
+from skyarm.control.safety.limits import (
+    MEASURED,
+    USUAL_JOINTS,
+    Limits,
+    law_stiffness,
+    limits_for,
+)
 from skyarm.control.safety.recovery import (
     Confidence,
     Recovery,
@@ -54,7 +67,8 @@ class SafetyParameters(LayerParameters):
     """Constants of a law inside the safety layer: limits and recovery law.
 
     Attributes:
-        limits: limits of references and commands. recovery: constants of the recovery law.
+        limits: limits of references and commands. recovery: constants of the recovery
+            law.
         stated: those of the measured limits that do not follow from the law inside.
     """
 
@@ -63,8 +77,12 @@ class SafetyParameters(LayerParameters):
     stated: tuple[str, ...] = field_if_any(default=())
 
     def path_names(self) -> Names:
-        """Parameter paths of the constants; the names of the stated limits have none."""
-        return {name: each for name, each in field_paths(self).items() if name != "stated"}
+        """Parameter paths of the constants; the names of the stated limits have
+        none.
+        """
+        return {
+            name: each for name, each in field_paths(self).items() if name != "stated"
+        }
 
     @property
     def measured_limits(self) -> tuple[Place, ...]:
@@ -72,38 +90,52 @@ class SafetyParameters(LayerParameters):
         return tuple(("limits", name) for name in MEASURED if name not in self.stated)
 
     def refit_to(self, law: Controller, changed: Collection[Place]) -> SafetyParameters:
-        """Constants whose limits follow from the law inside, after a change of its constants.
+        """Constants whose limits follow from the law inside, after a change of its
+        constants.
 
         Args:
-            law: law inside, as it is now. One with symbols or lanes cannot be measured: its limits stay.
-            changed: places of the changed numbers, in these constants. A limit among them is a stated one from now on.
+            law: law inside, as it is now. One with symbols or lanes cannot be measured:
+                its limits stay.
+            changed: places of the changed numbers, in these constants. A limit among
+                them is a stated one from now on.
         """
-        stated = tuple(name for name in MEASURED if name in self.stated or ("limits", name) in changed)
+        stated = tuple(
+            name
+            for name in MEASURED
+            if name in self.stated or ("limits", name) in changed
+        )
         par = self if stated == self.stated else replace(self, stated=stated)
         follows = par.measured_limits and any(place[0] == "inner" for place in changed)
         if not follows or not concrete(*leaves(law.par)):
             return par
         found = dict(zip(MEASURED, law_stiffness(law), strict=True))
-        return replace_at(par, {place: found[place[-1]] for place in par.measured_limits})
+        return replace_at(
+            par, {place: found[place[-1]] for place in par.measured_limits}
+        )
 
 
 @immutable
 class SafetyMemory:
-    """Internal state of a law with the safety layer: state of the law, limited references, supervisor and last command.
+    """Internal state of a law with the safety layer: state of the law, limited
+    references, supervisor and last command.
 
     Attributes:
         inner: state of the law.
         started: 0 before the first step.
-        joints: governed references of the law, rad or m. ramping: 1 where one is on its way.
+        joints: governed references of the law, rad or m. ramping: 1 where one is on its
+            way.
         arm: governed joint references of the recovery.
         sent: the last command.
-        confidence: state of the failure detection. hold: hover position of the recovery, m. yaw: its heading, rad.
+        confidence: state of the failure detection. hold: hover position of the
+            recovery, m. yaw: its heading, rad.
     """
 
     inner: Any
     started: Annotated[Scalar, Unit("", "0 before the first step")]
     joints: Annotated[Scalars, Unit("rad or m", "governed joint references of the law")]
-    ramping: Annotated[Scalars, Unit("", "1 for each joint whose reference is being slewed")]
+    ramping: Annotated[
+        Scalars, Unit("", "1 for each joint whose reference is being slewed")
+    ]
     arm: Annotated[Scalars, Unit("rad or m", "joint references of the recovery")]
     sent: Command
     confidence: Confidence
@@ -130,7 +162,8 @@ def first_memory(controller: Controller) -> SafetyMemory:
 
 @immutable
 class Governed:
-    """Reference of the law after the safety layer's limits, with flags of the limited joints.
+    """Reference of the law after the safety layer's limits, with flags of the limited
+    joints.
 
     Attributes:
         reference: governed. ramping: 1 for each joint whose reference is on its way.
@@ -143,7 +176,11 @@ class Governed:
 
 
 def govern(
-    par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, reference: Reference, dt: Scalar
+    par: SafetyParameters,
+    memory: SafetyMemory,
+    measurement: Measurement,
+    reference: Reference,
+    dt: Scalar,
 ) -> Governed:
     """Reference for the law within the safety layer's limits."""
     limits = par.limits
@@ -157,7 +194,14 @@ def govern(
         gravity=par.model.gravity,
     )
     reference, ramping = govern_joints(
-        base, joints, memory.ramping, limits.joint_slew, limits.joint_step, dt, model=par.model, limits=limits
+        base,
+        joints,
+        memory.ramping,
+        limits.joint_slew,
+        limits.joint_step,
+        dt,
+        model=par.model,
+        limits=limits,
     )
     return Governed(reference=reference, ramping=ramping, joints=joints)
 
@@ -171,7 +215,8 @@ def arbitrate(
     failed: Scalar,
     dt: Scalar,
 ) -> SafetyMemory:
-    """Choose between the law and the recovery; return the safety layer's next internal state.
+    """Choose between the law and the recovery; return the safety layer's next internal
+    state.
 
     Args:
         par: constants.
@@ -182,7 +227,9 @@ def arbitrate(
         failed: whether the law's command or memory cannot be used.
         dt: s.
     """
-    confidence = update_confidence(par.limits, memory.confidence, measurement, governed.joints, failed, dt)
+    confidence = update_confidence(
+        par.limits, memory.confidence, measurement, governed.joints, failed, dt
+    )
     given_up, before = confidence.given_up > 0.5, memory.confidence.given_up > 0.5
     hold, yaw = _place(before, memory, measurement)
     arm = choose_each(before, memory.arm, measurement.joints)
@@ -194,21 +241,36 @@ def arbitrate(
         joints=choose_each(given_up, measurement.joints, governed.reference.joints),
         ramping=choose_each(given_up, (0.0,) * len(governed.joints), governed.ramping),
         arm=hovering.joints,
-        sent=limit_command(par, memory, measurement, blend(given_up, rescue.dense(), desired.dense()), dt),
+        sent=limit_command(
+            par,
+            memory,
+            measurement,
+            blend(given_up, rescue.dense(), desired.dense()),
+            dt,
+        ),
         confidence=confidence,
         hold=hold,
         yaw=yaw,
     )
 
 
-def _place(before: Scalar, memory: SafetyMemory, measurement: Measurement) -> tuple[Vec3, Scalar]:
-    """Hover position and heading of the recovery, which follow the measurement while the law flies."""
+def _place(
+    before: Scalar, memory: SafetyMemory, measurement: Measurement
+) -> tuple[Vec3, Scalar]:
+    """Hover position and heading of the recovery, which follow the measurement while
+    the law flies.
+    """
     hold = choose(before, memory.hold, measurement.position)
     return hold, where(before, memory.yaw, yaw_of(measurement.quaternion))
 
 
 def _hold_reference(
-    par: SafetyParameters, measurement: Measurement, hold: Vec3, yaw: Scalar, arm: Sequence[Scalar], dt: Scalar
+    par: SafetyParameters,
+    measurement: Measurement,
+    hold: Vec3,
+    yaw: Scalar,
+    arm: Sequence[Scalar],
+    dt: Scalar,
 ) -> Reference:
     """Reference of the recovery: hover in place and stow the arm."""
     still = (0.0,) * len(par.recovery.stow)
@@ -216,20 +278,33 @@ def _hold_reference(
     hover = Reference(position=hold, velocity=ZERO3, yaw=yaw, **arm_at_rest)
     stiffness, damping = base_stiffness(par.recovery, par.model.vehicle.mass)
     base = govern_base(
-        hover, measurement, limits=par.limits, stiffness=stiffness, damping=damping, gravity=par.model.gravity
+        hover,
+        measurement,
+        limits=par.limits,
+        stiffness=stiffness,
+        damping=damping,
+        gravity=par.model.gravity,
     )
     speeds = par.recovery.stow_speed
-    return govern_joints(base, arm, still, speeds, still, dt, model=par.model, limits=par.limits)[0]
+    return govern_joints(
+        base, arm, still, speeds, still, dt, model=par.model, limits=par.limits
+    )[0]
 
 
 def limit_command(
-    par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, command: Command, dt: Scalar
+    par: SafetyParameters,
+    memory: SafetyMemory,
+    measurement: Measurement,
+    command: Command,
+    dt: Scalar,
 ) -> Command:
     """Command within actuator limits, slew rates and the joint barrier."""
     limits = par.limits
     efforts = within_efforts(limits, command.efforts)
     if efforts:
-        efforts = within_efforts(limits, apply_joint_barrier(par.model, limits, measurement, efforts))
+        efforts = within_efforts(
+            limits, apply_joint_barrier(par.model, limits, measurement, efforts)
+        )
     turning = reachable(par.model, par.mixer, command.rotor_speeds)
     near = limit_slew(
         Command(rotor_speeds=turning, efforts=efforts),
@@ -241,57 +316,81 @@ def limit_command(
     )
     return rebuild(
         memory.sent,
-        (where(absolute(a) < float("inf"), a, b) for a, b in zip(leaves(near), leaves(memory.sent), strict=True)),
+        (
+            where(absolute(a) < float("inf"), a, b)
+            for a, b in zip(leaves(near), leaves(memory.sent), strict=True)
+        ),
     )
 
 
 FAILURES = (ArithmeticError, ValueError, RuntimeError)
-"""Exceptions of arithmetic and solvers, such as numpy's LinAlgError; others are mistakes in a law's code."""
+"""Exceptions of arithmetic and solvers, such as numpy's LinAlgError; others are
+mistakes in a law's code."""
 
 
 def with_safety_layer(
-    controller: Controller, limits: Limits | Mapping[str, Any] | None = None, *, stow: tuple[float, ...] | None = None
+    controller: Controller,
+    limits: Limits | Mapping[str, Any] | None = None,
+    *,
+    stow: tuple[float, ...] | None = None,
 ) -> Controller:
     """Wrap a controller in the safety layer.
 
-    In order, each period: the reference is governed (:mod:`skyarm.control.safety.bounds`); the law steps on it; if
-    it is given up (:mod:`skyarm.control.safety.recovery`) the recovery flies in its place, the arm on its way to
-    ``stow``; the joints are kept from their limits, efforts and rotor speeds brought within theirs, yaw given up
-    first; steps from the last command are bounded; a number that is not finite becomes the last one sent. The law's
-    memory gets the applied command (:func:`skyarm.control.controller.with_applied_command`).
+    In order, each period: the reference is governed
+    (:mod:`skyarm.control.safety.bounds`); the law steps on it; if it is given up
+    (:mod:`skyarm.control.safety.recovery`) the recovery flies in its place, the arm on
+    its way to ``stow``; the joints are kept from their limits, efforts and rotor speeds
+    brought within theirs, yaw given up first; steps from the last command are bounded;
+    a number that is not finite becomes the last one sent. The law's memory gets the
+    applied command (:func:`skyarm.control.controller.with_applied_command`).
 
-    A law given up starts anew, from its first memory, after ``limits.calm`` seconds of calm flight; by default it does
-    not come back. After a measurement that is not finite the last command stands.
+    A law given up starts anew, from its first memory, after ``limits.calm`` seconds of
+    calm flight; by default it does not come back. After a measurement that is not
+    finite the last command stands.
 
-    A law that cannot be traced gets the layer as well, in Python. Of its memory, which may be anything, nothing is
-    looked at; an error of its numbers or its solver (``FAILURES``, a record refused among them) gives it up; while the
-    recovery flies it is not called.
+    A law that cannot be traced gets the layer as well, in Python. Of its memory, which
+    may be anything, nothing is looked at; an error of its numbers or its solver
+    (``FAILURES``, a record refused among them) gives it up; while the recovery flies it
+    is not called.
 
     Args:
-        controller: any law. Its own constants are then found under ``controller.inner``.
-        limits: or some of their fields; the others are :func:`skyarm.control.safety.limits.limits_for`'s.
-        stow: rad or m, pose of the arm when the law is given up; the middle of each joint's range if left out, zero for
-            a joint without limits.
+        controller: any law. Its own constants are then found under
+            ``controller.inner``.
+        limits: or some of their fields; the others are
+            :func:`skyarm.control.safety.limits.limits_for`'s.
+        stow: rad or m, pose of the arm when the law is given up; the middle of each
+            joint's range if left out, zero for a joint without limits.
 
     Raises:
-        ControllerError: no controller, one that has a safety layer already, or limits or a pose that do not fit.
+        ControllerError: no controller, one that has a safety layer already, or limits
+            or a pose that do not fit.
     """
     if not isinstance(controller, Controller):
         raise ControllerError(f"controller = {shown(controller)}: must be a Controller")
     if isinstance(controller.par, SafetyParameters):
-        raise ControllerError(f"controller = {controller.name!r}: has a safety layer already")
+        raise ControllerError(
+            f"controller = {controller.name!r}: has a safety layer already"
+        )
     check_controller(controller)
     if getattr(controller.par, "turns_rotors", False):
         inside = with_safety_layer(law_inside(controller), limits, stow=stow)
         return with_tilting(inside, controller.par.model)
     if not hasattr(controller.par, "mixer"):
-        raise wrong(controller, "has constants without a Mixer: par.mixer must be one for a law with a safety layer")
+        raise wrong(
+            controller,
+            "has constants without a Mixer: par.mixer must be one for a law with a"
+            " safety layer",
+        )
     model: Model = controller.par.model
     links = model.vehicle.links
     recovery = Recovery(
         gains=default_gains(model),
         joint_gains=default_joint_gains(model, torque=True),
-        stow=tuple(middle_position(link.joint) for link in links) if stow is None else pose_of(stow, links),
+        stow=(
+            tuple(middle_position(link.joint) for link in links)
+            if stow is None
+            else pose_of(stow, links)
+        ),
         stow_speed=tuple(USUAL_JOINTS[link.joint.kind].stow_speed for link in links),
     )
     par = SafetyParameters.around(
@@ -300,7 +399,11 @@ def with_safety_layer(
         mixer=with_priorities(model, controller.par.mixer),
         limits=_limits(controller, limits),
         recovery=recovery,
-        stated=tuple(name for name in MEASURED if isinstance(limits, Limits) or name in (limits or ())),
+        stated=tuple(
+            name
+            for name in MEASURED
+            if isinstance(limits, Limits) or name in (limits or ())
+        ),
     )
     return Controller(
         name=f"guarded_{controller.name}",
@@ -320,13 +423,22 @@ def _limits(controller: Controller, limits: Any) -> Limits:
         return limits_for(controller, **parts(limits))
     if isinstance(limits, Mapping):
         return limits_for(controller, **limits)
-    raise ControllerError(f"safety = {shown(limits)}: must be Limits or a mapping of some of their fields")
+    raise ControllerError(
+        f"safety = {shown(limits)}: must be Limits or a mapping of some of their fields"
+    )
 
 
 def _layer(controller: Controller) -> Law:
-    """Step function of a law inside the safety layer, as a picklable functools.partial."""
+    """Step function of a law inside the safety layer, as a picklable
+    functools.partial.
+    """
     step = _traced_law if controller.compiled else _called_law
-    return partial(step, inner=checked_law(controller), first=controller.memory, margin=controller.margin)
+    return partial(
+        step,
+        inner=checked_law(controller),
+        first=controller.memory,
+        margin=controller.margin,
+    )
 
 
 def _traced_law(
@@ -340,12 +452,16 @@ def _traced_law(
     first: Any,
     margin: Callable[[Quaternion], Scalar] | None,
 ) -> tuple[SafetyMemory, Command]:
-    """Step of a control law within the safety layer: limited reference and command, recovery on failure.
+    """Step of a control law within the safety layer: limited reference and command,
+    recovery on failure.
 
-    ``inner`` is the law, ``first`` its first memory and ``margin`` its distance to where it is not defined.
+    ``inner`` is the law, ``first`` its first memory and ``margin`` its distance to
+    where it is not defined.
     """
     governed = govern(par, memory, measurement, reference, dt)
-    following, desired = inner(memory.inner, measurement, governed.reference, dt, par=par.own)
+    following, desired = inner(
+        memory.inner, measurement, governed.reference, dt, par=par.own
+    )
     failed = logical_or(not_finite(desired), not_finite(following))
     if margin is not None:
         failed = logical_or(failed, margin(measurement.quaternion) < 0.0)
@@ -373,11 +489,16 @@ def _called_law(
         return memory, memory.sent
     governed = govern(par, memory, measurement, reference, dt)
     following, desired, failed = first, memory.sent, False
-    # from its first memory a law may have much to prepare, in vain while the recovery flies
+    # from its first memory a law may have much to prepare, in vain while the recovery
+    # flies
     if memory.confidence.given_up < 0.5:
         try:
-            following, desired = inner(memory.inner, measurement, governed.reference, dt, par=par.own)
-            failed = not finite(desired) or (margin is not None and margin(measurement.quaternion) < 0.0)
+            following, desired = inner(
+                memory.inner, measurement, governed.reference, dt, par=par.own
+            )
+            failed = not finite(desired) or (
+                margin is not None and margin(measurement.quaternion) < 0.0
+            )
         except LawError as error:
             # a mistake in its code, but for a record that its numbers do not make
             if not isinstance(error.__cause__, RecordError):

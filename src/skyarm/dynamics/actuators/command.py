@@ -13,23 +13,41 @@ from skyarm.records.units import Unit
 
 @immutable
 class Command:
-    """Command to the actuators: rotor speeds (rad/s), joint setpoints, angles of tilting rotors.
+    """Command to the actuators: rotor speeds (rad/s), joint setpoints, angles of
+    tilting rotors.
 
-    A rotor speed is negative only of a reversible rotor. ``tilts`` may be left out: then every rotor stays in the
-    middle, at angle 0.
+    A rotor speed is negative only of a reversible rotor. ``tilts`` may be left out:
+    then every rotor stays in the middle, at angle 0.
     """
 
-    rotor_speeds: Annotated[Scalars, Unit("rad/s", "commanded rotor speeds, in the order of the vehicle's rotors")] = ()
-    efforts: Annotated[Scalars, Unit("N m or N", "commanded joint efforts, in the order of the vehicle's joints")] = ()
-    tilts: Annotated[Scalars, Unit("rad", "commanded angles of the tilting rotors")] = field_if_any(default=())
+    rotor_speeds: Annotated[
+        Scalars,
+        Unit("rad/s", "commanded rotor speeds, in the order of the vehicle's rotors"),
+    ] = ()
+    efforts: Annotated[
+        Scalars,
+        Unit(
+            "N m or N", "commanded joint efforts, in the order of the vehicle's joints"
+        ),
+    ] = ()
+    tilts: Annotated[Scalars, Unit("rad", "commanded angles of the tilting rotors")] = (
+        field_if_any(default=())
+    )
 
     def __post_init__(self) -> None:
         # made in every period: what holds tuples already is not looked at
-        if not (type(self.rotor_speeds) is type(self.efforts) is type(self.tilts) is tuple):
+        if not (
+            type(self.rotor_speeds) is type(self.efforts) is type(self.tilts) is tuple
+        ):
             accept_fields(self, "command")
 
     def dense(self) -> Command:
-        """Command with integers converted to floats, which compiled code keeps as variables, not as constants."""
-        rows = ([data(value) for value in row] for row in (self.rotor_speeds, self.efforts, self.tilts))
+        """Command with integers converted to floats, which compiled code keeps as
+        variables, not as constants.
+        """
+        rows = (
+            [data(value) for value in row]
+            for row in (self.rotor_speeds, self.efforts, self.tilts)
+        )
         rotor_speeds, efforts, tilts = map(tuple, rows)
         return Command(rotor_speeds=rotor_speeds, efforts=efforts, tilts=tilts)

@@ -12,34 +12,43 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 SPENT = 0.85
-"""Share of thrust and joint efforts that weights may take; the rest controls the motion."""
+"""Share of thrust and joint efforts that weights may take; the rest controls the
+motion."""
 
 LARGEST, LEVER = 1e4, 1e-3
-"""Force (N) of a member without limits, and least lever (m) of a force about a joint."""
+"""Force (N) of a member without limits, and least lever (m) of a force about a
+joint."""
 
 
 @immutable
 class LoadLimits:
     """Largest load at the tip of a vehicle in a pose."""
 
-    weight: Annotated[Scalar, Unit("N", "largest weight at the tip that rotors and joints bear")] = LARGEST
-    moment: Annotated[Scalar, Unit("N m", "largest moment at the tip, of any direction, that the joints bear")] = (
-        LARGEST
-    )
+    weight: Annotated[
+        Scalar, Unit("N", "largest weight at the tip that rotors and joints bear")
+    ] = LARGEST
+    moment: Annotated[
+        Scalar,
+        Unit(
+            "N m", "largest moment at the tip, of any direction, that the joints bear"
+        ),
+    ] = LARGEST
 
 
 def largest_load(motion: PointMotion) -> LoadLimits:
     """Largest load at the tip of a vehicle in its present pose; at least 0.
 
-    Beside the weights of vehicle and arm, which the same rotors and joints bear. A moment may have any direction.
-    Servos count as their joints.
+    Beside the weights of vehicle and arm, which the same rotors and joints bear. A
+    moment may have any direction. Servos count as their joints.
     """
     vehicle, gravity = motion.vehicle, motion.gravity
     most = minimum(SPENT * highest_thrust(vehicle) - vehicle.mass * gravity, LARGEST)
     turning: Scalar = LARGEST
     own: list[Scalar] = [0.0] * vehicle.n
     for i, each in enumerate(vehicle.moving):
-        _, efforts = motion.generalized_force(E_Z * (each.body.mass * gravity), ZERO3, each.body.com, i)
+        _, efforts = motion.generalized_force(
+            E_Z * (each.body.mass * gravity), ZERO3, each.body.com, i
+        )
         own = [a + b for a, b in zip(own, efforts, strict=True)]
     if not vehicle.n:
         return LoadLimits(weight=data(maximum(most, 0.0)))

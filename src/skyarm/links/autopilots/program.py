@@ -1,4 +1,6 @@
-"""Autopilot program as a child process: find it, start it in its own folder, connect to it, and always end it."""
+"""Autopilot program as a child process: find it, start it in its own folder, connect to
+it, and always end it.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ MOST_READ = 1 << 16
 
 
 def find_program(autopilot: Autopilot, usual: str = "") -> Path:
-    """Path of an autopilot's program: stated, from the environment variable, or ``usual`` on the search path.
+    """Path of an autopilot's program: stated, from the environment variable, or
+    ``usual`` on the search path.
 
     Raises:
         ScenarioError: none of them is an executable file.
@@ -38,13 +41,17 @@ def find_program(autopilot: Autopilot, usual: str = "") -> Path:
         installed = shutil.which(usual) if usual else None
         if installed is None:
             raise ScenarioError(
-                f"autopilot: {autopilot.title}'s program is missing; build it (docs/autopilots.md says how) and set "
-                f"the environment variable {autopilot.variable} to its path"
+                f"autopilot: {autopilot.title}'s program is missing; build it"
+                " (docs/autopilots.md says how) and set the environment variable"
+                f" {autopilot.variable} to its path"
             )
         return Path(installed).absolute()
     path = Path(stated).expanduser().absolute()
     if not path.is_file() or not os.access(path, os.X_OK):
-        raise ScenarioError(f"{where} = {shown(stated)}: must be an executable file, {autopilot.title}'s program")
+        raise ScenarioError(
+            f"{where} = {shown(stated)}: must be an executable file,"
+            f" {autopilot.title}'s program"
+        )
     return path
 
 
@@ -54,35 +61,50 @@ shift
 { read -r _ <&3; kill -9 $$; rm -rf -- "$folder"; kill -9 -- -$$; } >/dev/null 2>&1 &
 exec "$@" 3<&-
 """
-"""Shell command that starts the program next to a guard process of its group, which waits for the end of a pipe that
-only this process holds. The kernel closes the pipe when this process ends, and the guard then ends the program."""
+"""Shell command that starts the program next to a guard process of its group, which
+waits for the end of a pipe that only this process holds. The kernel closes the pipe
+when this process ends, and the guard then ends the program."""
 
 
 class Child:
-    """Child process in its own temporary folder, ended with its parent process even if the parent crashes.
+    """Child process in its own temporary folder, ended with its parent process even if
+    the parent crashes.
 
     Args:
         command: program and arguments.
         folder: folder in which it runs; removed by :meth:`close`.
         environment: variables on top of this process's own.
-        without: beginning of the names of variables of this process that it does not get; empty for none.
+        without: beginning of the names of variables of this process that it does not
+            get; empty for none.
 
     Raises:
         LinkError: it cannot be started.
     """
 
     def __init__(
-        self, command: Sequence[str], folder: Path, environment: Mapping[str, str] | None = None, without: str = ""
+        self,
+        command: Sequence[str],
+        folder: Path,
+        environment: Mapping[str, str] | None = None,
+        without: str = "",
     ) -> None:
-        inherited = {name: each for name, each in os.environ.items() if not (without and name.startswith(without))}
+        inherited = {
+            name: each
+            for name, each in os.environ.items()
+            if not (without and name.startswith(without))
+        }
         self.folder, self._output = folder, folder / "output.txt"
         read_end, self._pipe = os.pipe()
         try:
             with self._output.open("wb") as output:
                 self._process = subprocess.Popen(
                     ["/bin/sh", "-c", GUARD, "skyarm", str(folder), *command],
-                    cwd=folder, env={**inherited, **(environment or {})}, stdin=read_end, stdout=output,
-                    stderr=subprocess.STDOUT, start_new_session=True,
+                    cwd=folder,
+                    env={**inherited, **(environment or {})},
+                    stdin=read_end,
+                    stdout=output,
+                    stderr=subprocess.STDOUT,
+                    start_new_session=True,
                 )
         except OSError as error:
             os.close(self._pipe)
@@ -98,7 +120,9 @@ class Child:
 
     @property
     def code(self) -> int | None:
-        """Exit code of the child process, negative if a signal ended it; None while it runs."""
+        """Exit code of the child process, negative if a signal ended it; None while it
+        runs.
+        """
         return self._process.poll()
 
     @property
@@ -116,13 +140,17 @@ class Child:
 
     @property
     def last_words(self) -> str:
-        """Last three different lines that the program printed, without control characters."""
+        """Last three different lines that the program printed, without control
+        characters.
+        """
         lines = filter(None, map(_printable, reversed(self.output.splitlines())))
         words = " | ".join(reversed(list(islice(dict.fromkeys(lines), 3))))
         return words[-LAST_WORDS:]
 
     def ending(self, title: str) -> str:
-        """Last output lines in brackets for an error message, or the exit code of a program that printed nothing."""
+        """Last output lines in brackets for an error message, or the exit code of a
+        program that printed nothing.
+        """
         words, code = self.last_words, self.code
         if words or code is None:
             return f" ({words})" if words else ""
@@ -139,7 +167,9 @@ class Child:
         self._pipe = -1
 
     def close(self) -> None:
-        """Kill the process and all its children, and remove its folder; a second call does nothing."""
+        """Kill the process and all its children, and remove its folder; a second call
+        does nothing.
+        """
         self.end()
         shutil.rmtree(self.folder, ignore_errors=True)
 
@@ -156,7 +186,8 @@ def make_folder(autopilot: Autopilot) -> Path:
 
 
 class ProgramLink(SimulatorLink):
-    """Connection to a program that it starts itself; closing it ends the process and removes folder and sockets.
+    """Connection to a program that it starts itself; closing it ends the process and
+    removes folder and sockets.
 
     Args:
         record: record of the autopilot.
@@ -179,7 +210,9 @@ class ProgramLink(SimulatorLink):
             yield
         except OSError as error:
             self.close()
-            raise LinkError(f"{self._title} cannot be started: {error.strerror or error}") from None
+            raise LinkError(
+                f"{self._title} cannot be started: {error.strerror or error}"
+            ) from None
         except BaseException:
             self.close()
             raise
@@ -191,9 +224,15 @@ class ProgramLink(SimulatorLink):
         return folder
 
     def _launch(
-        self, command: Sequence[str], folder: Path, environment: Mapping[str, str] | None = None, without: str = ""
+        self,
+        command: Sequence[str],
+        folder: Path,
+        environment: Mapping[str, str] | None = None,
+        without: str = "",
     ) -> Child:
-        """Start the program as a child process; the arguments are those of :class:`Child`."""
+        """Start the program as a child process; the arguments are those of
+        :class:`Child`.
+        """
         self._child = Child(command, folder, environment, without)
         self._held.callback(self._child.close)
         return self._child
@@ -217,7 +256,8 @@ class ProgramLink(SimulatorLink):
             if time.monotonic() > until:
                 port = listener.getsockname()[1]
                 raise LinkError(
-                    f"{self._title} has not connected to port {port} within {self._record.patience:g} s{self._ending}"
+                    f"{self._title} has not connected to port {port} within"
+                    f" {self._record.patience:g} s{self._ending}"
                 )
 
     def _write(self, data: bytes) -> None:
@@ -231,7 +271,10 @@ class ProgramLink(SimulatorLink):
             self._tcp.settimeout(self._record.patience)
             self._tcp.sendall(data)
         except TimeoutError:
-            raise LinkError(f"{self._title} has read nothing for {self._record.patience:g} s{self._ending}") from None
+            raise LinkError(
+                f"{self._title} has read nothing for {self._record.patience:g}"
+                f" s{self._ending}"
+            ) from None
         except OSError:
             raise self._closing_error() from None
 
@@ -247,8 +290,12 @@ class ProgramLink(SimulatorLink):
 
     def _port_error(self, error: OSError) -> LinkError:
         """Error for a port at which no program listens."""
-        return LinkError(f"{self._title} is gone: {error.strerror or error}{self._ending}")
+        return LinkError(
+            f"{self._title} is gone: {error.strerror or error}{self._ending}"
+        )
 
     def close(self) -> None:
-        """End the program, remove its folder and close the sockets; a second call does nothing."""
+        """End the program, remove its folder and close the sockets; a second call does
+        nothing.
+        """
         self._held.close()

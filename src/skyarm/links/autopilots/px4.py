@@ -1,9 +1,11 @@
-"""PX4 in the loop: lockstep simulator MAVLink over TCP; set points and state over its onboard MAVLink port.
+"""PX4 in the loop: lockstep simulator MAVLink over TCP; set points and state over its
+onboard MAVLink port.
 
-Wire facts (PX4 v1.17, its simulator MAVLink module and start script): PX4 connects to our TCP port 4560 + instance;
-each HIL_SENSOR of id 0 sets its clock and is answered by one HIL_ACTUATOR_CONTROLS with the same time; before its
-start script has ended it answers only some. The onboard port is UDP 14540 + instance, and PX4's number as a MAVLink
-system is 1 + instance.
+Wire facts (PX4 v1.17, its simulator MAVLink module and start script): PX4 connects to
+our TCP port 4560 + instance; each HIL_SENSOR of id 0 sets its clock and is answered by
+one HIL_ACTUATOR_CONTROLS with the same time; before its start script has ended it
+answers only some. The onboard port is UDP 14540 + instance, and PX4's number as a
+MAVLink system is 1 + instance.
 """
 
 from __future__ import annotations
@@ -44,23 +46,31 @@ from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle import Vehicle
 
 STALL = 1.0
-"""Wall-clock time (s) without an answer after which a step is abandoned; PX4 may drop a sample and would wait for
-ever."""
+"""Wall-clock time (s) without an answer after which a step is abandoned; PX4 may drop a
+sample and would wait for ever."""
 
 HALT, HASTE, STEADY = 0.1, 0.75, 10
-"""Time (s) without an answer in real time after which the motors count as commanded externally; fraction of a period
-to wait then; number of answers in a row after which PX4 commands them again."""
+"""Time (s) without an answer in real time after which the motors count as commanded
+externally; fraction of a period to wait then; number of answers in a row after which
+PX4 commands them again."""
 
 BOOT_STEP = 0.02
 """Wall-clock time (s) between sensor messages until PX4 answers the first."""
 
-OUTSIDE_PARAMETERS = {"IMU_INTEG_RATE": 250, "COM_OBL_RC_ACT": 5, "COM_RCL_EXCEPT": 7, "MC_YAW_TQ_CUTOFF": 0}
-"""Parameters for an external law: PX4 holds its position without set points and needs no remote control; its yaw
-torque is not filtered, since yaw control oscillates behind its usual filter of 2 Hz."""
+OUTSIDE_PARAMETERS = {
+    "IMU_INTEG_RATE": 250,
+    "COM_OBL_RC_ACT": 5,
+    "COM_RCL_EXCEPT": 7,
+    "MC_YAW_TQ_CUTOFF": 0,
+}
+"""Parameters for an external law: PX4 holds its position without set points and needs
+no remote control; its yaw torque is not filtered, since yaw control oscillates behind
+its usual filter of 2 Hz."""
 
 OFFBOARD_LOSS = 0.15
-"""Time (s) without external set points after which PX4 holds its position; its default of 1 s is long for a body
-rate. It stays at that during the take-off, which is faster than real time."""
+"""Time (s) without external set points after which PX4 holds its position; its default
+of 1 s is long for a body rate. It stays at that during the take-off, which is faster
+than real time."""
 
 LOCKSTEP = 1
 """Bit of a message's flags for lockstep."""
@@ -72,22 +82,27 @@ REPLIES = 10.0
 """Time (s) within which a requested parameter must arrive from PX4."""
 
 SETTLED = 5
-"""Time (s) of valid estimates after which PX4's local origin is known and arming is requested."""
+"""Time (s) of valid estimates after which PX4's local origin is known and arming is
+requested."""
 
 LINKS = "px4-rc.mavlink"
-"""Script for MAVLink links that PX4's start script runs, the first of that name in ``PATH``. PX4's own opens four
-UDP ports to every interface and obeys any sender; this one opens the onboard port only."""
+"""Script for MAVLink links that PX4's start script runs, the first of that name in
+``PATH``. PX4's own opens four UDP ports to every interface and obeys any sender; this
+one opens the onboard port only."""
 
 BABBLE = 4096
-"""Number of bytes that are not MAVLink after which the peer counts as another program."""
+"""Number of bytes that are not MAVLink after which the peer counts as another
+program."""
 
 
 @immutable
 class PX4(Autopilot):
-    """PX4 flying a simulated vehicle: parameters from rotors and vehicle, sensors over its simulator port.
+    """PX4 flying a simulated vehicle: parameters from rotors and vehicle, sensors over
+    its simulator port.
 
     Attributes:
-        instance: number of the program, which sets its ports; -1 for the first whose ports are free.
+        instance: number of the program, which sets its ports; -1 for the first whose
+            ports are free.
     """
 
     instance: int = -1
@@ -98,12 +113,21 @@ class PX4(Autopilot):
     least_rate: ClassVar[int] = 250
 
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
-        """Sensors for PX4: inertial unit at the link's rate, magnetometer and barometer at 50 Hz, GNSS at 10 Hz."""
-        return {"imu": FLIGHT_IMU, "magnetometer": Magnetometer(), "barometer": Barometer(), "gnss": Gnss()}
+        """Sensors for PX4: inertial unit at the link's rate, magnetometer and barometer
+        at 50 Hz, GNSS at 10 Hz.
+        """
+        return {
+            "imu": FLIGHT_IMU,
+            "magnetometer": Magnetometer(),
+            "barometer": Barometer(),
+            "gnss": Gnss(),
+        }
 
     @property
     def outside_ports(self) -> tuple[int, int]:
-        """UDP ports for an external program: PX4's onboard port and the joint port (by default, instance 0's)."""
+        """UDP ports for an external program: PX4's onboard port and the joint port (by
+        default, instance 0's).
+        """
         instance = max(self.instance, 0)
         return ONBOARD_PORT + instance, JOINT_PORT + instance
 
@@ -116,7 +140,8 @@ make_px4 = AutopilotMaker(PX4)
 
 
 def find_etc(program: Path) -> Path:
-    """Find PX4's folder ``etc`` of start scripts, next to the program or next to the program's folder.
+    """Find PX4's folder ``etc`` of start scripts, next to the program or next to the
+    program's folder.
 
     Raises:
         ScenarioError: there is none.
@@ -126,12 +151,14 @@ def find_etc(program: Path) -> Path:
             if place.is_dir():
                 return place
     raise ScenarioError(
-        f"controller.program = {str(program)!r}: must have PX4's folder 'etc' beside it, or beside its folder"
+        f"controller.program = {str(program)!r}: must have PX4's folder 'etc' beside"
+        " it, or beside its folder"
     )
 
 
 class PX4Link(ProgramLink):
-    """Connection to a running PX4: its process, the simulator's TCP stream, and the onboard MAVLink port.
+    """Connection to a running PX4: its process, the simulator's TCP stream, and the
+    onboard MAVLink port.
 
     Args:
         record: options.
@@ -157,12 +184,16 @@ class PX4Link(ProgramLink):
         self._stand = float(first_state(scenario).position.z) - record.climb
         self._sensors = SensorMessages()
         self._simulator, self._sequence = mavlink.Parser(), 0
-        self._vehicle = GuidedVehicle(PX4_NUMBER, self._carry, record.parameters, datagrams=True)
+        self._vehicle = GuidedVehicle(
+            PX4_NUMBER, self._carry, record.parameters, datagrams=True
+        )
         self._row = self._steps = self._answered = self._missed = self._failsafes = 0
         self._silence = 0.0
         self._armed = self._ready = self._leaves = self._failing = False
         model = model_of(scenario)
-        needed = vehicle_parameters(model.vehicle, float(model.gravity)) | sensor_parameters(scenario)
+        needed = vehicle_parameters(
+            model.vehicle, float(model.gravity)
+        ) | sensor_parameters(scenario)
         needed |= OUTSIDE_PARAMETERS if record.outside else {}
         if not tape.plays:
             self._start(needed | dict(record.parameters))
@@ -172,17 +203,37 @@ class PX4Link(ProgramLink):
         record = self._record
         program = find_program(record, "px4")
         etc = find_etc(program)
-        ports = open_ports(max(record.instance, 0) if record.outside else record.instance)
-        self._udp, self._partner = self._held.enter_context(ports.onboard), ports.partner
+        ports = open_ports(
+            max(record.instance, 0) if record.outside else record.instance
+        )
+        self._udp, self._partner = (
+            self._held.enter_context(ports.onboard),
+            ports.partner,
+        )
         self._held.enter_context(ports.listener)
         with self._starting():
-            environment = {f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in parameters.items()}
+            environment = {
+                f"PX4_PARAM_{name}": f"{value:.9g}"
+                for name, value in parameters.items()
+            }
             environment["PX4_SIM_MODEL"] = "none_iris"
             folder = self._make_folder()
             ours, theirs = ports.onboard.getsockname()[1], ports.partner[1]
-            (folder / LINKS).write_text(f"mavlink start -u {theirs} -o {ours} -m onboard -r 4000000\n", "ascii")
-            environment["PATH"] = os.pathsep.join((os.environ.get("PATH", os.defpath), str(folder)))
-            command = [str(program), "-d", "-i", str(ports.instance), "-w", str(folder), str(etc)]
+            (folder / LINKS).write_text(
+                f"mavlink start -u {theirs} -o {ours} -m onboard -r 4000000\n", "ascii"
+            )
+            environment["PATH"] = os.pathsep.join(
+                (os.environ.get("PATH", os.defpath), str(folder))
+            )
+            command = [
+                str(program),
+                "-d",
+                "-i",
+                str(ports.instance),
+                "-w",
+                str(folder),
+                str(etc),
+            ]
             self._launch(command, folder, environment, without="PX4_")
             self._tcp = self._accept(ports.listener)
             # else it keeps the instance, whose onboard port is to be free
@@ -190,12 +241,16 @@ class PX4Link(ProgramLink):
                 ports.listener.close()
 
     def release(self) -> None:
-        """Request PX4's hold mode, after which its onboard port is free for an external program."""
+        """Request PX4's hold mode, after which its onboard port is free for an external
+        program.
+        """
         self._leaves = True
 
     @property
     def facts(self) -> dict[str, Plain]:
-        """Counts of the exchange with PX4 (sent, answered, missed, failsafes) and its last message."""
+        """Counts of the exchange with PX4 (sent, answered, missed, failsafes) and its
+        last message.
+        """
         return {
             "steps": self._steps,
             "answered": self._answered,
@@ -207,10 +262,14 @@ class PX4Link(ProgramLink):
         }
 
     def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
-        """Send the sensor readings and the set point of an instant; wait for the rotor signals of the same time."""
+        """Send the sensor readings and the set point of an instant; wait for the rotor
+        signals of the same time.
+        """
         stamp = round(now.time * 1e6) + 1
         self._steps += 1
-        self._send("HIL_SENSOR", time_usec=stamp, **self._sensors.inertial(now.readings))
+        self._send(
+            "HIL_SENSOR", time_usec=stamp, **self._sensors.inertial(now.readings)
+        )
         satellite = self._sensors.satellite(now.readings)
         if satellite is not None:
             self._send("HIL_GPS", time_usec=stamp, **satellite)
@@ -222,14 +281,18 @@ class PX4Link(ProgramLink):
     def _send(self, name: str, **fields: float) -> None:
         """Send a MAVLink message over the simulator's TCP stream."""
         try:
-            frame = mavlink.pack(name, sequence=self._sequence, system=1, component=200, **fields)
+            frame = mavlink.pack(
+                name, sequence=self._sequence, system=1, component=200, **fields
+            )
         except mavlink.MavlinkError as error:
             raise LinkError(f"a reading cannot be sent to PX4: {error}") from None
         self._sequence += 1
         self._tape.send("simulator", frame, self._write)
 
     def _await(self, stamp: int) -> None:
-        """Wait for the answer to a sensor message; only briefly while PX4 starts or under external motor commands."""
+        """Wait for the answer to a sensor message; only briefly while PX4 starts or
+        under external motor commands.
+        """
         pause = STALL if self._answered else BOOT_STEP
         if self.released and self._record.outside:
             pause = HALT if self._row >= STEADY else HASTE / self._rate
@@ -241,24 +304,43 @@ class PX4Link(ProgramLink):
                 self._row = 0
                 self._silence += pause
                 if self._silence > self._record.patience:
-                    raise LinkError(f"PX4 has not answered for {self._record.patience:g} s{self._ending}")
+                    raise LinkError(
+                        f"PX4 has not answered for {self._record.patience:g}"
+                        f" s{self._ending}"
+                    )
                 return
             heard = True
             for message in self._simulator.feed(data):
-                if message.name == "HIL_ACTUATOR_CONTROLS" and self._take_controls(message, stamp):
+                if message.name == "HIL_ACTUATOR_CONTROLS" and self._take_controls(
+                    message, stamp
+                ):
                     return
             if self._simulator.skipped > BABBLE:
-                raise LinkError(f"PX4's simulator port: {self._simulator.skipped} bytes that are no MAVLink")
+                raise LinkError(
+                    f"PX4's simulator port: {self._simulator.skipped} bytes that are no"
+                    " MAVLink"
+                )
 
     def _take_controls(self, message: mavlink.Message, stamp: int) -> bool:
-        """Store the rotor signals of an answer; True if it answers the sensor message of the given time."""
+        """Store the rotor signals of an answer; True if it answers the sensor message
+        of the given time.
+        """
         controls, answered = message["controls"][: self._rotors], message["time_usec"]
         if not message["flags"] & LOCKSTEP:
-            raise LinkError("PX4 does not run in lockstep: it must be built with its lockstep scheduler")
+            raise LinkError(
+                "PX4 does not run in lockstep: it must be built with its lockstep"
+                " scheduler"
+            )
         if answered > stamp:
-            raise LinkError(f"PX4 answered with the time {answered} us before it was sent: must be {stamp} us")
+            raise LinkError(
+                f"PX4 answered with the time {answered} us before it was sent: must be"
+                f" {stamp} us"
+            )
         if not all(-1e-3 <= each <= 1.001 for each in controls):
-            raise LinkError(f"PX4 sent controls that are not from 0 to 1: {[round(each, 4) for each in controls]}")
+            raise LinkError(
+                "PX4 sent controls that are not from 0 to 1:"
+                f" {[round(each, 4) for each in controls]}"
+            )
         self._signals = tuple(min(max(each, 0.0), 1.0) for each in controls)
         self._armed = bool(message["mode"] & ARMED)
         if self.released and not self._armed:
@@ -273,16 +355,23 @@ class PX4Link(ProgramLink):
         return True
 
     def _require_parameters(self) -> None:
-        """Raise an error for user parameters that PX4 does not have, once it has read them."""
+        """Raise an error for user parameters that PX4 does not have, once it has read
+        them.
+        """
         if self._child is None:
             return
         words = self._child.output
         for name, value in self._record.parameters:
             if f"Parameter {name} not found" in words:
-                raise LinkError(f"controller.parameters.{name} = {value:g}: must be a parameter that PX4 knows")
+                raise LinkError(
+                    f"controller.parameters.{name} = {value:g}: must be a parameter"
+                    " that PX4 knows"
+                )
 
     def _read(self, until: float, heard: bool) -> bytes:
-        """Bytes received from PX4 over the simulator's TCP connection; empty once the time limit has passed."""
+        """Bytes received from PX4 over the simulator's TCP connection; empty once the
+        time limit has passed.
+        """
         assert self._tcp is not None
         if heard and time.monotonic() > until:
             return b""
@@ -298,7 +387,9 @@ class PX4Link(ProgramLink):
         return data
 
     def _talk(self, t: float, goal: BaseGoal) -> None:
-        """Exchange MAVLink with PX4: read its state, request offboard mode and arming, and send set points at 50 Hz."""
+        """Exchange MAVLink with PX4: read its state, request offboard mode and arming,
+        and send set points at 50 Hz.
+        """
         data, vehicle = self._tape.receive("onboard", self._datagrams), self._vehicle
         for message in vehicle.parser.feed(data) if data else ():
             self._hear(message)
@@ -319,10 +410,11 @@ class PX4Link(ProgramLink):
             self._request()
 
     def _request(self) -> None:
-        """Request offboard mode and arming in alternate seconds until PX4 has accepted both.
+        """Request offboard mode and arming in alternate seconds until PX4 has accepted
+        both.
 
-        The seconds are simulated, and the state that PX4 reports once a second of its own is not waited for: so flights
-        begin alike.
+        The seconds are simulated, and the state that PX4 reports once a second of its
+        own is not waited for: so flights begin alike.
         """
         vehicle = self._vehicle
         if self._steps % (2 * self._rate):
@@ -341,19 +433,26 @@ class PX4Link(ProgramLink):
             self.released = True
 
     def _find_origin(self) -> None:
-        """Estimate the origin of PX4's local frame at rest, from the mean difference of its position and the readings.
+        """Estimate the origin of PX4's local frame at rest, from the mean difference of
+        its position and the readings.
 
         It is found at a whole second, so that flights begin alike.
         """
-        count = self._vehicle.compare_place(self._sensors.fix, self._ready and not self._armed)
+        count = self._vehicle.compare_place(
+            self._sensors.fix, self._ready and not self._armed
+        )
         if count >= SETTLED * self._rate and self._steps % self._rate == 0:
             self._vehicle.find_origin(2 * self._rate)
 
     def _datagrams(self) -> bytes:
-        """Bytes that have arrived from PX4 at the onboard port; other senders are ignored."""
+        """Bytes that have arrived from PX4 at the onboard port; other senders are
+        ignored.
+        """
         assert self._udp is not None
         with suppress(ConnectionError):
-            return b"".join(data for data, sender in drain(self._udp) if sender == self._partner)
+            return b"".join(
+                data for data, sender in drain(self._udp) if sender == self._partner
+            )
         return b""
 
     def _carry(self, frame: bytes) -> None:
@@ -366,7 +465,9 @@ class PX4Link(ProgramLink):
             self._udp.sendto(data, self._partner)
 
     def _hear(self, message: mavlink.Message) -> None:
-        """Store PX4's state from a MAVLink message: mode, position, texts, and validity of its estimates."""
+        """Store PX4's state from a MAVLink message: mode, position, texts, and validity
+        of its estimates.
+        """
         vehicle = self._vehicle
         if not vehicle.hear(message):
             return
@@ -377,6 +478,10 @@ class PX4Link(ProgramLink):
         elif message.name == "ESTIMATOR_STATUS":
             self._ready = message["flags"] & ESTIMATED == ESTIMATED
         elif message.name == "LOCAL_POSITION_NED":
-            high = self._armed and vehicle.obeys and vehicle.rise(self._stand) > 0.5 * self._record.climb
+            high = (
+                self._armed
+                and vehicle.obeys
+                and vehicle.rise(self._stand) > 0.5 * self._record.climb
+            )
             if high and not self.following:
                 self.following, vehicle.said = True, ""

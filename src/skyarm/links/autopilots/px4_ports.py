@@ -1,4 +1,6 @@
-"""TCP and UDP ports of a PX4 instance on the loopback address, computed from its instance number."""
+"""TCP and UDP ports of a PX4 instance on the loopback address, computed from its
+instance number.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +14,15 @@ INSTANCES = 10
 """Number of program instances for which PX4's start script has ports."""
 
 ONBOARD_PORT, JOINT_PORT = 14540, 14640
-"""UDP ports of instance 0: for PX4's onboard MAVLink, and for the joints of an external program."""
+"""UDP ports of instance 0: for PX4's onboard MAVLink, and for the joints of an external
+program."""
 
 
 @positional
 class Ports:
-    """Sockets for a PX4 instance on the loopback address: the listening simulator port and the onboard port."""
+    """Sockets for a PX4 instance on the loopback address: the listening simulator port
+    and the onboard port.
+    """
 
     instance: int
     listener: socket.socket
@@ -30,14 +35,18 @@ class Ports:
 
 
 def open_ports(instance: int) -> Ports:
-    """Open the ports of a PX4 instance; -1 takes the first instance whose ports are free.
+    """Open the ports of a PX4 instance; -1 takes the first instance whose ports are
+    free.
 
     Raises:
         ScenarioError: an instance that PX4 does not have.
         LinkError: the ports are taken.
     """
     if not -1 <= instance < INSTANCES:
-        raise ScenarioError(f"controller.instance = {instance}: must be from 0 to {INSTANCES - 1}, or -1 for any")
+        raise ScenarioError(
+            f"controller.instance = {instance}: must be from 0 to {INSTANCES - 1}, or"
+            " -1 for any"
+        )
     reason = ""
     for number in range(INSTANCES) if instance < 0 else (instance,):
         tcp, udp = socket.socket(), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -55,7 +64,10 @@ def open_ports(instance: int) -> Ports:
             udp.close()
     first, last = (0, INSTANCES - 1) if instance < 0 else (instance, instance)
     ports = ", ".join(_span(base + first, base + last) for base in (4560, 14540, 14580))
-    raise LinkError(f"the ports TCP {ports.replace(', ', ', UDP ', 1)} must be free for PX4: {reason}")
+    raise LinkError(
+        f"the ports TCP {ports.replace(', ', ', UDP ', 1)} must be free for PX4:"
+        f" {reason}"
+    )
 
 
 def _span(first: int, last: int) -> str:
@@ -63,6 +75,8 @@ def _span(first: int, last: int) -> str:
 
 
 def _require_free(port: int) -> None:
-    """Bind and release PX4's own port, to detect an instance started by another user."""
+    """Bind and release PX4's own port, to detect an instance started by another
+    user.
+    """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", port))

@@ -1,7 +1,9 @@
-"""Sensor messages of PX4's simulator port: HIL_SENSOR and HIL_GPS from the readings of our sensors.
+"""Sensor messages of PX4's simulator port: HIL_SENSOR and HIL_GPS from the readings of
+our sensors.
 
-Axes of the wire are forward, right, down and north, east, down; ours are forward, left, up and north, west, up.
-Units of the wire: m/s^2, rad/s, gauss, hPa, m, degrees Celsius; HIL_GPS has whole numbers of 1e-7 deg, mm and cm/s.
+Axes of the wire are forward, right, down and north, east, down; ours are forward, left,
+up and north, west, up. Units of the wire: m/s^2, rad/s, gauss, hPa, m, degrees Celsius;
+HIL_GPS has whole numbers of 1e-7 deg, mm and cm/s.
 """
 
 from __future__ import annotations
@@ -22,14 +24,17 @@ ECCENTRICITY_2 = FLATTENING * (2.0 - FLATTENING)
 """Square of the first eccentricity, (a^2 - b^2) / a^2."""
 
 BOWRING_STEPS = 2
-"""Steps of Bowring's formula: one errs by 1e-13 degrees at 1 km and 5e-8 at 1000 km, two by rounding."""
+"""Steps of Bowring's formula: one errs by 1e-13 degrees at 1 km and 5e-8 at 1000 km,
+two by rounding."""
 
 Geodetic = tuple[float, float, float]
-"""Latitude (degrees, north positive), longitude (degrees, east positive), height above the ellipsoid (m)."""
+"""Latitude (degrees, north positive), longitude (degrees, east positive), height above
+the ellipsoid (m)."""
 
 
 def to_geodetic(north: float, east: float, up: float, origin: Geodetic) -> Geodetic:
-    """Latitude, longitude (degrees) and height (m) of a point given in the local tangent plane of an origin.
+    """Latitude, longitude (degrees) and height (m) of a point given in the local
+    tangent plane of an origin.
 
     Args:
         north: m, coordinate of the point in the tangent plane at ``origin``.
@@ -38,14 +43,19 @@ def to_geodetic(north: float, east: float, up: float, origin: Geodetic) -> Geode
         origin: latitude and longitude in degrees and height in m of the plane's origin.
 
     Returns:
-        Latitude in -90 to 90 degrees, longitude in -180 to 180 degrees, height above the ellipsoid in m.
+        Latitude in -90 to 90 degrees, longitude in -180 to 180 degrees, height above
+        the ellipsoid in m.
 
     Raises:
-        ValueError: one line: a latitude beyond 90 degrees, or a number that is not finite.
+        ValueError: one line: a latitude beyond 90 degrees, or a number that is not
+            finite.
     """
     require_geodetic(origin)
     if not all(map(math.isfinite, (north, east, up))):
-        raise ValueError(f"position = [{north:g}, {east:g}, {up:g}]: must be finite numbers, m north, east and up")
+        raise ValueError(
+            f"position = [{north:g}, {east:g}, {up:g}]: must be finite numbers, m"
+            " north, east and up"
+        )
     latitude, longitude = math.radians(origin[0]), math.radians(origin[1])
     sin_lat, cos_lat = math.sin(latitude), math.cos(latitude)
     sin_lon, cos_lon = math.sin(longitude), math.cos(longitude)
@@ -60,7 +70,9 @@ def to_geodetic(north: float, east: float, up: float, origin: Geodetic) -> Geode
 
 
 def to_earth_fixed(point: Geodetic) -> tuple[float, float, float]:
-    """Earth-centred, Earth-fixed coordinates (m) of a point given by latitude, longitude (degrees) and height (m)."""
+    """Earth-centred, Earth-fixed coordinates (m) of a point given by latitude,
+    longitude (degrees) and height (m).
+    """
     latitude, longitude = math.radians(point[0]), math.radians(point[1])
     sin_lat = math.sin(latitude)
     # radius across the meridian
@@ -71,7 +83,9 @@ def to_earth_fixed(point: Geodetic) -> tuple[float, float, float]:
 
 
 def from_earth_fixed(x: float, y: float, z: float) -> Geodetic:
-    """Latitude, longitude (degrees) and height (m) of a point in Earth-centred, Earth-fixed axes (m)."""
+    """Latitude, longitude (degrees) and height (m) of a point in Earth-centred,
+    Earth-fixed axes (m).
+    """
     outwards, short = math.hypot(x, y), 1.0 - FLATTENING
     # of the parametric latitude, as sine and cosine but for a factor
     tangent = (z, short * outwards)
@@ -90,7 +104,8 @@ def from_earth_fixed(x: float, y: float, z: float) -> Geodetic:
 
 
 def require_geodetic(point: Geodetic) -> None:
-    """Raise an error for a latitude beyond 90 degrees or for numbers that are not finite.
+    """Raise an error for a latitude beyond 90 degrees or for numbers that are not
+    finite.
 
     Raises:
         ValueError: one line with the value and what is allowed.
@@ -98,15 +113,18 @@ def require_geodetic(point: Geodetic) -> None:
     if not (all(map(math.isfinite, point)) and abs(point[0]) <= 90.0):
         given = ", ".join(f"{each:g}" for each in point)
         raise ValueError(
-            f"origin = [{given}]: must be a latitude from -90 to 90 degrees, a longitude and a height in m"
+            f"origin = [{given}]: must be a latitude from -90 to 90 degrees, a"
+            " longitude and a height in m"
         )
 
 
 HOME: Geodetic = (47.397742, 8.545594, 488.0)
-"""Latitude and longitude (deg) and altitude (m) of the world's origin: PX4's usual place, near Zurich."""
+"""Latitude and longitude (deg) and altitude (m) of the world's origin: PX4's usual
+place, near Zurich."""
 
 INERTIAL, MAGNETIC, AIR = 0b111_111, 0b111_000_000, 0b1_101_000_000_000
-"""Bits of ``fields_updated``: gyroscope and accelerometer; magnetometer; pressure, its altitude and temperature."""
+"""Bits of ``fields_updated``: gyroscope and accelerometer; magnetometer; pressure, its
+altitude and temperature."""
 
 LONGEST_SHORT, LONGEST_INT = 32767, 2**31 - 1
 
@@ -114,7 +132,9 @@ Fields = dict[str, float]
 
 
 def pressure_altitude(pressure: float) -> float:
-    """Altitude (m) above mean sea level for a pressure (hPa) in the standard atmosphere (ICAO Doc 7488)."""
+    """Altitude (m) above mean sea level for a pressure (hPa) in the standard atmosphere
+    (ICAO Doc 7488).
+    """
     return float(44330.77 * (1.0 - (max(pressure, 0.0) / 1013.25) ** 0.1902632))
 
 
@@ -130,27 +150,42 @@ class SensorMessages:
         self.fix = (0.0, 0.0, 0.0)
 
     def inertial(self, readings: Mapping[str, Numbers]) -> Fields:
-        """Fields of HIL_SENSOR: inertial reading, and magnetic field and pressure if they are new."""
+        """Fields of HIL_SENSOR: inertial reading, and magnetic field and pressure if
+        they are new.
+        """
         _, *rate_and_force = readings["imu"]
         p, q, r = to_our_axes(*rate_and_force[:3])
         fx, fy, fz = to_our_axes(*rate_and_force[3:])
         updated = INERTIAL
         fields = {
-            "xgyro": p, "ygyro": q, "zgyro": r, "xacc": fx, "yacc": fy, "zacc": fz, "temperature": 20.0,
+            "xgyro": p,
+            "ygyro": q,
+            "zgyro": r,
+            "xacc": fx,
+            "yacc": fy,
+            "zacc": fz,
+            "temperature": 20.0,
         }
         read, *field = readings["magnetometer"]
         if self._is_new("magnetometer", read):
             updated |= MAGNETIC
-            fields |= dict(zip(("xmag", "ymag", "zmag"), to_our_axes(*field), strict=True))
+            fields |= dict(
+                zip(("xmag", "ymag", "zmag"), to_our_axes(*field), strict=True)
+            )
         read, pressure, temperature = readings["barometer"]
         if self._is_new("barometer", read):
             updated |= AIR
             altitude = pressure_altitude(pressure)
-            fields |= {"abs_pressure": pressure, "pressure_alt": altitude, "temperature": temperature}
+            fields |= {
+                "abs_pressure": pressure,
+                "pressure_alt": altitude,
+                "temperature": temperature,
+            }
         return fields | {"fields_updated": updated}
 
     def satellite(self, readings: Mapping[str, Numbers]) -> Fields | None:
-        """Fields of HIL_GPS, clipped to the ranges of the message; None without a new reading.
+        """Fields of HIL_GPS, clipped to the ranges of the message; None without a new
+        reading.
 
         Raises:
             ValueError: a position that is not finite.

@@ -1,1 +1,3 @@
-"""Control laws that run outside the simulator, in real time, and fly a vehicle through its autopilot."""
+"""Control laws that run outside the simulator, in real time, and fly a vehicle through
+its autopilot.
+"""

@@ -12,7 +12,8 @@ def open_link(url: str, patience: float = 0.0) -> AutopilotLink:
     """Open the connection to an autopilot at a given address.
 
     Args:
-        url: ``mavlink://HOST:PORT``, ``mavlink-out://HOST:PORT``, ``dds://DOMAIN`` or ``dds://DOMAIN/NAMESPACE``.
+        url: ``mavlink://HOST:PORT``, ``mavlink-out://HOST:PORT``, ``dds://DOMAIN`` or
+            ``dds://DOMAIN/NAMESPACE``.
         patience: s to wait for a port that another program has.
 
     Raises:

@@ -1,7 +1,9 @@
-"""uXRCE-DDS connection of a control law to PX4: vehicle state in, motor set points and modes out.
+"""uXRCE-DDS connection of a control law to PX4: vehicle state in, motor set points and
+modes out.
 
-The agent makes DDS topics of what PX4's client sends: :mod:`skyarm.links.outside.px4_topics`. Source: docs.px4.io,
-"uXRCE-DDS" and "Offboard mode".
+The agent makes DDS topics of what PX4's client sends:
+:mod:`skyarm.links.outside.px4_topics`. Source: docs.px4.io, "uXRCE-DDS" and "Offboard
+mode".
 """
 
 from __future__ import annotations
@@ -46,7 +48,8 @@ OURS = 1, COMPONENT
 """System and component number of this program."""
 
 NED, FRD, BODY = 1, 2, 3
-"""Frames of an odometry message: north-east-down; the same with another heading; base axes, for velocities only."""
+"""Frames of an odometry message: north-east-down; the same with another heading; base
+axes, for velocities only."""
 
 
 @positional
@@ -65,7 +68,8 @@ class ModeBits:
 
 
 def parse_domain(url: str) -> tuple[int, str]:
-    """Domain number and namespace of a link address such as ``dds://0`` or ``dds://0/px4_1``.
+    """Domain number and namespace of a link address such as ``dds://0`` or
+    ``dds://0/px4_1``.
 
     Raises:
         OffboardError: another form.
@@ -73,8 +77,8 @@ def parse_domain(url: str) -> tuple[int, str]:
     match = FORM.fullmatch(url)
     if match is None or int(match[1]) > MOST_DOMAIN:
         raise OffboardError(
-            f"--link = {shown(url)}: must be dds://DOMAIN or dds://DOMAIN/NAMESPACE, with a domain from 0 to "
-            f"{MOST_DOMAIN}"
+            f"--link = {shown(url)}: must be dds://DOMAIN or dds://DOMAIN/NAMESPACE,"
+            f" with a domain from 0 to {MOST_DOMAIN}"
         )
     return int(match[1]), match[2]
 
@@ -106,17 +110,25 @@ class DdsLink(Estimates):
         self.mode, self.said, self.lost = 0, "", 0
         self.round_trips: tuple[float, ...] = ()
         self._readers = {
-            INERTIAL: self._hear_inertial, ODOMETRY: self._hear_odometry, MODE: self._hear_mode,
-            LANDED: self._hear_landed, ANSWER: self._hear_answer, f"{ANSWER}_v1": self._hear_answer,
+            INERTIAL: self._hear_inertial,
+            ODOMETRY: self._hear_odometry,
+            MODE: self._hear_mode,
+            LANDED: self._hear_landed,
+            ANSWER: self._hear_answer,
+            f"{ANSWER}_v1": self._hear_answer,
         }
 
     @property
     def has_autopilot(self) -> bool:
         """True once PX4 has sent its mode and subscribes to the set points."""
-        return self.modes is not None and all(self._node.subscribers(self._space + topic) for topic in IN)
+        return self.modes is not None and all(
+            self._node.subscribers(self._space + topic) for topic in IN
+        )
 
     def wait(self, seconds: float) -> None:
-        """Wait for messages, at most a given time (s), and read all that have arrived."""
+        """Wait for messages, at most a given time (s), and read all that have
+        arrived.
+        """
         self._node.wait(seconds)
         for topic, reader in self._readers.items():
             for data in self._node.take(self._space + topic):
@@ -128,20 +140,31 @@ class DdsLink(Estimates):
                 reader(message)
 
     def beat(self) -> None:
-        """Send no heartbeat, since each set point shows PX4 that this program is alive."""
+        """Send no heartbeat, since each set point shows PX4 that this program is
+        alive.
+        """
 
     def request_estimates(self, rate: float) -> None:
-        """Raise an error if several vehicles publish on PX4's topics; PX4 chooses the rates itself.
+        """Raise an error if several vehicles publish on PX4's topics; PX4 chooses the
+        rates itself.
 
         Raises:
             OffboardError: more than one publishes its estimate.
         """
-        count, topic = self._node.publishers(self._space + ODOMETRY), self._space + ODOMETRY
+        count, topic = (
+            self._node.publishers(self._space + ODOMETRY),
+            self._space + ODOMETRY,
+        )
         if count > 1:
-            raise OffboardError(f"--link: {count} vehicles publish {topic}: must be one; add its namespace")
+            raise OffboardError(
+                f"--link: {count} vehicles publish {topic}: must be one; add its"
+                " namespace"
+            )
 
     def request_outside(self) -> None:
-        """Request the mode that takes external set points; ``accepted`` is True once PX4 agrees."""
+        """Request the mode that takes external set points; ``accepted`` is True once
+        PX4 agrees.
+        """
         self._await_answer()
         self._set_mode(*MODES[PX4_NUMBER].outside)
 
@@ -150,40 +173,67 @@ class DdsLink(Estimates):
         self._set_mode(*MODES[PX4_NUMBER].hold)
 
     def send(self, command: SetPoint) -> None:
-        """Send motor thrusts, and the message that declares motors as the type of set point."""
+        """Send motor thrusts, and the message that declares motors as the type of set
+        point.
+        """
         assert isinstance(command, MotorCommand)
         stamp = self._stamp()
         rest = (math.nan,) * (MOST_MOTORS - len(command.thrusts))  # stopped
         self._send(ALIVE, timestamp=stamp, direct_actuator=1)
-        self._send(MOTORS, timestamp=stamp, timestamp_sample=stamp, control=(*map(float, command.thrusts), *rest))
+        self._send(
+            MOTORS,
+            timestamp=stamp,
+            timestamp_sample=stamp,
+            control=(*map(float, command.thrusts), *rest),
+        )
 
     def close(self) -> None:
         """Leave the DDS domain."""
         self._node.close()
 
     def _stamp(self) -> int:
-        """Time stamp (us) for set points on PX4's clock; 0 before the first estimate, when PX4 uses its own time."""
-        return 0 if self.state is None else round(1e6 * (self.state.time + time.monotonic() - self.heard))
+        """Time stamp (us) for set points on PX4's clock; 0 before the first estimate,
+        when PX4 uses its own time.
+        """
+        return (
+            0
+            if self.state is None
+            else round(1e6 * (self.state.time + time.monotonic() - self.heard))
+        )
 
     def _set_mode(self, main: int, sub: int) -> None:
         self._send(
-            COMMAND, timestamp=self._stamp(), param1=1.0, param2=float(main), param3=float(sub), command=SET_MODE,
-            source_system=OURS[0], source_component=OURS[1], from_external=1,
+            COMMAND,
+            timestamp=self._stamp(),
+            param1=1.0,
+            param2=float(main),
+            param3=float(sub),
+            command=SET_MODE,
+            source_system=OURS[0],
+            source_component=OURS[1],
+            from_external=1,
         )
 
     def _send(self, topic: str, **values: float | tuple[float, ...]) -> None:
-        self._node.send(self._space + topic, encode(IN[topic], DEFINITIONS, values, 1)[0].tobytes())
+        self._node.send(
+            self._space + topic, encode(IN[topic], DEFINITIONS, values, 1)[0].tobytes()
+        )
 
     def _hear_mode(self, m: Content) -> None:
         self.modes = self.modes or ModeBits()
-        self.mode = OFFBOARD_BIT * m["flag_control_offboard_enabled"] | AUTO_BIT * m["flag_control_auto_enabled"]
+        self.mode = (
+            OFFBOARD_BIT * m["flag_control_offboard_enabled"]
+            | AUTO_BIT * m["flag_control_auto_enabled"]
+        )
         self.armed, self.beaten = bool(m["flag_armed"]), time.monotonic()
 
     def _hear_landed(self, m: Content) -> None:
         self.landed = bool(m["landed"])
 
     def _hear_answer(self, m: Content) -> None:
-        self._take_answer(m["command"], m["result"], (m["target_system"], m["target_component"]), OURS)
+        self._take_answer(
+            m["command"], m["result"], (m["target_system"], m["target_component"]), OURS
+        )
 
     def _hear_inertial(self, m: Content) -> None:
         self._keep_force(to_our_axes(*m["accelerometer_m_s2"]))
@@ -195,8 +245,12 @@ class DdsLink(Estimates):
         if frame == BODY:
             velocity = quaternion.rotation().apply(velocity)
         state = AutopilotState(
-            time=1e-6 * m["timestamp_sample"], position=to_our_axes(*m["position"]), quaternion=quaternion,
-            velocity=velocity, rate=to_our_axes(*m["angular_velocity"]), specific_force=self._force,
+            time=1e-6 * m["timestamp_sample"],
+            position=to_our_axes(*m["position"]),
+            quaternion=quaternion,
+            velocity=velocity,
+            rate=to_our_axes(*m["angular_velocity"]),
+            specific_force=self._force,
         )
         if m["pose_frame"] in (NED, FRD) and frame in (m["pose_frame"], BODY):
             self._keep(state)

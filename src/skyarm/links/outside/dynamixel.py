@@ -1,9 +1,11 @@
-"""Port to an arm of DYNAMIXEL servos (protocol 2.0, X series) on a serial bus, by the maker's SDK.
+"""Port to an arm of DYNAMIXEL servos (protocol 2.0, X series) on a serial bus, by the
+maker's SDK.
 
-Source: ROBOTIS e-Manual, control table of the X series: addresses, and units of position (1/4096 turn), velocity
-(0.229 turns a minute) and current (by the model). A thread of its own keeps the bus busy; the
-servos' own watchdog stops them half a second after the bus falls silent. Setpoints that are not renewed are not sent
-on: the servos then hold their places.
+Source: ROBOTIS e-Manual, control table of the X series: addresses, and units of
+position (1/4096 turn), velocity (0.229 turns a minute) and current (by the model). A
+thread of its own keeps the bus busy; the servos' own watchdog stops them half a second
+after the bus falls silent. Setpoints that are not renewed are not sent on: the servos
+then hold their places.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ OPERATING_MODE, TORQUE_ENABLE, BUS_WATCHDOG = 11, 64, 98
 """Addresses of one-byte registers."""
 
 GOAL_CURRENT, GOAL_POSITION, PRESENT = 102, 116, 128
-"""Addresses of registers: goal current (two bytes), goal position (four), velocity and position (four each)."""
+"""Addresses of registers: goal current (two bytes), goal position (four), velocity and
+position (four each)."""
 
 CURRENT_MODE, POSITION_MODE = 0, 4
 """Operating modes: current, and position over several turns."""
@@ -37,7 +40,8 @@ RATE = 0.229 * 2.0 * math.pi / 60.0
 """Velocity (rad/s) per count."""
 
 CURRENTS = shipped_tables(__file__)["currents"]
-"""Model number -> current (A) per count. Others, as XL430, cannot be told a current, or count in an unknown unit."""
+"""Model number -> current (A) per count. Others, as XL430, cannot be told a current, or
+count in an unknown unit."""
 
 WATCHDOG = 25
 """Time without a packet after which a servo stops, in units of 20 ms."""
@@ -51,35 +55,51 @@ class ServoBus:
     Attributes:
         device: serial port.
         ids: numbers of the servos, in the order of the vehicle's joints.
-        torque: torque of each ampere, for setpoints in N m; None for setpoints of position in rad.
+        torque: torque of each ampere, for setpoints in N m; None for setpoints of
+            position in rad.
         most: largest current that is sent.
     """
 
     device: str
     ids: tuple[int, ...]
-    baud: Annotated[int, Unit("1/s", "baud rate of the serial bus", low=9600)] = 1_000_000
+    baud: Annotated[int, Unit("1/s", "baud rate of the serial bus", low=9600)] = (
+        1_000_000
+    )
     torque: Annotated[
         float | None,
-        positive("N m/A", "torque per ampere of a servo, for setpoints in N m; None for setpoints of position"),
+        positive(
+            "N m/A",
+            "torque per ampere of a servo, for setpoints in N m; None for setpoints of"
+            " position",
+        ),
     ] = None
     most: Annotated[
         float,
-        positive("A", "largest current sent to a servo", effect="lower values protect the servo and limit its torque"),
+        positive(
+            "A",
+            "largest current sent to a servo",
+            effect="lower values protect the servo and limit its torque",
+        ),
     ] = 1.2
 
 
 class DynamixelJoints(JointLink):
-    """Joint port to DYNAMIXEL servos, read and commanded by a thread as fast as the bus permits.
+    """Joint port to DYNAMIXEL servos, read and commanded by a thread as fast as the bus
+    permits.
 
     Raises:
-        JointPortError: the SDK is missing, the port cannot be opened, or a servo does not answer.
+        JointPortError: the SDK is missing, the port cannot be opened, or a servo does
+            not answer.
     """
 
     def __init__(self, bus: ServoBus) -> None:
         try:
             import dynamixel_sdk as sdk
         except ImportError:
-            raise JointPortError(f"dynamixel_sdk: is missing; --joints dynamixel {needs_extra('dynamixel')}") from None
+            raise JointPortError(
+                "dynamixel_sdk: is missing; --joints dynamixel"
+                f" {needs_extra('dynamixel')}"
+            ) from None
         self._bus = bus
         # of what is handed over, and of the bus
         self._lock, self._bus_lock = threading.Lock(), threading.Lock()
@@ -89,24 +109,32 @@ class DynamixelJoints(JointLink):
         address, size = (GOAL_POSITION, 4) if bus.torque is None else (GOAL_CURRENT, 2)
         self._goals: Any = sdk.GroupSyncWrite(self._port, self._packets, address, size)
         self._size = size
-        self._own_mode = self._mode = POSITION_MODE if bus.torque is None else CURRENT_MODE
+        self._own_mode = self._mode = (
+            POSITION_MODE if bus.torque is None else CURRENT_MODE
+        )
         self._currents: list[float] = []
         self._newest: JointReading | None = None
         self._setpoints: tuple[float, ...] | None = None
         self._given = -math.inf
         self._running = True
         self._open_bus()
-        self._thread = threading.Thread(target=self._serve, name="dynamixel", daemon=True)
+        self._thread = threading.Thread(
+            target=self._serve, name="dynamixel", daemon=True
+        )
         self._thread.start()
 
     def read(self) -> JointReading | None:
-        """Newest joint reading from the servo bus since the last call; None if the bus has sent none."""
+        """Newest joint reading from the servo bus since the last call; None if the bus
+        has sent none.
+        """
         with self._lock:
             newest, self._newest = self._newest, None
         return newest
 
     def send(self, setpoints: Sequence[float], at: float) -> None:
-        """Pass joint setpoints to the servo bus: torques in N m, or positions in rad."""
+        """Pass joint setpoints to the servo bus: torques in N m, or positions in
+        rad.
+        """
         with self._lock:
             self._setpoints, self._given = tuple(setpoints), time.monotonic()
 
@@ -128,12 +156,17 @@ class DynamixelJoints(JointLink):
         bus = self._bus
         try:
             if not (self._port.openPort() and self._port.setBaudRate(bus.baud)):
-                raise JointPortError(f"--joints: {shown(bus.device)}: cannot be opened at {bus.baud} bits a second")
+                raise JointPortError(
+                    f"--joints: {shown(bus.device)}: cannot be opened at {bus.baud}"
+                    " bits a second"
+                )
             self._prepare()
         except BaseException as error:
             self._shut()
             if isinstance(error, OSError):
-                raise JointPortError(f"--joints: {shown(bus.device)}: {error.strerror or error}") from None
+                raise JointPortError(
+                    f"--joints: {shown(bus.device)}: {error.strerror or error}"
+                ) from None
             raise
 
     def _shut(self) -> None:
@@ -149,13 +182,22 @@ class DynamixelJoints(JointLink):
         """
         bus = self._bus
         for number in bus.ids:
-            done = self._write(number, TORQUE_ENABLE, 0) and self._write(number, OPERATING_MODE, self._mode)
-            done = done and self._write(number, BUS_WATCHDOG, 0) and self._write(number, BUS_WATCHDOG, WATCHDOG)
+            done = self._write(number, TORQUE_ENABLE, 0) and self._write(
+                number, OPERATING_MODE, self._mode
+            )
+            done = (
+                done
+                and self._write(number, BUS_WATCHDOG, 0)
+                and self._write(number, BUS_WATCHDOG, WATCHDOG)
+            )
             model, _, _ = self._packets.ping(self._port, number)
             at = f"--joints: servo {number} on {shown(bus.device)}"
             count = CURRENTS.get(str(model))
             if done and bus.torque and not count:
-                raise JointPortError(f"{at}: model {model} counts no known current; without torque it takes positions")
+                raise JointPortError(
+                    f"{at}: model {model} counts no known current; without torque it"
+                    " takes positions"
+                )
             if not (done and self._write(number, TORQUE_ENABLE, 1)):
                 raise JointPortError(f"{at} does not answer")
             self._states.addParam(number)
@@ -180,7 +222,9 @@ class DynamixelJoints(JointLink):
         if self._states.txRxPacket() == 0:
             rows = [self._state(number) for number in self._bus.ids]
             if all(row is not None for row in rows):
-                joints, rates = zip(*(row for row in rows if row is not None), strict=True)
+                joints, rates = zip(
+                    *(row for row in rows if row is not None), strict=True
+                )
                 with self._lock:
                     self._newest = JointReading(time.monotonic(), joints, rates)
         with self._lock:
@@ -192,7 +236,9 @@ class DynamixelJoints(JointLink):
         elif setpoints is not None:
             if self._mode != self._own_mode:  # it held its place while none came
                 self._switch(self._own_mode)
-            for number, unit, setpoint in zip(self._bus.ids, self._currents, setpoints, strict=True):
+            for number, unit, setpoint in zip(
+                self._bus.ids, self._currents, setpoints, strict=True
+            ):
                 ticks = self._ticks(setpoint, unit) & (1 << 8 * self._size) - 1
                 self._goals.addParam(number, list(ticks.to_bytes(self._size, "little")))
             self._goals.txPacket()
@@ -203,7 +249,9 @@ class DynamixelJoints(JointLink):
         self._switch(POSITION_MODE)
 
     def _switch(self, mode: int) -> None:
-        """Set the operating mode of every servo, which is possible while its torque is off only."""
+        """Set the operating mode of every servo, which is possible while its torque is
+        off only.
+        """
         self._mode = mode
         for number in self._bus.ids:
             self._write(number, TORQUE_ENABLE, 0)
@@ -214,7 +262,10 @@ class DynamixelJoints(JointLink):
         """Angle and rate of a servo; None if it did not answer."""
         if not self._states.isAvailable(number, PRESENT, 8):
             return None
-        velocity, position = (_twos_complement(self._states.getData(number, at, 4)) for at in (PRESENT, PRESENT + 4))
+        velocity, position = (
+            _twos_complement(self._states.getData(number, at, 4))
+            for at in (PRESENT, PRESENT + 4)
+        )
         return (position - ZERO) * TICK, velocity * RATE
 
     def _ticks(self, setpoint: float, current: float) -> int:

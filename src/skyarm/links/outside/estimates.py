@@ -1,4 +1,6 @@
-"""Newest state estimate of an autopilot and its answer to a mode request, for any protocol."""
+"""Newest state estimate of an autopilot and its answer to a mode request, for any
+protocol.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +16,17 @@ COMPONENT = 191
 
 
 class Estimates:
-    """Storage of an autopilot's newest state estimate and of its answer to a mode request.
+    """Storage of an autopilot's newest state estimate and of its answer to a mode
+    request.
 
     Attributes:
-        state: newest estimate, None before the first; ``fresh`` is True until :meth:`take` has returned it.
-        heard, force_heard: s of the wall clock of the newest state, and of the newest accelerometer reading.
+        state: newest estimate, None before the first; ``fresh`` is True until
+            :meth:`take` has returned it.
+        heard, force_heard: s of the wall clock of the newest state, and of the newest
+            accelerometer reading.
         landed: True if the newest message says so.
-        accepted, refused: True if the requested mode is taken; result of a refused request.
+        accepted, refused: True if the requested mode is taken; result of a refused
+            request.
     """
 
     accelerometer: str
@@ -36,7 +42,9 @@ class Estimates:
 
     @property
     def hint(self) -> str:
-        """Cause and cure of an autopilot's silence, as far as its messages show one; else empty."""
+        """Cause and cure of an autopilot's silence, as far as its messages show one;
+        else empty.
+        """
         return ""
 
     def take(self) -> AutopilotState | None:
@@ -56,11 +64,17 @@ class Estimates:
             self.state, self.fresh, self.heard = state, True, time.monotonic()
 
     def _keep_force(self, force: Vec3) -> None:
-        """Store a specific force for the state estimates that follow; three zeros are no reading."""
+        """Store a specific force for the state estimates that follow; three zeros are
+        no reading.
+        """
         if all(map(math.isfinite, force)) and any(force):
             self._force, self.force_heard = force, time.monotonic()
 
-    def _take_answer(self, command: int, result: int, to: tuple[int, int], ours: tuple[int, int]) -> None:
-        """Store the answer to our mode request, if it is addressed to our system and component."""
+    def _take_answer(
+        self, command: int, result: int, to: tuple[int, int], ours: tuple[int, int]
+    ) -> None:
+        """Store the answer to our mode request, if it is addressed to our system and
+        component.
+        """
         if command == SET_MODE and self._requested_mode and to == ours:
             self.accepted, self.refused = result == 0, result

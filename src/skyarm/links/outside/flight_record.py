@@ -1,4 +1,6 @@
-"""Record of a flight whose control law ran outside the simulator: measurements, commands and delays."""
+"""Record of a flight whose control law ran outside the simulator: measurements,
+commands and delays.
+"""
 
 from __future__ import annotations
 
@@ -26,18 +28,27 @@ def percentiles(seconds: Sequence[float]) -> dict[str, Plain]:
     if not len(seconds):
         return {"count": 0}
     ms = 1e3 * doubles(seconds)
-    statistics = {"p50_ms": np.percentile(ms, 50), "p99_ms": np.percentile(ms, 99), "max_ms": ms.max()}
-    return {"count": len(ms), **{name: round(float(value), 3) for name, value in statistics.items()}}
+    statistics = {
+        "p50_ms": np.percentile(ms, 50),
+        "p99_ms": np.percentile(ms, 99),
+        "max_ms": ms.max(),
+    }
+    return {
+        "count": len(ms),
+        **{name: round(float(value), 3) for name, value in statistics.items()},
+    }
 
 
 @dataclass(slots=True)
 class FlightRecord:
-    """Samples of a flight, one for each evaluated control period, and the computing times of its set points.
+    """Samples of a flight, one for each evaluated control period, and the computing
+    times of its set points.
 
     Attributes:
         first: autopilot's time at the take-over, s.
         ticks: number of the period of each row.
-        states: position, quaternion, velocity, rate, joints, joint rates. commands: rotor speeds, joint setpoints.
+        states: position, quaternion, velocity, rate, joints, joint rates. commands:
+            rotor speeds, joint setpoints.
         computing: s from the arrival of a measurement to its set point.
     """
 
@@ -48,30 +59,50 @@ class FlightRecord:
     computing: list[float] = field(default_factory=list)
 
     def add(self, tick: int, seen: Measurement, given: OutsideCommand) -> None:
-        """Add the measured state and the command of one control period to the record."""
+        """Add the measured state and the command of one control period to the
+        record.
+        """
         self.ticks.append(tick)
-        moving = (seen.position, seen.quaternion, seen.velocity, seen.rate, seen.joints, seen.joint_rates)
+        moving = (
+            seen.position,
+            seen.quaternion,
+            seen.velocity,
+            seen.rate,
+            seen.joints,
+            seen.joint_rates,
+        )
         self.states.append(tuple(leaves((*moving, given.law.rotor_speeds))))
         self.commands.append(tuple(leaves(given.law)))
 
-    def log(self, scenario: Scenario, ended: Ended | None, facts: Mapping[str, Plain]) -> Log:
-        """Convert the record to a flight log; a missed period repeats the sample before it, or else the first.
+    def log(
+        self, scenario: Scenario, ended: Ended | None, facts: Mapping[str, Plain]
+    ) -> Log:
+        """Convert the record to a flight log; a missed period repeats the sample before
+        it, or else the first.
 
         The states are the autopilot's estimates, the rotor speeds modelled ones.
         """
         count = self.ticks[-1] + 1 if self.ticks else 0
-        agent = replace(scenario.agent, sensors=(), estimator=PASS_THROUGH, faults=(), payloads=())
+        agent = replace(
+            scenario.agent, sensors=(), estimator=PASS_THROUGH, faults=(), payloads=()
+        )
         still = Environment(ground=False)
-        plain = replace(scenario.with_agent(agent), environment=still, changes=(), endings=())
+        plain = replace(
+            scenario.with_agent(agent), environment=still, changes=(), endings=()
+        )
         rows = np.zeros(count, dtype=int)
         rows[self.ticks] = np.arange(len(self.ticks))
         rows = np.maximum.accumulate(rows)
         none = np.zeros((count, 0))
         n, rotors, _ = scenario.agent.vehicle.sizes
         flown = LoggedSamples(
-            states=_table(self.states, 13 + 2 * n + rotors)[rows], commands=_table(self.commands, rotors + n)[rows],
-            measurement=None, readings=(),
-            wind=WindSample(), found=none, led=none,
+            states=_table(self.states, 13 + 2 * n + rotors)[rows],
+            commands=_table(self.commands, rotors + n)[rows],
+            measurement=None,
+            readings=(),
+            wind=WindSample(),
+            found=none,
+            led=none,
         )
         piece = AgentPiece(plain, episode_inputs(plain), 0, flown)
         log = log_of_agent(plain, [piece], ended)

@@ -1,9 +1,11 @@
-"""Real-time flight of a control law through an autopilot: take-over in hover, set points, and hand-back.
+"""Real-time flight of a control law through an autopilot: take-over in hover, set
+points, and hand-back.
 
-The autopilot's clock sets the pace: an estimate belongs to the law's period that its time lies in, and is answered at
-once by body rates, thrust and joint setpoints. Set points go out only while estimates and heartbeats arrive, heartbeats
-of ours go, and the autopilot is in the mode that takes them; otherwise the vehicle is handed back, in the mode that
-holds its place.
+The autopilot's clock sets the pace: an estimate belongs to the law's period that its
+time lies in, and is answered at once by body rates, thrust and joint setpoints. Set
+points go out only while estimates and heartbeats arrive, heartbeats of ours go, and the
+autopilot is in the mode that takes them; otherwise the vehicle is handed back, in the
+mode that holds its place.
 """
 
 from __future__ import annotations
@@ -23,7 +25,12 @@ from skyarm.links.outside.autopilot_link import AutopilotLink
 from skyarm.links.outside.dds_link import DdsLink
 from skyarm.links.outside.flight_record import FlightRecord, percentiles
 from skyarm.links.outside.offboard_link import OffboardError
-from skyarm.links.outside.outside_law import LoopSettings, MotorSettings, OutsideLaw, require_full_thrust
+from skyarm.links.outside.outside_law import (
+    LoopSettings,
+    MotorSettings,
+    OutsideLaw,
+    require_full_thrust,
+)
 from skyarm.links.outside.rate_commands import Three
 from skyarm.links.outside.rate_settings import ParameterReader, rate_settings
 from skyarm.links.outside.state_frames import AutopilotState, WorldFrame
@@ -45,22 +52,32 @@ BEAT = 0.25
 """Time (s) between the heartbeats of this program."""
 
 HAND_BACK = 0.3
-"""Time (s) to wait at the end for a heartbeat, which shows whether the vehicle is still in the set point mode."""
+"""Time (s) to wait at the end for a heartbeat, which shows whether the vehicle is still
+in the set point mode."""
 
 BEAT_LOST = 3.0
-"""Time (s) without a heartbeat after which the autopilot counts as lost; it sends one each second."""
+"""Time (s) without a heartbeat after which the autopilot counts as lost; it sends one
+each second."""
 
 LEAD = 0.6
 """Time (s) of set points before the mode is requested, as PX4 requires."""
 
 TAKE_OVER = 5.0
-"""Time (s) after which an autopilot that does not accept the set points is abandoned."""
+"""Time (s) after which an autopilot that does not accept the set points is
+abandoned."""
 
 MODE_KNOWN = 2.5
-"""Time (s) after the take-over from which the mode in a heartbeat counts; an older one may still be in transit."""
+"""Time (s) after the take-over from which the mode in a heartbeat counts; an older one
+may still be in transit."""
 
-LINK_LOST, TAKEN_BACK, DIVERGED, STOPPED = "link_lost", "taken_back", "diverged", "stopped"
-"""Status of a flight that ended early: silence, mode change by the pilot, error beyond the leash, Ctrl-C."""
+LINK_LOST, TAKEN_BACK, DIVERGED, STOPPED = (
+    "link_lost",
+    "taken_back",
+    "diverged",
+    "stopped",
+)
+"""Status of a flight that ended early: silence, mode change by the pilot, error beyond
+the leash, Ctrl-C."""
 
 
 @immutable
@@ -69,11 +86,15 @@ class OffboardSettings:
     """Settings of a real-time flight through an autopilot, outside of the simulator.
 
     Attributes:
-        rate_bandwidth: bandwidth of an ideal rate loop; None inverts PX4's rate loop by its parameters.
-        hover_share: thrust set point in hover; None takes the autopilot's own parameter.
-        here: True puts the scenario's start where the vehicle is at take-over; False takes the autopilot's local frame,
-            in north, west, up, for the scenario's world.
-        patience: longest wait for the autopilot's first messages, and for a vehicle that hovers.
+        rate_bandwidth: bandwidth of an ideal rate loop; None inverts PX4's rate loop by
+            its parameters.
+        hover_share: thrust set point in hover; None takes the autopilot's own
+            parameter.
+        here: True puts the scenario's start where the vehicle is at take-over; False
+            takes the autopilot's local frame, in north, west, up, for the scenario's
+            world.
+        patience: longest wait for the autopilot's first messages, and for a vehicle
+            that hovers.
         stale: longest silence of the estimates, or of the joints, in flight.
         leash: largest distance of the base from its reference.
     """
@@ -86,12 +107,19 @@ class OffboardSettings:
             "thrust set point in hover, 0 to 1; None: the autopilot's own parameter",
             low=0.05,
             high=0.95,
-            effect="higher values lower the thrust that the law assumes at full set point",
+            effect=(
+                "higher values lower the thrust that the law assumes at full set point"
+            ),
         ),
     ] = None
     here: bool = True
     patience: Annotated[
-        float, Unit("s", "longest wait for the first messages, and for a vehicle that hovers", low=0.1)
+        float,
+        Unit(
+            "s",
+            "longest wait for the first messages, and for a vehicle that hovers",
+            low=0.1,
+        ),
     ] = 60.0
     stale: Annotated[
         float,
@@ -129,39 +157,54 @@ def require_outside(scenario: Scenario) -> None:
     """Raise an error for a scenario that cannot be flown outside the simulator.
 
     Raises:
-        ScenarioError: an autopilot in the law's place, rotors that tilt, phases that wait, a time-scaled reference,
-            scheduled changes of model, law or reference, or a law that needs a force sensor.
+        ScenarioError: an autopilot in the law's place, rotors that tilt, phases that
+            wait, a time-scaled reference, scheduled changes of model, law or reference,
+            or a law that needs a force sensor.
     """
     name, vehicle = scenario.agent.controller.name, scenario.agent.model.vehicle
     if autopilot_of(scenario.agent.controller) is not None:
-        raise ScenarioError(f"controller.autopilot = {shown(name)}: must be a law, as by --laws LAW")
+        raise ScenarioError(
+            f"controller.autopilot = {shown(name)}: must be a law, as by --laws LAW"
+        )
     if vehicle.tilts:
-        raise ScenarioError("model.vehicle: must have rotors that do not tilt, for rates and thrust")
+        raise ScenarioError(
+            "model.vehicle: must have rotors that do not tilt, for rates and thrust"
+        )
     if senses_force(scenario.agent.controller.par):
-        raise ScenarioError(f"controller = {shown(name)}: must leave force_sensor out; no link carries such a reading")
+        raise ScenarioError(
+            f"controller = {shown(name)}: must leave force_sensor out; no link carries"
+            " such a reading"
+        )
     if episode_inputs(scenario).waits.guards:
-        raise ScenarioError("reference: must have no phases that wait for conditions, outside of the simulator")
+        raise ScenarioError(
+            "reference: must have no phases that wait for conditions, outside of the"
+            " simulator"
+        )
     if scenario.agent.path_time is not None:
         raise ScenarioError("path_time: must be left out, outside of the simulator")
     for change in scheduled_changes(scenario):
         # behind agents.NAME too
         if {"model", "controller", "reference"} & {*change.path.split(".")[:3:2]}:
             raise ScenarioError(
-                f"changes: {change.path} at {change.at:g} s: must be left out, outside of the simulator "
-                "(of a payload: believed = false)"
+                f"changes: {change.path} at {change.at:g} s: must be left out, outside"
+                " of the simulator (of a payload: believed = false)"
             )
 
 
 @contextlib.contextmanager
 def real_time() -> Iterator[None]:
-    """Context manager that suspends garbage collection and, if permitted, sets real-time priority."""
+    """Context manager that suspends garbage collection and, if permitted, sets
+    real-time priority.
+    """
     collecting = gc.isenabled()
     gc.disable()
     first = False
     # no permission; no such scheduler
     with contextlib.suppress(OSError, AttributeError):
         if os.sched_getscheduler(0) == os.SCHED_OTHER:
-            os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(1))
+            os.sched_setscheduler(
+                0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(1)
+            )
             first = True
     try:
         yield
@@ -173,17 +216,20 @@ def real_time() -> Iterator[None]:
 
 
 class OffboardFlight:
-    """Real-time flight of a scenario's control law, by a link to the autopilot and a port to the joints.
+    """Real-time flight of a scenario's control law, by a link to the autopilot and a
+    port to the joints.
 
     Args:
-        scenario: its law, reference and rates; sensors, delays and environment are those of the real vehicle.
+        scenario: its law, reference and rates; sensors, delays and environment are
+            those of the real vehicle.
         link: link to the autopilot.
         arm: port to the joints.
         settings: settings of the flight.
         tell: called with a line of text at each stage.
 
     Attributes:
-        interrupted: Ctrl-C or a signal that stopped the flight, to be raised again once its log is written; or None.
+        interrupted: Ctrl-C or a signal that stopped the flight, to be raised again once
+            its log is written; or None.
     """
 
     def __init__(
@@ -195,7 +241,13 @@ class OffboardFlight:
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
         require_outside(scenario)
-        self._scenario, self._link, self._arm, self._settings, self._tell = scenario, link, arm, settings, tell
+        self._scenario, self._link, self._arm, self._settings, self._tell = (
+            scenario,
+            link,
+            arm,
+            settings,
+            tell,
+        )
         self._inputs = episode_inputs(scenario)
         self._rows = self._inputs.held_leaves
         self._example: Reference = self._inputs.reference_example
@@ -212,10 +264,12 @@ class OffboardFlight:
         self._law: OutsideLaw  # made when the autopilot's settings are known
 
     def run(self) -> Log:
-        """Take over a vehicle that hovers, fly the scenario, and hand the vehicle back; returns the flight's log.
+        """Take over a vehicle that hovers, fly the scenario, and hand the vehicle back;
+        returns the flight's log.
 
         Raises:
-            OffboardError: no autopilot, no estimates, a vehicle that does not hover, set points that are refused.
+            OffboardError: no autopilot, no estimates, a vehicle that does not hover,
+                set points that are refused.
         """
         ended: Ended | None = None
         try:
@@ -232,17 +286,26 @@ class OffboardFlight:
             # Ctrl-C and signals: they go on once the log is written
             if not self._record.ticks:
                 raise
-            self.interrupted, ended = error, self._ending(STOPPED, "stopped by Ctrl-C or a signal")
+            self.interrupted, ended = (
+                error,
+                self._ending(STOPPED, "stopped by Ctrl-C or a signal"),
+            )
         finally:
             self._hand_back()
         return self._record.log(self._scenario, ended, self.facts)
 
     def _ending(self, status: str, cause: str) -> Ended:
-        return Ended(status, cause, self._record.ticks[-1] / self._rate if self._record.ticks else 0.0)
+        return Ended(
+            status,
+            cause,
+            self._record.ticks[-1] / self._rate if self._record.ticks else 0.0,
+        )
 
     @property
     def facts(self) -> dict[str, Plain]:
-        """Durations and counts of the flight, and the pose of the world in the autopilot's local frame."""
+        """Durations and counts of the flight, and the pose of the world in the
+        autopilot's local frame.
+        """
         record, frame = self._record, self._frame
         return {
             "autopilot": "" if self._link.modes is None else self._link.modes.title,
@@ -259,7 +322,9 @@ class OffboardFlight:
         }
 
     def _pump(self, seconds: float) -> None:
-        """Wait for messages, at most a given time (s); send a heartbeat if one is due; read the joints."""
+        """Wait for messages, at most a given time (s); send a heartbeat if one is due;
+        read the joints.
+        """
         link = self._link
         link.wait(seconds)
         now = time.monotonic()
@@ -271,27 +336,41 @@ class OffboardFlight:
             count = self._scenario.agent.model.vehicle.n
             sizes = len(reading.joints), len(reading.joint_rates)
             if sizes != (count, count):
-                raise JointPortError(f"--joints: {sizes[0]} angles and {sizes[1]} rates: must be {count} of each")
+                raise JointPortError(
+                    f"--joints: {sizes[0]} angles and {sizes[1]} rates: must be {count}"
+                    " of each"
+                )
             self._joints, self._joints_heard = reading, now
 
-    def _until(self, seconds: float, ready: Callable[[], bool], words: str | Callable[[], str]) -> None:
+    def _until(
+        self, seconds: float, ready: Callable[[], bool], words: str | Callable[[], str]
+    ) -> None:
         """Wait until a condition holds, at most a given time (s).
 
         Raises:
-            OffboardError: it is not so after some seconds; ``words``, the link's hint and the autopilot's text say why.
+            OffboardError: it is not so after some seconds; ``words``, the link's hint
+                and the autopilot's text say why.
         """
         until = time.monotonic() + seconds
         while not ready():
             if time.monotonic() > until:
                 said = "; ".join(filter(None, (self._link.hint, self._link.said)))
                 reason = words() if callable(words) else words
-                raise OffboardError(f"{reason} within {seconds:g} s{said and f' ({said})'}")
+                raise OffboardError(
+                    f"{reason} within {seconds:g} s{said and f' ({said})'}"
+                )
             self._pump(0.02)
 
     def _connect(self) -> None:
-        """Wait for the autopilot and the joints, request state estimates, and prepare the control law."""
+        """Wait for the autopilot and the joints, request state estimates, and prepare
+        the control law.
+        """
         link, settings = self._link, self._settings
-        self._until(settings.patience, lambda: link.has_autopilot, "--link: no autopilot of PX4 or ArduPilot was heard")
+        self._until(
+            settings.patience,
+            lambda: link.has_autopilot,
+            "--link: no autopilot of PX4 or ArduPilot was heard",
+        )
         assert link.modes is not None
         self._tell(f"{link.modes.title} is heard")
         asked = -math.inf
@@ -301,10 +380,18 @@ class OffboardFlight:
             if time.monotonic() - asked > 1.0:
                 asked = time.monotonic()
                 link.request_estimates(min(max(self._rate, 100), 250))
-            return link.state is not None and self._joints is not None and not self._lacks_force
+            return (
+                link.state is not None
+                and self._joints is not None
+                and not self._lacks_force
+            )
 
         def silent() -> str:
-            who = "--joints: the arm" if self._joints is None else "--link: the autopilot's estimator"
+            who = (
+                "--joints: the arm"
+                if self._joints is None
+                else "--link: the autopilot's estimator"
+            )
             return f"{who} sent nothing"
 
         self._until(settings.patience, has_state, silent)
@@ -313,45 +400,70 @@ class OffboardFlight:
         self._law = OutsideLaw(controller, loop, self._reference(0))
         self._needs_force = self._law.needs_accelerometer(self._reference(0))
         words = (
-            f"--link: law {shown(controller.name)} needs an accelerometer: {link.accelerometer}, or fly another law; "
-            "no reading came"
+            f"--link: law {shown(controller.name)} needs an accelerometer:"
+            f" {link.accelerometer}, or fly another law; no reading came"
         )
         self._until(settings.patience, has_state, words)
 
     def _loop_settings(self) -> LoopSettings | MotorSettings:
-        """Settings of the loop around the control law, by the kind of set point that the link sends."""
+        """Settings of the loop around the control law, by the kind of set point that
+        the link sends.
+        """
         link, settings, model = self._link, self._settings, self._scenario.agent.model
         if isinstance(link, DdsLink):
             if settings.rate_bandwidth is not None:
-                raise OffboardError("--rate-bandwidth: must be left out for motors, which have no rate loop")
+                raise OffboardError(
+                    "--rate-bandwidth: must be left out for motors, which have no rate"
+                    " loop"
+                )
             require_full_thrust(model.vehicle)
             return MotorSettings(period=1.0 / self._rate)
         reader = ParameterReader(link, self._pump)
-        return rate_settings(reader, model, 1.0 / self._rate, settings.rate_bandwidth, settings.hover_share)
+        return rate_settings(
+            reader,
+            model,
+            1.0 / self._rate,
+            settings.rate_bandwidth,
+            settings.hover_share,
+        )
 
     def _await_hover(self) -> None:
-        """Wait until the vehicle is armed, hovers slowly, and is not commanded by another program."""
+        """Wait until the vehicle is armed, hovers slowly, and is not commanded by
+        another program.
+        """
         link, modes = self._link, self._link.modes
         assert modes is not None
 
         def hovers() -> bool:
             state = link.state
             slow = state is not None and math.hypot(*state.velocity) < 0.3
-            return link.armed and not link.landed and slow and not modes.is_outside(link.mode)
+            return (
+                link.armed
+                and not link.landed
+                and slow
+                and not modes.is_outside(link.mode)
+            )
 
         if not hovers():
             self._tell("waits for a vehicle that is armed and hovers")
-        words = "--link: the vehicle was not armed, in the air and slow, in a mode of its own,"
+        words = (
+            "--link: the vehicle was not armed, in the air and slow, in a mode of its"
+            " own,"
+        )
         self._until(self._settings.patience, hovers, words)
 
     def _take_over(self) -> None:
-        """Send set points for the initial reference and request the mode that takes them, until it is entered."""
+        """Send set points for the initial reference and request the mode that takes
+        them, until it is entered.
+        """
         link, law, state = self._link, self._law, self._link.state
         assert state is not None
         assert link.modes is not None
         start = self._reference(0)
         if self._settings.here:
-            self._frame = WorldFrame.at_start(state, tuple(start.position), float(start.yaw))
+            self._frame = WorldFrame.at_start(
+                state, tuple(start.position), float(start.yaw)
+            )
         begun, asked = time.monotonic(), -math.inf
         link.accepted, self._alive = False, begun
         while not (link.modes.is_outside(link.mode) or link.accepted):
@@ -359,7 +471,8 @@ class OffboardFlight:
             if now - begun > TAKE_OVER:
                 said = f": {link.said}" if link.said else ""
                 raise OffboardError(
-                    f"--link: {link.modes.title} does not take set points (result {link.refused}){said}"
+                    f"--link: {link.modes.title} does not take set points (result"
+                    f" {link.refused}){said}"
                 )
             if now - begun > LEAD and now - asked > 0.5:
                 asked = now
@@ -372,7 +485,9 @@ class OffboardFlight:
                 law.reset()  # the vehicle does not obey yet
                 self._answer(state, 0, start)
         law.reset()
-        self._record = FlightRecord(first=link.state.time if link.state is not None else 0.0)
+        self._record = FlightRecord(
+            first=link.state.time if link.state is not None else 0.0
+        )
         self._tell("the law flies")
 
     def _follow(self) -> None:
@@ -386,16 +501,25 @@ class OffboardFlight:
             now = time.monotonic()
             if now - begun > MODE_KNOWN and not link.modes.is_outside(link.mode):
                 self._ours = False
-                raise HandBackError(TAKEN_BACK, f"{link.modes.title} left the mode that takes set points")
+                raise HandBackError(
+                    TAKEN_BACK,
+                    f"{link.modes.title} left the mode that takes set points",
+                )
             if now - begun > MODE_KNOWN and not link.armed:
                 self._ours = False
-                raise HandBackError(TAKEN_BACK, f"{link.modes.title} is no longer armed")
+                raise HandBackError(
+                    TAKEN_BACK, f"{link.modes.title} is no longer armed"
+                )
             state = link.take()
             if state is None:
                 continue
             jump, before = state.time - before, state.time
             if jump > self._settings.stale:
-                raise HandBackError(LINK_LOST, f"the autopilot's clock went on by {jump:.3g} s between two estimates")
+                raise HandBackError(
+                    LINK_LOST,
+                    f"the autopilot's clock went on by {jump:.3g} s between two"
+                    " estimates",
+                )
             tick = round((state.time - record.first) * self._rate)
             if tick <= last:
                 continue
@@ -405,12 +529,20 @@ class OffboardFlight:
             last = tick
             reference = self._reference(tick)
             self._answer(state, tick, reference, record)
-            error = math.dist(record.states[-1][:3], tuple(map(float, reference.position)))
+            error = math.dist(
+                record.states[-1][:3], tuple(map(float, reference.position))
+            )
             if error > self._settings.leash:
-                raise HandBackError(DIVERGED, f"the base is {error:.2f} m from its reference")
+                raise HandBackError(
+                    DIVERGED, f"the base is {error:.2f} m from its reference"
+                )
 
     def _answer(
-        self, state: AutopilotState, tick: int, reference: Reference, record: FlightRecord | None = None
+        self,
+        state: AutopilotState,
+        tick: int,
+        reference: Reference,
+        record: FlightRecord | None = None,
     ) -> None:
         """Evaluate the law for a state estimate and send its command."""
         law, link, arm = self._law, self._link, self._joints
@@ -429,20 +561,33 @@ class OffboardFlight:
         record.add(tick, measured, command)
 
     def _require_alive(self) -> None:
-        """Raise an error if estimates, heartbeats or joint readings are overdue, or this process was suspended."""
+        """Raise an error if estimates, heartbeats or joint readings are overdue, or
+        this process was suspended.
+        """
         link, now, stale = self._link, time.monotonic(), self._settings.stale
         stood, self._alive = now - self._alive, now
         if stood > stale:
-            raise HandBackError(LINK_LOST, f"this process stood still for {stood:.2f} s")
+            raise HandBackError(
+                LINK_LOST, f"this process stood still for {stood:.2f} s"
+            )
         if now - link.heard > stale:
-            raise HandBackError(LINK_LOST, f"no estimate from the autopilot for {stale:g} s")
+            raise HandBackError(
+                LINK_LOST, f"no estimate from the autopilot for {stale:g} s"
+            )
         if self._lacks_force:
-            raise HandBackError(LINK_LOST, f"no accelerometer reading from the autopilot for {stale:g} s")
+            raise HandBackError(
+                LINK_LOST,
+                f"no accelerometer reading from the autopilot for {stale:g} s",
+            )
         if now - link.beaten > BEAT_LOST:
-            raise HandBackError(LINK_LOST, f"no heartbeat from the autopilot for {BEAT_LOST:g} s")
+            raise HandBackError(
+                LINK_LOST, f"no heartbeat from the autopilot for {BEAT_LOST:g} s"
+            )
         if now - self._joints_heard > stale:
             raise HandBackError(
-                LINK_LOST, f"no joint reading for {stale:g} s{self._arm.problem and ': '}{self._arm.problem}"
+                LINK_LOST,
+                f"no joint reading for {stale:g}"
+                f" s{self._arm.problem and ': '}{self._arm.problem}",
             )
 
     @property
@@ -452,7 +597,9 @@ class OffboardFlight:
 
     @property
     def _force_is_old(self) -> bool:
-        """True if no accelerometer reading has arrived for as long as an estimate may be missing."""
+        """True if no accelerometer reading has arrived for as long as an estimate may
+        be missing.
+        """
         return time.monotonic() - self._link.force_heard > self._settings.stale
 
     def _reference(self, tick: int) -> Reference:
@@ -461,7 +608,9 @@ class OffboardFlight:
         return joined_reference(self._scenario, going, last / self._rate)
 
     def _hand_back(self) -> None:
-        """Release the arm and, while the autopilot takes our set points, request its hold mode."""
+        """Release the arm and, while the autopilot takes our set points, request its
+        hold mode.
+        """
         link = self._link
         self._arm.release()
         if link.modes is None or not self._ours or not self._still_obeys():
@@ -475,9 +624,11 @@ class OffboardFlight:
                 return
 
     def _still_obeys(self) -> bool:
-        """True unless the latest heartbeat shows another mode than the one for external set points.
+        """True unless the latest heartbeat shows another mode than the one for external
+        set points.
 
-        Without a heartbeat within ``HAND_BACK`` s the last one counts, if it is younger than our request for the mode.
+        Without a heartbeat within ``HAND_BACK`` s the last one counts, if it is younger
+        than our request for the mode.
         """
         link, modes = self._link, self._link.modes
         assert modes is not None

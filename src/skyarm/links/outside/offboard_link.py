@@ -1,4 +1,5 @@
-"""MAVLink connection of a control law to an autopilot: state in, body rates, thrust and modes out.
+"""MAVLink connection of a control law to an autopilot: state in, body rates, thrust and
+modes out.
 
 Source: mavlink.io, services "Offboard", "Command" and "Time synchronization".
 """
@@ -52,11 +53,14 @@ MOST_TIMES = 10_000
 
 
 class OffboardError(ValueError):
-    """Error if a link cannot be opened, or if its autopilot takes no external set points."""
+    """Error if a link cannot be opened, or if its autopilot takes no external set
+    points.
+    """
 
 
 QUIET = 0.1
-"""Time (s) after which a missing message is replaced by another one with the same content."""
+"""Time (s) after which a missing message is replaced by another one with the same
+content."""
 
 OLD = 0.1
 """Longest time (s) by which a position is extrapolated to the time of an attitude."""
@@ -64,7 +68,9 @@ OLD = 0.1
 
 @positional
 class Place:
-    """Estimated position (m) and velocity (m/s), north, west, up, at a time (s) of the autopilot's clock."""
+    """Estimated position (m) and velocity (m/s), north, west, up, at a time (s) of the
+    autopilot's clock.
+    """
 
     time: float
     position: Vec3
@@ -80,16 +86,24 @@ def parse_link(url: str) -> tuple[str, str, int]:
     with suppress(ValueError):
         parts = urlsplit(url)
         whole = not (parts.path or parts.query or parts.fragment or parts.username)
-        if parts.scheme in ("mavlink", "mavlink-out") and parts.hostname and parts.port and whole:
+        if (
+            parts.scheme in ("mavlink", "mavlink-out")
+            and parts.hostname
+            and parts.port
+            and whole
+        ):
             return parts.scheme, parts.hostname, parts.port
     raise OffboardError(
-        f"--link = {shown(url)}: must be mavlink://HOST:PORT, which waits there for the autopilot, "
-        "mavlink-out://HOST:PORT, which calls it, or dds://DOMAIN"
+        f"--link = {shown(url)}: must be mavlink://HOST:PORT, which waits there for the"
+        " autopilot, mavlink-out://HOST:PORT, which calls it, or dds://DOMAIN"
     )
 
 
-def _open_socket(url: str, patience: float) -> tuple[socket.socket, tuple[str, int] | None]:
-    """Open a link's socket and return it with its peer's address; a taken port is retried for ``patience`` s.
+def _open_socket(
+    url: str, patience: float
+) -> tuple[socket.socket, tuple[str, int] | None]:
+    """Open a link's socket and return it with its peer's address; a taken port is
+    retried for ``patience`` s.
 
     Raises:
         OffboardError: the link cannot be opened.
@@ -111,26 +125,39 @@ def _open_socket(url: str, patience: float) -> tuple[socket.socket, tuple[str, i
                 time.sleep(0.2)
                 continue
             made.close()
-            raise OffboardError(f"--link = {shown(url)}: {error.strerror or error}") from None
+            raise OffboardError(
+                f"--link = {shown(url)}: {error.strerror or error}"
+            ) from None
 
 
 class OffboardLink(Estimates, MavlinkVehicle):
     """MAVLink connection over UDP to one autopilot.
 
     Args:
-        url: ``mavlink://HOST:PORT`` binds the port of this machine, and answers the first autopilot that sends there;
-            ``mavlink-out://HOST:PORT`` sends to an autopilot's port.
-        patience: s to wait for a port that another program has, such as a simulator until it hands over.
+        url: ``mavlink://HOST:PORT`` binds the port of this machine, and answers the
+            first autopilot that sends there; ``mavlink-out://HOST:PORT`` sends to an
+            autopilot's port.
+        patience: s to wait for a port that another program has, such as a simulator
+            until it hands over.
 
     Attributes:
         round_trips: s, of time synchronisation, the newest.
     """
 
-    accelerometer = "raise the rate of its telemetry port, or set there the interval of HIGHRES_IMU"
+    accelerometer = (
+        "raise the rate of its telemetry port, or set there the interval of HIGHRES_IMU"
+    )
 
     def __init__(self, url: str, patience: float = 0.0) -> None:
         Estimates.__init__(self)
-        MavlinkVehicle.__init__(self, MODES, self._carry, sender=(0, COMPONENT), role=ONBOARD_COMPUTER, datagrams=True)
+        MavlinkVehicle.__init__(
+            self,
+            MODES,
+            self._carry,
+            sender=(0, COMPONENT),
+            role=ONBOARD_COMPUTER,
+            datagrams=True,
+        )
         self._socket, self._partner = _open_socket(url, patience)
         self._lost_before = 0
         self._calls = self._partner is not None
@@ -140,7 +167,9 @@ class OffboardLink(Estimates, MavlinkVehicle):
 
     @property
     def lost(self) -> int:
-        """Number of frames lost since the newest request for the mode of external set points."""
+        """Number of frames lost since the newest request for the mode of external set
+        points.
+        """
         return self.parser.lost_by_sender.get((self.system, 1), 0) - self._lost_before
 
     @property
@@ -150,13 +179,20 @@ class OffboardLink(Estimates, MavlinkVehicle):
 
     @property
     def hint(self) -> str:
-        """Parameters to set if all frames of the autopilot were MAVLink 1; else empty."""
+        """Parameters to set if all frames of the autopilot were MAVLink 1; else
+        empty.
+        """
         if not self.parser.version_1 or self.parser.version_2:
             return ""
-        return "only MAVLink 1 came: set MAV_PROTO_VER = 2 of PX4, or SERIALn_PROTOCOL = 2 of ArduPilot"
+        return (
+            "only MAVLink 1 came: set MAV_PROTO_VER = 2 of PX4, or SERIALn_PROTOCOL = 2"
+            " of ArduPilot"
+        )
 
     def wait(self, seconds: float) -> None:
-        """Wait for datagrams, at most a given time (s), and read all that have arrived."""
+        """Wait for datagrams, at most a given time (s), and read all that have
+        arrived.
+        """
         select.select([self._socket], [], [], max(seconds, 0.0))
         with suppress(ConnectionError):
             for data, sender in drain(self._socket):
@@ -164,7 +200,10 @@ class OffboardLink(Estimates, MavlinkVehicle):
                 if connected and sender != self._partner:
                     continue
                 for message in self.parser.feed(data):
-                    if self.hear(message) and (reader := _READERS.get(message.name)) is not None:
+                    if (
+                        self.hear(message)
+                        and (reader := _READERS.get(message.name)) is not None
+                    ):
                         reader(self, message)
                 if not connected and self.modes is not None:
                     self._partner = sender
@@ -176,13 +215,17 @@ class OffboardLink(Estimates, MavlinkVehicle):
             self.tell("TIMESYNC", tc1=0, ts1=time.monotonic_ns())
 
     def request_estimates(self, rate: float) -> None:
-        """Request state estimates at a rate (Hz); twice that if possible, since senders round their intervals up."""
+        """Request state estimates at a rate (Hz); twice that if possible, since senders
+        round their intervals up.
+        """
         assert self.modes is not None
         most = min(2.0 * rate, self.modes.fastest)
         self.request_streams({name: most * share for name, share in STREAMS.items()})
 
     def request_outside(self) -> None:
-        """Request the mode that takes external set points; ``accepted`` is True once the autopilot agrees."""
+        """Request the mode that takes external set points; ``accepted`` is True once
+        the autopilot agrees.
+        """
         self._await_answer()
         self._lost_before += self.lost
         super().request_outside()
@@ -192,8 +235,14 @@ class OffboardLink(Estimates, MavlinkVehicle):
         assert isinstance(command, RateCommand)
         p, q, r = to_our_axes(*command.rates)
         self.tell_autopilot(
-            "SET_ATTITUDE_TARGET", time_boot_ms=round(time.monotonic() * 1e3) & 0xFFFFFFFF, type_mask=NO_ATTITUDE,
-            q=(1.0, 0.0, 0.0, 0.0), body_roll_rate=p, body_pitch_rate=q, body_yaw_rate=r, thrust=float(command.thrust),
+            "SET_ATTITUDE_TARGET",
+            time_boot_ms=round(time.monotonic() * 1e3) & 0xFFFFFFFF,
+            type_mask=NO_ATTITUDE,
+            q=(1.0, 0.0, 0.0, 0.0),
+            body_roll_rate=p,
+            body_pitch_rate=q,
+            body_yaw_rate=r,
+            thrust=float(command.thrust),
         )
 
     def close(self) -> None:
@@ -204,27 +253,44 @@ class OffboardLink(Estimates, MavlinkVehicle):
         if self._partner is None:
             return
         with suppress(OSError):
-            _ = self._socket.send(frame) if self._calls else self._socket.sendto(frame, self._partner)
+            _ = (
+                self._socket.send(frame)
+                if self._calls
+                else self._socket.sendto(frame, self._partner)
+            )
 
     def _hear_odometry(self, m: mavlink.Message) -> None:
-        """Store an odometry message; its attitude counts only while no attitude messages arrive."""
+        """Store an odometry message; its attitude counts only while no attitude
+        messages arrive.
+        """
         quaternion = to_our_attitude(*m["q"])
         velocity = to_our_axes(m["vx"], m["vy"], m["vz"])
         if m["child_frame_id"] in BODY_FRAMES:
             velocity = quaternion.rotation().apply(velocity)
-        place = Place(1e-6 * m["time_usec"], to_our_axes(m["x"], m["y"], m["z"]), velocity)
+        place = Place(
+            1e-6 * m["time_usec"], to_our_axes(m["x"], m["y"], m["z"]), velocity
+        )
         self._place, self._odometry = place, time.monotonic()
         if time.monotonic() - self._attitude > QUIET:
-            self._take_state(place, place.time, quaternion, to_our_axes(m["rollspeed"], m["pitchspeed"], m["yawspeed"]))
+            self._take_state(
+                place,
+                place.time,
+                quaternion,
+                to_our_axes(m["rollspeed"], m["pitchspeed"], m["yawspeed"]),
+            )
 
     def _hear_position(self, m: mavlink.Message) -> None:
         """Store position and velocity of an autopilot that sends no odometry."""
         if time.monotonic() - self._odometry > QUIET:
             velocity = to_our_axes(m["vx"], m["vy"], m["vz"])
-            self._place = Place(1e-3 * m["time_boot_ms"], to_our_axes(m["x"], m["y"], m["z"]), velocity)
+            self._place = Place(
+                1e-3 * m["time_boot_ms"], to_our_axes(m["x"], m["y"], m["z"]), velocity
+            )
 
     def _hear_attitude(self, m: mavlink.Message) -> None:
-        """Store attitude and body rate with the newest position, extrapolated to their time."""
+        """Store attitude and body rate with the newest position, extrapolated to their
+        time.
+        """
         self._attitude = time.monotonic()
         if self._place is None:
             return
@@ -232,12 +298,20 @@ class OffboardLink(Estimates, MavlinkVehicle):
         rate = to_our_axes(m["rollspeed"], m["pitchspeed"], m["yawspeed"])
         self._take_state(self._place, 1e-3 * m["time_boot_ms"], quaternion, rate)
 
-    def _take_state(self, place: Place, at: float, quaternion: Quaternion, rate: Vec3) -> None:
-        """Store a state whose position, extrapolated to the time of its attitude, is at most ``OLD`` s old."""
+    def _take_state(
+        self, place: Place, at: float, quaternion: Quaternion, rate: Vec3
+    ) -> None:
+        """Store a state whose position, extrapolated to the time of its attitude, is at
+        most ``OLD`` s old.
+        """
         ahead = at - place.time
         state = AutopilotState(
-            time=at, position=place.position + place.velocity * ahead, quaternion=quaternion, velocity=place.velocity,
-            rate=rate, specific_force=self._force,
+            time=at,
+            position=place.position + place.velocity * ahead,
+            quaternion=quaternion,
+            velocity=place.velocity,
+            rate=rate,
+            specific_force=self._force,
         )
         if abs(ahead) <= OLD:
             self._keep(state)

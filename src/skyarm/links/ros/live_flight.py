@@ -16,7 +16,8 @@ from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 
 MOST_LATE = 0.25
-"""Longest delay (s of wall time) that is made up for; after a longer pause the flight stays late."""
+"""Longest delay (s of wall time) that is made up for; after a longer pause the flight
+stays late."""
 
 TOLD = 0.1
 """Wall time (s) between two updates of the progress display."""
@@ -32,7 +33,8 @@ class Pace:
         speed: flight time over wall time; infinite waits for nothing.
 
     Attributes:
-        late: s of wall time by which the flight has fallen behind, beyond what it caught up.
+        late: s of wall time by which the flight has fallen behind, beyond what it
+            caught up.
     """
 
     def __init__(self, speed: float) -> None:
@@ -56,15 +58,16 @@ class Pace:
 
 @immutable
 class LiveFlight:
-    """Result of a flight with live ROS topics: log, counts of commands and goals, and delay.
+    """Result of a flight with live ROS topics: log, counts of commands and goals, and
+    delay.
 
     Attributes:
         log: log of the flight.
         commanded: periods flown under commands from ROS.
         goals: taken from ROS.
         late: s by which it was slower than its pace.
-        interrupted: exception that ended it from outside (Ctrl-C), to be raised again once the log is written; else
-            None.
+        interrupted: exception that ended it from outside (Ctrl-C), to be raised again
+            once the log is written; else None.
     """
 
     log: Log
@@ -75,8 +78,15 @@ class LiveFlight:
 
     @property
     def facts(self) -> dict[str, float]:
-        """ROS version, counts of commands and goals, and delay (s), by their keys in the JSON document."""
-        return {"version": 2, "commanded": self.commanded, "goals": self.goals, "late_s": self.late}
+        """ROS version, counts of commands and goals, and delay (s), by their keys in
+        the JSON document.
+        """
+        return {
+            "version": 2,
+            "commanded": self.commanded,
+            "goals": self.goals,
+            "late_s": self.late,
+        }
 
     @property
     def lines(self) -> list[str]:
@@ -84,11 +94,16 @@ class LiveFlight:
         rate, lines = float(self.log.info["rates_hz"]["control"]), list[str]()
         if self.commanded:
             seconds = self.commanded / rate
-            lines.append(f"ROS 2: commanded from outside for {seconds:g} s, which no scenario repeats")
+            lines.append(
+                f"ROS 2: commanded from outside for {seconds:g} s, which no scenario"
+                " repeats"
+            )
         if self.goals:
             lines.append(f"ROS 2: goals taken: {self.goals}")
         if self.late > SOON:
-            lines.append(f"ROS 2: {self.late:.3g} s behind its pace; --pace makes it slower")
+            lines.append(
+                f"ROS 2: {self.late:.3g} s behind its pace; --pace makes it slower"
+            )
         return lines
 
 
@@ -108,7 +123,11 @@ def fly_with_topics(
     if not 0.0 <= pace < math.inf:
         raise ValueError(f"--pace = {pace:g}: must be a finite number, 0 or above")
     return fly_live(
-        scenario, open_node(version), pace=pace or math.inf, advance=advance, preparing=preparing,
+        scenario,
+        open_node(version),
+        pace=pace or math.inf,
+        advance=advance,
+        preparing=preparing,
         warn=lambda line: say(f"warning: {line}"),
     )
 
@@ -122,7 +141,8 @@ def fly_live(
     preparing: Callable[[float, float], object] | None = None,
     warn: Warn,
 ) -> LiveFlight:
-    """Fly a scenario with live ROS topics; the node is closed at the end, even after an error.
+    """Fly a scenario with live ROS topics; the node is closed at the end, even after an
+    error.
 
     Args:
         scenario: scenario to fly.
@@ -140,7 +160,10 @@ def fly_live(
             warn(f"{session.slow}; flying as Python floats: slower, the same numbers")
         for name, reason in reasons.items():
             topics = goal_topics(scenario, name)
-            warn(f"no goals are taken on {' and '.join(topics)}, since of the reference {reason}")
+            warn(
+                f"no goals are taken on {' and '.join(topics)}, since of the reference"
+                f" {reason}"
+            )
         with closing(session):
             link = RosLink(session, node, warn=warn)
             try:

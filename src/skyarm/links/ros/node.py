@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 Content = dict[str, Any]
-"""Content of a message: field -> number, text, list of these, or content of the message inside."""
+"""Content of a message: field -> number, text, list of these, or content of the message
+inside."""
 
 
 class RosError(ValueError):
@@ -16,7 +17,9 @@ class Node(Protocol):
     """Publishers and subscriptions of one ROS node."""
 
     def advertise(self, topic: str, kind: str, *, latched: bool = False) -> None:
-        """Advertise a topic; a latched one sends its last message to every later subscriber."""
+        """Advertise a topic; a latched one sends its last message to every later
+        subscriber.
+        """
 
     def send(self, topic: str, data: bytes) -> None:
         """Publish a message on an advertised topic; never waits for a receiver."""

@@ -1,8 +1,9 @@
 """ROS 2 node on Cyclone DDS, without an installed ROS.
 
-A topic ``/odom`` of ROS 2 is the DDS topic ``rt/odom``, its type ``nav_msgs/msg/Odometry`` the DDS type
-``nav_msgs::msg::dds_::Odometry_`` (design.ros2.org/articles/topic_and_service_names.html). The DDS types are made of
-the definitions in :mod:`skyarm.log.ros.messages`; messages go in and out as the bytes of
+A topic ``/odom`` of ROS 2 is the DDS topic ``rt/odom``, its type
+``nav_msgs/msg/Odometry`` the DDS type ``nav_msgs::msg::dds_::Odometry_``
+(design.ros2.org/articles/topic_and_service_names.html). The DDS types are made of the
+definitions in :mod:`skyarm.log.ros.messages`; messages go in and out as the bytes of
 :mod:`skyarm.log.ros.message_bytes`.
 """
 
@@ -24,12 +25,14 @@ DOMAIN = "ROS_DOMAIN_ID"
 """Environment variable with the number of the DDS domain, as in ROS 2."""
 
 CONFIGURATION = "CYCLONEDDS_URI"
-"""Environment variable with a user's Cyclone configuration, which replaces this one, for example for other machines."""
+"""Environment variable with a user's Cyclone configuration, which replaces this one,
+for example for other machines."""
 
 LOOPBACK = "127.0.0.1"
 
 MOST_WAITING = 100
-"""Largest number of waiting messages for a slow receiver or for the flight; older ones are dropped."""
+"""Largest number of waiting messages for a slow receiver or for the flight; older ones
+are dropped."""
 
 MOST_DOMAIN = 232
 """Highest number of a DDS domain, whose ports end at 65535."""
@@ -38,7 +41,8 @@ LAST = 0.05
 """Time (s) for the last messages to arrive."""
 
 ANNOUNCED = "500 ms"
-"""Time between two announcements of the node, by which later programs find it without multicast."""
+"""Time between two announcements of the node, by which later programs find it without
+multicast."""
 
 LOOPBACK_ONLY = f"""<CycloneDDS><Domain>
 <General><Interfaces><NetworkInterface address="{LOOPBACK}" multicast="false"/></Interfaces>
@@ -60,7 +64,9 @@ class Ros2Node:
         RosError: cyclonedds is missing, or the domain cannot be joined.
     """
 
-    def __init__(self, domain: int | None = None, definitions: Mapping[str, str] = DEFINITIONS) -> None:
+    def __init__(
+        self, domain: int | None = None, definitions: Mapping[str, str] = DEFINITIONS
+    ) -> None:
         try:
             import cyclonedds.core
             import cyclonedds.domain
@@ -70,7 +76,9 @@ class Ros2Node:
             import cyclonedds.topic
             import cyclonedds.util
         except ImportError:
-            raise RosError(f"cyclonedds: is missing; ROS 2 {needs_extra('ros')}") from None
+            raise RosError(
+                f"cyclonedds: is missing; ROS 2 {needs_extra('ros')}"
+            ) from None
         self._dds: Any = cyclonedds
         self._types = DdsTypes(definitions)
         self._number = _domain_of_environment() if domain is None else domain
@@ -91,10 +99,14 @@ class Ros2Node:
             raise
         except self._dds.core.DDSException as error:
             self.close()
-            raise RosError(f"ROS 2 domain {self._number}: cannot be joined ({_words(error)})") from None
+            raise RosError(
+                f"ROS 2 domain {self._number}: cannot be joined ({_words(error)})"
+            ) from None
 
     def advertise(self, topic: str, kind: str, *, latched: bool = False) -> None:
-        """Advertise a topic: reliable, queue of 100 messages; a latched one keeps its last for later subscribers."""
+        """Advertise a topic: reliable, queue of 100 messages; a latched one keeps its
+        last for later subscribers.
+        """
         policy, within = self._dds.qos.Policy, self._dds.util.duration
         qos = self._dds.qos.Qos(
             policy.Reliability.Reliable(max_blocking_time=within(milliseconds=1)),
@@ -102,16 +114,22 @@ class Ros2Node:
             policy.History.KeepLast(1 if latched else MOST_WAITING),
             policy.DataRepresentation(use_cdrv0_representation=True),
         )
-        self._writers[topic] = self._dds.pub.DataWriter(self._participant, self._topic(topic, kind), qos=qos)
+        self._writers[topic] = self._dds.pub.DataWriter(
+            self._participant, self._topic(topic, kind), qos=qos
+        )
 
     def send(self, topic: str, data: bytes) -> None:
-        """Publish a message; it is dropped if the slowest receiver has no room for it."""
+        """Publish a message; it is dropped if the slowest receiver has no room for
+        it.
+        """
         writer = self._writers[topic]
         try:
             writer.write(_message(writer.data_type, data))
         except self._dds.core.DDSException as error:
             if error.code != self._dds.core.DDSException.DDS_RETCODE_TIMEOUT:
-                raise RosError(f"ROS 2 topic {topic}: cannot be written ({_words(error)})") from None
+                raise RosError(
+                    f"ROS 2 topic {topic}: cannot be written ({_words(error)})"
+                ) from None
 
     def subscribe(self, topic: str, kind: str) -> None:
         """Subscribe to a topic, for reliable and best-effort publishers alike."""
@@ -122,7 +140,9 @@ class Ros2Node:
             policy.History.KeepLast(MOST_WAITING),
             policy.DataRepresentation(use_cdrv0_representation=True),
         )
-        self._readers[topic] = self._dds.sub.DataReader(self._participant, self._topic(topic, kind), qos=qos)
+        self._readers[topic] = self._dds.sub.DataReader(
+            self._participant, self._topic(topic, kind), qos=qos
+        )
 
     def take(self, topic: str) -> list[bytes]:
         """Messages that have arrived on a topic since the last call, oldest first."""
@@ -130,7 +150,9 @@ class Ros2Node:
         return [each.content for each in samples if hasattr(each, "content")]
 
     def wait(self, seconds: float) -> None:
-        """Wait a limited time (s) for a message of the topics subscribed to before the first call."""
+        """Wait a limited time (s) for a message of the topics subscribed to before the
+        first call.
+        """
         if self._arrivals is None:
             core = self._dds.core
             self._arrivals = core.WaitSet(self._participant)
@@ -148,7 +170,9 @@ class Ros2Node:
         return len(self._readers[topic].get_matched_publications())
 
     def close(self) -> None:
-        """Wait until the last messages have arrived, then leave the DDS domain; sockets and threads end."""
+        """Wait until the last messages have arrived, then leave the DDS domain; sockets
+        and threads end.
+        """
         if any(map(self.subscribers, self._writers)):
             time.sleep(LAST)
         self._arrivals = None
@@ -159,7 +183,9 @@ class Ros2Node:
             del self._entities[-1]
 
     def _topic(self, name: str, kind: str) -> Any:
-        return self._dds.topic.Topic(self._participant, f"rt{name}", self._types.of(kind))
+        return self._dds.topic.Topic(
+            self._participant, f"rt{name}", self._types.of(kind)
+        )
 
 
 class _Encoded(Protocol):
@@ -169,12 +195,18 @@ class _Encoded(Protocol):
 
 
 def _content(message: _Encoded, *_: object, **__: object) -> bytes:
-    """Return the encoded bytes that a DDS message stores; replaces cyclonedds's encoder."""
+    """Return the encoded bytes that a DDS message stores; replaces cyclonedds's
+    encoder.
+    """
     return message.content
 
 
-def _message(kind: type[_Encoded], /, data: bytes, *_: object, **__: object) -> _Encoded:
-    """Make a DDS message object that stores encoded bytes; replaces cyclonedds's decoder."""
+def _message(
+    kind: type[_Encoded], /, data: bytes, *_: object, **__: object
+) -> _Encoded:
+    """Make a DDS message object that stores encoded bytes; replaces cyclonedds's
+    decoder.
+    """
     message = kind.__new__(kind)
     message.content = bytes(data)
     return message
@@ -193,7 +225,10 @@ class DdsTypes:
         """DDS type of a ROS message type such as nav_msgs/Odometry."""
         if kind not in self._made:
             package, _, name = kind.partition("/")
-            parts = {field.name: self._field(field) for field in fields(self._definitions[kind])}
+            parts = {
+                field.name: self._field(field)
+                for field in fields(self._definitions[kind])
+            }
             made = self._make(name, f"{package}::msg::dds_::{name}_", parts)
             made.serialize, made.deserialize = _content, classmethod(_message)
             self._made[kind] = made
@@ -201,7 +236,15 @@ class DdsTypes:
 
     def _field(self, field: MessageField) -> Any:
         _, kind, length = field
-        one = str if kind == "string" else bool if kind == "bool" else getattr(self._types, kind, None) or self.of(kind)
+        one = (
+            str
+            if kind == "string"
+            else (
+                bool
+                if kind == "bool"
+                else getattr(self._types, kind, None) or self.of(kind)
+            )
+        )
         if length is None:
             return one
         return self._types.array[one, length] if length else self._types.sequence[one]
@@ -210,7 +253,9 @@ class DdsTypes:
 def _domain_of_environment() -> int:
     text = os.environ.get(DOMAIN, "") or "0"
     if not text.isascii() or not text.isdigit() or int(text) > MOST_DOMAIN:
-        raise RosError(f"{DOMAIN} = {shown(text)}: must be a whole number from 0 to {MOST_DOMAIN}")
+        raise RosError(
+            f"{DOMAIN} = {shown(text)}: must be a whole number from 0 to {MOST_DOMAIN}"
+        )
     return int(text)
 
 
@@ -226,7 +271,8 @@ def _open_sockets() -> set[int]:
 
 
 def _bind_to_loopback(descriptors: Iterable[int]) -> None:
-    """Let sockets receive from the loopback device only: the library opens them for every interface.
+    """Let sockets receive from the loopback device only: the library opens them for
+    every interface.
 
     Raises:
         RosError: the system does not allow it.
@@ -243,8 +289,9 @@ def _bind_to_loopback(descriptors: Iterable[int]) -> None:
                 shared.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo\0")
             except OSError as error:
                 raise RosError(
-                    f"ROS 2: its sockets cannot be kept to this machine ({error.strerror or error}); "
-                    f"a configuration of your own in {CONFIGURATION} takes the place of ours"
+                    "ROS 2: its sockets cannot be kept to this machine"
+                    f" ({error.strerror or error}); a configuration of your own in"
+                    f" {CONFIGURATION} takes the place of ours"
                 ) from None
 
 

@@ -1,8 +1,9 @@
 """Running sums and extremes for the metrics of an episode.
 
-A total is a sum, a sum of squares, a largest or smallest value, or the value of largest magnitude with its sign, of one
-quantity over one window. Only the totals that the requested metrics need are counted; what they do not need is not even
-traced. Over a log the same functions count: :mod:`skyarm.log.metrics.score`.
+A total is a sum, a sum of squares, a largest or smallest value, or the value of largest
+magnitude with its sign, of one quantity over one window. Only the totals that the
+requested metrics need are counted; what they do not need is not even traced. Over a log
+the same functions count: :mod:`skyarm.log.metrics.score`.
 """
 
 from __future__ import annotations
@@ -12,7 +13,16 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import absolute, asin, atan2, clip, maximum, minimum, sqrt, where
+from skyarm.algebra.scalars import (
+    absolute,
+    asin,
+    atan2,
+    clip,
+    maximum,
+    minimum,
+    sqrt,
+    where,
+)
 from skyarm.log.metrics import interaction
 from skyarm.log.metrics.metric import Metric, MetricInstant
 from skyarm.records import coerce
@@ -24,7 +34,8 @@ from skyarm.records.registry.contract import class_mistake, refuse_mistake
 HUGE = 1e300
 
 CONTINUOUS = "_continuous"
-"""Suffix of metrics against the continuous reference; without it, against the held samples."""
+"""Suffix of metrics against the continuous reference; without it, against the held
+samples."""
 
 
 def joint_norm(joints: Scalars, desired: Scalars) -> Scalar:
@@ -48,12 +59,16 @@ def roll_and_pitch(q: Quaternion) -> tuple[Scalar, Scalar]:
 
 
 def tilt(q: Quaternion) -> Scalar:
-    """Tilt (rad) of the body's z axis against the vertical, from a unit quaternion; accurate near zero."""
+    """Tilt (rad) of the body's z axis against the vertical, from a unit quaternion;
+    accurate near zero.
+    """
     return 2.0 * asin(minimum(sqrt(q.x * q.x + q.y * q.y), 1.0))
 
 
 def _jitter(now: MetricInstant, size: Callable[[Scalar], Scalar]) -> Scalar:
-    """Change of the commanded rotor speeds since the last control period, by size, averaged over the rotors."""
+    """Change of the commanded rotor speeds since the last control period, by size,
+    averaged over the rotors.
+    """
     total: Scalar = 0.0
     for new, old in zip(now.command.rotor_speeds, now.before, strict=True):
         total = total + size(new - old)
@@ -61,23 +76,30 @@ def _jitter(now: MetricInstant, size: Callable[[Scalar], Scalar]) -> Scalar:
 
 
 ROUNDING = 1e-9
-"""Fraction of a limit below it at which a command that the law itself limits still counts as at the limit."""
+"""Fraction of a limit below it at which a command that the law itself limits still
+counts as at the limit."""
 
 
 def _limited_rotors(now: MetricInstant) -> Scalar:
-    """1 if a rotor command is at a limit at the battery's voltage or beyond it, else 0; NaN without known limits."""
+    """1 if a rotor command is at a limit at the battery's voltage or beyond it, else 0;
+    NaN without known limits.
+    """
     if now.limits is None:
         return math.nan
     limited: Scalar = 0.0
     ranges = now.limits.rotor_ranges(now.part("battery_voltage"))
     for speed, (least, highest) in zip(now.command.rotor_speeds, ranges, strict=True):
         stopped = speed <= (1.0 - ROUNDING) * least
-        limited = where(stopped, 1.0, where(speed >= (1.0 - ROUNDING) * highest, 1.0, limited))
+        limited = where(
+            stopped, 1.0, where(speed >= (1.0 - ROUNDING) * highest, 1.0, limited)
+        )
     return limited
 
 
 def _limited_joints(now: MetricInstant) -> Scalar:
-    """1 if a joint's torque or force is at its limit or beyond it, else 0; NaN without known limits."""
+    """1 if a joint's torque or force is at its limit or beyond it, else 0; NaN without
+    known limits.
+    """
     if now.limits is None:
         return math.nan
     limited: Scalar = 0.0
@@ -93,7 +115,9 @@ QUANTITIES: Mapping[str, interaction.Quantity] = {
     "position": lambda now, goal: distance(now.state.position, goal.position),
     "joint": lambda now, goal: joint_norm(now.state.joints, goal.joints),
     "ee": lambda now, goal: distance(now.tool, goal.tool),
-    "ee_outside": lambda now, goal: where(distance(now.tool, goal.tool) > NEAR, 1.0, 0.0),
+    "ee_outside": lambda now, goal: where(
+        distance(now.tool, goal.tool) > NEAR, 1.0, 0.0
+    ),
     "x": lambda now, goal: now.state.position.x - goal.position.x,
     "ee_x": lambda now, goal: now.tool.x - goal.tool.x,
     "height": lambda now, goal: goal.position.z - now.state.position.z,
@@ -111,25 +135,35 @@ QUANTITIES: Mapping[str, interaction.Quantity] = {
     "jitter_square": lambda now, _: _jitter(now, lambda change: change * change),
     **interaction.QUANTITIES,
 }
-"""Quantity -> function: errors (m, rad), attitude (rad), squared body rate, rotor jitter (rad/s, and squared),
-commands at limits (1 or 0); efforts are ``effort`` + i."""
+"""Quantity -> function: errors (m, rad), attitude (rad), squared body rate, rotor
+jitter (rad/s, and squared), commands at limits (1 or 0); efforts are ``effort`` + i."""
 
 Total = tuple[str, str, str]
-"""Running total: kind ("sum", "square", "max", "min", "peak", "last"), window, and quantity, which may end with
-``_continuous``.
+"""Running total: kind ("sum", "square", "max", "min", "peak", "last"), window, and
+quantity, which may end with ``_continuous``.
 
 Of kind "added" it is the memory of a registered metric, by its name."""
 
 Totals = tuple[Any, ...]
-"""Values of some totals in order: scalars, and internal states of registered metrics."""
+"""Values of some totals in order: scalars, and internal states of registered
+metrics."""
 
 ADDED = "added"
 
-STARTS = {"sum": 0.0, "square": 0.0, "max": -HUGE, "min": HUGE, "peak": 0.0, "last": HUGE}
+STARTS = {
+    "sum": 0.0,
+    "square": 0.0,
+    "max": -HUGE,
+    "min": HUGE,
+    "peak": 0.0,
+    "last": HUGE,
+}
 
 
 def quantity(name: str, now: MetricInstant) -> Scalar | None:
-    """Compute a named quantity, such as the position error, at an instant; None if the flight lacks it."""
+    """Compute a named quantity, such as the position error, at an instant; None if the
+    flight lacks it.
+    """
     goal = now.held
     if name.endswith(CONTINUOUS):
         name, goal = name.removesuffix(CONTINUOUS), now.continuous
@@ -139,7 +173,8 @@ def quantity(name: str, now: MetricInstant) -> Scalar | None:
 
 
 def added_metric(name: str) -> Metric:
-    """Return the metric object of a registered metric, or of a built-in contact, grasp or phase metric.
+    """Return the metric object of a registered metric, or of a built-in contact, grasp
+    or phase metric.
 
     Raises:
         RegistryError: what is registered is no metric, or cannot be called as one.
@@ -147,17 +182,27 @@ def added_metric(name: str) -> Metric:
     if name in interaction.TOTALS:
         return interaction.TOTALS[name]
     kind = find("metric", name)
-    refuse_mistake(class_mistake(kind) if isinstance(kind, type) else None, "metric", name)
+    refuse_mistake(
+        class_mistake(kind) if isinstance(kind, type) else None, "metric", name
+    )
     made = kind()
     if not isinstance(made, Metric):
-        raise RegistryError(f"metric {name!r}: must be registered as a subclass of Metric")
+        raise RegistryError(
+            f"metric {name!r}: must be registered as a subclass of Metric"
+        )
     return made
 
 
 def first_totals(counted: Sequence[Total]) -> Totals:
-    """Initial values of the running sums and extremes from which metrics are computed."""
+    """Initial values of the running sums and extremes from which metrics are
+    computed.
+    """
     return tuple(
-        added_numbers(name, "start", added_metric(name).start()) if kind == ADDED else STARTS[kind]
+        (
+            added_numbers(name, "start", added_metric(name).start())
+            if kind == ADDED
+            else STARTS[kind]
+        )
         for kind, _, name in counted
     )
 
@@ -172,9 +217,13 @@ def added_numbers(name: str, method: str, result: Tree, like: Tree = None) -> Tr
         like: accumulator whose structure it must have; None for any.
 
     Raises:
-        RecordError: one line with the metric's file and line, its method, value and what is allowed.
+        RecordError: one line with the metric's file and line, its method, value and
+            what is allowed.
     """
-    at = f"{place_of(getattr(type(added_metric(name)), method))}: metric {name!r}: {method}"
+    at = (
+        f"{place_of(getattr(type(added_metric(name)), method))}: metric {name!r}:"
+        f" {method}"
+    )
     for path, each in named_parts(result, at):
         if getattr(coerce.number(path, each), "ndim", 0):
             coerce.refuse(path, each, "must be a number")
@@ -184,9 +233,13 @@ def added_numbers(name: str, method: str, result: Tree, like: Tree = None) -> Tr
 
 
 def advance_totals(
-    totals: Totals, counted: Sequence[Total], now: MetricInstant, inside: Mapping[str, Scalar]
+    totals: Totals,
+    counted: Sequence[Total],
+    now: MetricInstant,
+    inside: Mapping[str, Scalar],
 ) -> Totals:
-    """Add the quantities of one control instant to the running sums and extremes of the metrics.
+    """Add the quantities of one control instant to the running sums and extremes of the
+    metrics.
 
     Args:
         totals: totals so far.
@@ -194,17 +247,30 @@ def advance_totals(
         now: control instant.
         inside: window -> whether the instant counts for it, a condition.
     """
-    amounts = {name: quantity(name, now) for name in dict.fromkeys(name for kind, _, name in counted if kind != ADDED)}
+    amounts = {
+        name: quantity(name, now)
+        for name in dict.fromkeys(name for kind, _, name in counted if kind != ADDED)
+    }
     following: list[Tree] = []
     for total, (kind, window, name) in zip(totals, counted, strict=True):
         if kind == ADDED:
-            more = leaves(added_numbers(name, "count", added_metric(name).count(total, now), total))
+            more = leaves(
+                added_numbers(
+                    name, "count", added_metric(name).count(total, now), total
+                )
+            )
             pairs = zip(more, leaves(total), strict=True)
-            following.append(rebuild(total, iter([where(inside[window], new, old) for new, old in pairs])))
+            following.append(
+                rebuild(
+                    total, iter([where(inside[window], new, old) for new, old in pairs])
+                )
+            )
         elif (amount := amounts[name]) is None:
             following.append(total)
         else:
-            following.append(where(inside[window], _with_one_more(kind, total, amount), total))
+            following.append(
+                where(inside[window], _with_one_more(kind, total, amount), total)
+            )
     return tuple(following)
 
 

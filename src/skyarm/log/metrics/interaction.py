@@ -1,9 +1,11 @@
-"""Metrics of contact and manipulation: commanded contact force, a gripped handle, and moved mechanisms.
+"""Metrics of contact and manipulation: commanded contact force, a gripped handle, and
+moved mechanisms.
 
-Forces are the sum of the normal forces at the vehicle's points; of several vehicles each has its own points, gripper
-and grasps. An instant of a commanded contact counts while the reference asks for a force above 0: for losses from 0.3 s
-after the first touch on, for the statistics of the force from 2 s after it on, when the impact is over. What is moved
-is the first object and the first mechanism of the world.
+Forces are the sum of the normal forces at the vehicle's points; of several vehicles
+each has its own points, gripper and grasps. An instant of a commanded contact counts
+while the reference asks for a force above 0: for losses from 0.3 s after the first
+touch on, for the statistics of the force from 2 s after it on, when the impact is over.
+What is moved is the first object and the first mechanism of the world.
 """
 
 from __future__ import annotations
@@ -17,7 +19,15 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import absolute, atan2, cos, logical_and, maximum, sin, where
+from skyarm.algebra.scalars import (
+    absolute,
+    atan2,
+    cos,
+    logical_and,
+    maximum,
+    sin,
+    where,
+)
 from skyarm.dynamics.kinematics import out_of_axis
 from skyarm.log.metrics.metric import Metric, MetricGoal, MetricInstant
 from skyarm.records.arrays import AnyArray
@@ -38,13 +48,18 @@ NOT_YET = 1e30
 
 @immutable
 class PushMemory:
-    """Accumulated sums of the contact metrics: force error, contact losses and tip error.
+    """Accumulated sums of the contact metrics: force error, contact losses and tip
+    error.
 
     Attributes:
-        first: time of the first touch during a commanded contact, s. touching: 1 during contact.
-        losses: number of contact losses. peak: N. count: instants in the force's statistics.
-        error, square: sums of the force's error, N, and of its square. held: instants within the band.
-        apart, farthest: sum and largest of the tip's error across the normal, m. near: instants in that sum.
+        first: time of the first touch during a commanded contact, s. touching: 1 during
+            contact.
+        losses: number of contact losses. peak: N. count: instants in the force's
+            statistics.
+        error, square: sums of the force's error, N, and of its square. held: instants
+            within the band.
+        apart, farthest: sum and largest of the tip's error across the normal, m. near:
+            instants in that sum.
     """
 
     first: Scalar = NOT_YET
@@ -62,14 +77,18 @@ class PushMemory:
 
 @positional
 class PushTotals(Metric):
-    """Accumulator of the contact metrics: force error, losses of contact and tip error."""
+    """Accumulator of the contact metrics: force error, losses of contact and tip
+    error.
+    """
 
     def start(self) -> PushMemory:
         """Initial running sums of the contact metrics: all zero, no touch yet."""
         return PushMemory()
 
     def count(self, memory: PushMemory, now: MetricInstant) -> PushMemory:
-        """Add one control instant to the running sums of force error, contact losses and tip error."""
+        """Add one control instant to the running sums of force error, contact losses
+        and tip error.
+        """
         forces = now.part("contact_force")
         if not now.push or not forces:
             return memory
@@ -79,7 +98,10 @@ class PushTotals(Metric):
         begins = logical_and(logical_and(asked, touches), memory.first >= NOT_YET)
         first = where(begins, now.time, memory.first)
         after = now.time - first
-        lost = logical_and(logical_and(asked, memory.touching > 0.5), logical_and(force <= 0.0, after >= BOUNCES))
+        lost = logical_and(
+            logical_and(asked, memory.touching > 0.5),
+            logical_and(force <= 0.0, after >= BOUNCES),
+        )
         settled = logical_and(asked, after >= SETTLED)
         error = force - desired
         near_desired = logical_and(settled, absolute(error) <= BAND * desired)
@@ -104,17 +126,23 @@ def _tangential_error(now: MetricInstant, normal: Scalars) -> Scalar:
     """Distance of the tip from its reference parallel to the nominal surface, m."""
     away = now.tool - now.held.tool
     along = away.x * normal[0] + away.y * normal[1] + away.z * normal[2]
-    return type(away)(*(a - along * n for a, n in zip(away, normal, strict=True))).norm()
+    return type(away)(
+        *(a - along * n for a, n in zip(away, normal, strict=True))
+    ).norm()
 
 
 @immutable
 class GripMemory:
-    """Accumulated sums of the grip metrics: radial force on the handle, and lag of the mechanism.
+    """Accumulated sums of the grip metrics: radial force on the handle, and lag of the
+    mechanism.
 
     Attributes:
-        held: instants in which it is held. force, largest: sum and largest of the radial force's size, N.
-        behind: rad, by which it was furthest from where it should be. begun: 1 once the reference takes it along.
-        x, y, z: arm of the reference about its axis then, m. turned: angle of the mechanism then, rad.
+        held: instants in which it is held. force, largest: sum and largest of the
+            radial force's size, N.
+        behind: rad, by which it was furthest from where it should be. begun: 1 once the
+            reference takes it along.
+        x, y, z: arm of the reference about its axis then, m. turned: angle of the
+            mechanism then, rad.
     """
 
     held: Scalar = 0.0
@@ -130,14 +158,18 @@ class GripMemory:
 
 @positional
 class GripTotals(Metric):
-    """Accumulator of the grip metrics: radial force on a turning handle, and lag of the turned mechanism."""
+    """Accumulator of the grip metrics: radial force on a turning handle, and lag of the
+    turned mechanism.
+    """
 
     def start(self) -> GripMemory:
         """Initial running sums of the grip metrics: all zero, nothing gripped yet."""
         return GripMemory()
 
     def count(self, memory: GripMemory, now: MetricInstant) -> GripMemory:
-        """Update radial force on the handle and lag of the mechanism by one control instant."""
+        """Update radial force on the handle and lag of the mechanism by one control
+        instant.
+        """
         hinge, turned_to = now.part("mechanism_hinge"), now.part("mechanism_position")
         if not hinge or not now.part("gripper_pull") or len(now.push) <= 6:
             return memory
@@ -150,11 +182,18 @@ class GripTotals(Metric):
         arm = now.held.tool - pivot
         arm = arm - about * about.dot(arm)
         begins = logical_and(holds, memory.begun < 0.5)
-        first = Vec3(*(where(begins, a, b) for a, b in zip(arm, (memory.x, memory.y, memory.z), strict=True)))
+        first = Vec3(
+            *(
+                where(begins, a, b)
+                for a, b in zip(arm, (memory.x, memory.y, memory.z), strict=True)
+            )
+        )
         turned = where(begins, turned_to[0], memory.turned)
         turn = atan2(about.dot(first.cross(arm)), first.dot(arm))
         # about the handle's own axis, and a whole turn more or less is none
-        behind = where(about.dot(axis) < 0.0, -1.0, 1.0) * turn - (turned_to[0] - turned)
+        behind = where(about.dot(axis) < 0.0, -1.0, 1.0) * turn - (
+            turned_to[0] - turned
+        )
         behind = absolute(atan2(sin(behind), cos(behind)))
         return GripMemory(
             held=memory.held + where(holds, 1.0, 0.0),
@@ -162,7 +201,9 @@ class GripTotals(Metric):
             largest=maximum(memory.largest, where(holds, radial, 0.0)),
             behind=maximum(memory.behind, where(holds, behind, 0.0)),
             begun=where(holds, 1.0, memory.begun),
-            x=first.x, y=first.y, z=first.z,
+            x=first.x,
+            y=first.y,
+            z=first.z,
             turned=turned,
         )
 
@@ -192,50 +233,94 @@ class PhaseTotals(Metric):
         )
 
 
-TOTALS: Mapping[str, Metric] = {"push": PushTotals(), "grip": GripTotals(), "phases": PhaseTotals()}
+TOTALS: Mapping[str, Metric] = {
+    "push": PushTotals(),
+    "grip": GripTotals(),
+    "phases": PhaseTotals(),
+}
 """Totals by name, as those of registered metrics."""
 
 
 Quantity = Callable[[MetricInstant, MetricGoal], Scalar | None]
-"""Function (instant, reference) -> number that is totalled; None in a flight without it."""
+"""Function (instant, reference) -> number that is totalled; None in a flight without
+it."""
 
 
 def _of_part(name: str, index: int, absent: Scalar | None = None) -> Quantity:
-    """Make a function that reads one component of an array logged by a contact or gripper model."""
+    """Make a function that reads one component of an array logged by a contact or
+    gripper model.
+    """
     return lambda now, _: now.part(name)[index] if now.part(name) else absent
 
 
 def _pull_error(now: MetricInstant, _: MetricGoal) -> Scalar:
-    """Largest error of a team's pull along the lines of its grasps (N); NaN without a team."""
+    """Largest error of a team's pull along the lines of its grasps (N); NaN without a
+    team.
+    """
     rows = zip(now.part("team_pull"), now.part("team_pull_reference"), strict=True)
     errors = [absolute(pull - desired) for pull, desired in rows]
     return reduce(maximum, errors) if errors else math.nan
 
 
 QUANTITIES: Mapping[str, Quantity] = {
-    "contact": lambda now, _: reduce(add, now.part("contact_force")) if now.part("contact_force") else None,
-    **{f"object_{axis}": _of_part("object_position", i) for i, axis in enumerate("xyz")},
+    "contact": lambda now, _: (
+        reduce(add, now.part("contact_force")) if now.part("contact_force") else None
+    ),
+    **{
+        f"object_{axis}": _of_part("object_position", i) for i, axis in enumerate("xyz")
+    },
     "mechanism": _of_part("mechanism_position", 0),
-    "grasp": lambda now, _: reduce(maximum, now.part("grasp_force")) if now.part("grasp_force") else None,
+    "grasp": lambda now, _: (
+        reduce(maximum, now.part("grasp_force")) if now.part("grasp_force") else None
+    ),
     "tip_height": lambda now, _: now.tool.z,
     "team_position": _of_part("team_position_error", 0, math.nan),
     "team_turn": _of_part("team_turn_error", 0, math.nan),
     "team_pull": _pull_error,
     "load_share": _of_part("load_share", 0, math.nan),
 }
-"""Quantity -> function: force at all points (N), position of the first object (m), coordinate of the first
-mechanism, largest force at a grasp (N), height of the tip (m); of a team the errors of its body's place (m), direction
-(rad) and pull (N), and the vehicle's share of the load."""
+"""Quantity -> function: force at all points (N), position of the first object (m),
+coordinate of the first mechanism, largest force at a grasp (N), height of the tip (m);
+of a team the errors of its body's place (m), direction (rad) and pull (N), and the
+vehicle's share of the load."""
 
-SHARED = frozenset(("object_x", "object_y", "object_z", "mechanism", "team_position", "team_turn", "team_pull"))
+SHARED = frozenset(
+    (
+        "object_x",
+        "object_y",
+        "object_z",
+        "mechanism",
+        "team_position",
+        "team_turn",
+        "team_pull",
+    )
+)
 """Quantities of the world, which are the same for all vehicles of a flight."""
 
 COUNTED: Mapping[str, tuple[str, str, str, str]] = {
     "contact_last": ("last", "contact", "contact force at the end of the flight", "N"),
     "contact_largest": ("largest", "contact", "largest contact force", "N"),
-    **{f"object_last_{a}": ("last", f"object_{a}", f"{a} of the first object at the end", "m") for a in "xyz"},
-    "mechanism_last": ("last", "mechanism", "position of the first mechanism at the end, rad or m", ""),
-    "mechanism_furthest": ("largest", "mechanism", "largest position of the first mechanism, rad or m", ""),
+    **{
+        f"object_last_{a}": (
+            "last",
+            f"object_{a}",
+            f"{a} of the first object at the end",
+            "m",
+        )
+        for a in "xyz"
+    },
+    "mechanism_last": (
+        "last",
+        "mechanism",
+        "position of the first mechanism at the end, rad or m",
+        "",
+    ),
+    "mechanism_furthest": (
+        "largest",
+        "mechanism",
+        "largest position of the first mechanism, rad or m",
+        "",
+    ),
     "tip_lowest": ("lowest", "tip_height", "lowest height of the tip", "m"),
 }
 """Metric -> its form, quantity, description and unit."""
@@ -243,13 +328,19 @@ COUNTED: Mapping[str, tuple[str, str, str, str]] = {
 
 def _share(total: Scalar, count: Scalar) -> AnyArray:
     """Divide a sum by a count; NaN for a count of zero."""
-    return np.where(np.asarray(count) > 0, np.asarray(total) / np.maximum(np.asarray(count), 1), np.nan)
+    return np.where(
+        np.asarray(count) > 0,
+        np.asarray(total) / np.maximum(np.asarray(count), 1),
+        np.nan,
+    )
 
 
 def _ripple(memory: PushMemory) -> AnyArray:
     """RMS deviation of the contact force from its mean, N."""
     mean = _share(memory.error, memory.count)
-    return np.asarray(np.sqrt(np.maximum(_share(memory.square, memory.count) - mean * mean, 0.0)))
+    return np.asarray(
+        np.sqrt(np.maximum(_share(memory.square, memory.count) - mean * mean, 0.0))
+    )
 
 
 def _if_met(memory: PushMemory, number: Scalar) -> AnyArray:
@@ -265,17 +356,43 @@ def _if_gripped(memory: GripMemory, number: Scalar) -> AnyArray:
 HELD = "fraction of the time with the contact force within 30 % of the commanded one"
 
 TOTALED: Mapping[str, tuple[str, Callable[[Any], AnyArray], str, str]] = {
-    "contact_error_mean": ("push", lambda of: _share(of.error, of.count), "mean signed error of contact force", "N"),
+    "contact_error_mean": (
+        "push",
+        lambda of: _share(of.error, of.count),
+        "mean signed error of contact force",
+        "N",
+    ),
     "contact_ripple": ("push", _ripple, "RMS of the contact force about its mean", "N"),
     "contact_held": ("push", lambda of: _share(of.held, of.count), HELD, ""),
-    "contact_peak": ("push", lambda of: _if_met(of, of.peak), "largest contact force while contact is commanded", "N"),
-    "contact_losses": ("push", lambda of: _if_met(of, of.losses), "number of losses of contact", "losses"),
-    "contact_first": ("push", lambda of: _if_met(of, of.first), "time of the first touch", "s"),
+    "contact_peak": (
+        "push",
+        lambda of: _if_met(of, of.peak),
+        "largest contact force while contact is commanded",
+        "N",
+    ),
+    "contact_losses": (
+        "push",
+        lambda of: _if_met(of, of.losses),
+        "number of losses of contact",
+        "losses",
+    ),
+    "contact_first": (
+        "push",
+        lambda of: _if_met(of, of.first),
+        "time of the first touch",
+        "s",
+    ),
     "contact_tip_mean": (
-        "push", lambda of: _share(of.apart, of.near), "mean tip error along the surface in contact", "m"
+        "push",
+        lambda of: _share(of.apart, of.near),
+        "mean tip error along the surface in contact",
+        "m",
     ),
     "contact_tip_max": (
-        "push", lambda of: _if_met(of, of.farthest), "largest tip error along the surface in contact", "m"
+        "push",
+        lambda of: _if_met(of, of.farthest),
+        "largest tip error along the surface in contact",
+        "m",
     ),
     "phases_time": (
         "phases",
@@ -284,12 +401,22 @@ TOTALED: Mapping[str, tuple[str, Callable[[Any], AnyArray], str, str]] = {
         "s",
     ),
     "grip_force_mean": (
-        "grip", lambda of: _if_gripped(of, of.force / np.maximum(np.asarray(of.held), 1)),
-        "mean radial force on the gripped handle", "N",
+        "grip",
+        lambda of: _if_gripped(of, of.force / np.maximum(np.asarray(of.held), 1)),
+        "mean radial force on the gripped handle",
+        "N",
     ),
     "grip_force_max": (
-        "grip", lambda of: _if_gripped(of, of.largest), "largest radial force on the gripped handle", "N"
+        "grip",
+        lambda of: _if_gripped(of, of.largest),
+        "largest radial force on the gripped handle",
+        "N",
     ),
-    "grip_lag_max": ("grip", lambda of: _if_gripped(of, of.behind), "largest lag angle of the gripped handle", "rad"),
+    "grip_lag_max": (
+        "grip",
+        lambda of: _if_gripped(of, of.behind),
+        "largest lag angle of the gripped handle",
+        "rad",
+    ),
 }
 """Metric -> its totals, function from them to its value, description and unit."""

@@ -1,4 +1,5 @@
-"""Base class of user-defined metrics, and the quantities of one control instant from which they are computed.
+"""Base class of user-defined metrics, and the quantities of one control instant from
+which they are computed.
 
 During a flight and from a log the same functions compute them.
 """
@@ -19,7 +20,9 @@ from skyarm.vehicle import Vehicle
 
 @immutable
 class MetricGoal:
-    """Reference for the metrics: base position (m), joint positions, and tip position (m) at a level base."""
+    """Reference for the metrics: base position (m), joint positions, and tip position
+    (m) at a level base.
+    """
 
     position: Vec3
     joints: Scalars
@@ -32,8 +35,10 @@ class ActuatorLimits:
 
     Attributes:
         speeds: largest speed of each rotor, rad/s. least: its least one.
-        efforts: largest torque or force of each joint, N m or N; inf of a joint that is passive or takes setpoints.
-        reference_voltage: V, of a battery that limits the rotors' speeds; None where none does.
+        efforts: largest torque or force of each joint, N m or N; inf of a joint that is
+            passive or takes setpoints.
+        reference_voltage: V, of a battery that limits the rotors' speeds; None where
+            none does.
     """
 
     speeds: Scalars
@@ -43,7 +48,9 @@ class ActuatorLimits:
 
     @classmethod
     def of(cls, vehicle: Vehicle, setpoints: Sequence[bool]) -> ActuatorLimits:
-        """Actuator limits of a vehicle; joints marked in ``setpoints`` take setpoints and have no effort limit."""
+        """Actuator limits of a vehicle; joints marked in ``setpoints`` take setpoints
+        and have no effort limit.
+        """
         joints, battery = zip(vehicle.joints, setpoints, strict=True), vehicle.battery
         # an open loop scales speeds and cuts none
         if battery is not None and battery.esc == "open":
@@ -52,10 +59,16 @@ class ActuatorLimits:
             speeds=tuple(rotor.max_speed for rotor in vehicle.rotors),
             least=tuple(data(rotor.min_speed) for rotor in vehicle.rotors),
             efforts=tuple(
-                math.inf if setpoint else where(joint.effort_limit > 0.0, joint.effort_limit, math.inf)
+                (
+                    math.inf
+                    if setpoint
+                    else where(joint.effort_limit > 0.0, joint.effort_limit, math.inf)
+                )
                 for joint, setpoint in joints
             ),
-            reference_voltage=None if battery is None else data(battery.reference_voltage),
+            reference_voltage=(
+                None if battery is None else data(battery.reference_voltage)
+            ),
         )
 
     def rotor_ranges(self, voltage: Scalars) -> list[tuple[Any, Any]]:
@@ -78,11 +91,15 @@ class MetricInstant:
 
     Attributes:
         state: state of the plant. tool: its tip, world, m.
-        command: issued now. before: rotor speeds commanded a period ago; those of now at the first instant.
-        held, continuous: the reference. lag: s, of the law's governed reference behind it.
+        command: issued now. before: rotor speeds commanded a period ago; those of now
+            at the first instant.
+        held, continuous: the reference. lag: s, of the law's governed reference behind
+            it.
         phase: number of the task's phase, where phases wait. time: s.
-        push: commanded push of the reference, as :class:`skyarm.reference.trajectory.Reference` has it.
-        parts: (name, numbers) of each array of the flight's components, and of their constants.
+        push: commanded push of the reference, as
+            :class:`skyarm.reference.trajectory.Reference` has it.
+        parts: (name, numbers) of each array of the flight's components, and of their
+            constants.
         limits: limits of the plant's actuators; None where the vehicle is unknown.
     """
 
@@ -100,16 +117,20 @@ class MetricInstant:
     limits: ActuatorLimits | None = None
 
     def part(self, name: str) -> Scalars:
-        """Values of an array logged by a wind, force or contact model at this instant; () if it does not exist."""
+        """Values of an array logged by a wind, force or contact model at this instant;
+        () if it does not exist.
+        """
         return next((numbers for each, numbers in self.parts if each == name), ())
 
 
 class Metric:
-    """Base class of user-defined metrics: one number per flight, accumulated over the control instants.
+    """Base class of user-defined metrics: one number per flight, accumulated over the
+    control instants.
 
-    A subclass is a frozen dataclass whose fields all have defaults. ``count`` is pure, over any scalar, and called at
-    every control instant in the window while the episode lives; ``result`` gets the last memory, whose scalars are
-    arrays over the episodes of a batch. ``words`` and ``unit`` describe it on axes and in tables.
+    A subclass is a frozen dataclass whose fields all have defaults. ``count`` is pure,
+    over any scalar, and called at every control instant in the window while the episode
+    lives; ``result`` gets the last memory, whose scalars are arrays over the episodes
+    of a batch. ``words`` and ``unit`` describe it on axes and in tables.
     """
 
     __slots__ = ()
@@ -118,11 +139,15 @@ class Metric:
 
     @property
     def window(self) -> str:
-        """Name of the time window in which the metric counts, such as "steady" or "whole"."""
+        """Name of the time window in which the metric counts, such as "steady" or
+        "whole".
+        """
         return "whole"
 
     def start(self) -> Any:
-        """Return the initial accumulator of the metric: a dataclass or tuple of scalars, such as sums."""
+        """Return the initial accumulator of the metric: a dataclass or tuple of
+        scalars, such as sums.
+        """
         raise NotImplementedError(f"{type(self).__name__} must define start()")
 
     def count(self, memory: Any, now: MetricInstant) -> Any:

@@ -1,11 +1,13 @@
 """Catalogue of metrics: names, time windows and formulas, for flights and logs alike.
 
-Position and joint errors are norms. A metric that needs a reference exists twice: against the held samples, as a
-recorded bag would see it, and with the suffix ``_continuous`` against the continuous reference. Those of the gust
-experiment, which looks at another window, begin with ``gust_``.
+Position and joint errors are norms. A metric that needs a reference exists twice:
+against the held samples, as a recorded bag would see it, and with the suffix
+``_continuous`` against the continuous reference. Those of the gust experiment, which
+looks at another window, begin with ``gust_``.
 
-Settling time is not among them. It asks when the error entered a band around its steady mean, and the mean is known
-after the steady window only: the error's whole past would have to be kept. Two flights give it, or a log
+Settling time is not among them. It asks when the error entered a band around its steady
+mean, and the mean is known after the steady window only: the error's whole past would
+have to be kept. Two flights give it, or a log
 (:func:`skyarm.log.metrics.score.settling_time`).
 
 The definitions are rows of ``metric_catalogue.toml``.
@@ -36,10 +38,12 @@ from skyarm.records.registry import names as registered_names
 
 @positional
 class Measure:
-    """Definition of one metric: required sums, time window, formula, description and unit.
+    """Definition of one metric: required sums, time window, formula, description and
+    unit.
 
     Attributes:
-        totals: required sums and extremes. window: name of the window whose instants are counted.
+        totals: required sums and extremes. window: name of the window whose instants
+            are counted.
         value: (instants, period in s, *totals) -> metric.
         words, unit: description and unit for axes and tables.
     """
@@ -52,7 +56,9 @@ class Measure:
 
 
 def _or_nan(_n: Array, _dt: float, total: Array) -> AnyArray:
-    """Extreme or last value of a quantity over each flight; NaN if the flight lacks the quantity."""
+    """Extreme or last value of a quantity over each flight; NaN if the flight lacks the
+    quantity.
+    """
     return np.where(np.abs(total) < HUGE, total, np.nan)
 
 
@@ -69,20 +75,32 @@ FORMS: Mapping[str, tuple[tuple[str, ...], Callable[..., AnyArray]]] = {
     "largest": (("max",), _or_nan),
     "lowest": (("min",), _or_nan),
 }
-"""Form of a metric -> kinds of totals of its quantity, and function from them to its value; ``root`` is the RMS of a
-squared quantity."""
+"""Form of a metric -> kinds of totals of its quantity, and function from them to its
+value; ``root`` is the RMS of a squared quantity."""
 
 
-def _measure(form: str, window: str, quantity: str, words: str = "", unit: str = "") -> Measure:
+def _measure(
+    form: str, window: str, quantity: str, words: str = "", unit: str = ""
+) -> Measure:
     kinds, value = FORMS[form]
-    return Measure(tuple((kind, window, quantity) for kind in kinds), window, value, words, unit)
+    return Measure(
+        tuple((kind, window, quantity) for kind in kinds), window, value, words, unit
+    )
 
 
 def _tracking(prefix: str, window: str, ending: str = "") -> dict[str, Measure]:
     measures = {}
-    for name, what, unit in (("position", "position", "m"), ("joint", "joint", "rad"), ("ee", "tip", "m")):
-        measures[f"{prefix}{name}_error_mean"] = _measure("mean", window, name, f"mean {what} error{ending}", unit)
-        measures[f"{prefix}{name}_error_max"] = _measure("max", window, name, f"largest {what} error{ending}", unit)
+    for name, what, unit in (
+        ("position", "position", "m"),
+        ("joint", "joint", "rad"),
+        ("ee", "tip", "m"),
+    ):
+        measures[f"{prefix}{name}_error_mean"] = _measure(
+            "mean", window, name, f"mean {what} error{ending}", unit
+        )
+        measures[f"{prefix}{name}_error_max"] = _measure(
+            "max", window, name, f"largest {what} error{ending}", unit
+        )
     return measures
 
 
@@ -103,7 +121,13 @@ FREE = _rows("free")
 """Metrics without a counterpart for the continuous reference."""
 
 INTERACTION = {
-    name: Measure(((ADDED, "whole", totals),), "whole", lambda _n, _dt, memory, value=value: value(memory), words, unit)
+    name: Measure(
+        ((ADDED, "whole", totals),),
+        "whole",
+        lambda _n, _dt, memory, value=value: value(memory),
+        words,
+        unit,
+    )
     for name, (totals, value, words, unit) in TOTALED.items()
 } | {name: _measure(form, "whole", *rest) for name, (form, *rest) in COUNTED.items()}
 """Metrics of contact with the world, which a flight without contact lacks."""
@@ -117,8 +141,22 @@ TEAMS = _rows("teams")
 REFERRED = TRACKING | GUST | PAPER
 
 STANDARD = (
-    *("position_error_mean", "position_error_max", "position_min", "joint_error_mean", "joint_error_max"),
-    *("ee_error_mean", "ee_error_max", "pitch_mean", "pitch_rms", "pitch_ripple", "roll_rms", "peak_pitch"),
+    *(
+        "position_error_mean",
+        "position_error_max",
+        "position_min",
+        "joint_error_mean",
+        "joint_error_max",
+    ),
+    *(
+        "ee_error_mean",
+        "ee_error_max",
+        "pitch_mean",
+        "pitch_rms",
+        "pitch_ripple",
+        "roll_rms",
+        "peak_pitch",
+    ),
     *("peak_position", "iae_position", "iae_joint", "efforts"),
 )
 
@@ -128,21 +166,38 @@ EFFORTS = "efforts"
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "standard": STANDARD,
     "gust": (*GUST, "gust_pitch_rms", "gust_peak_pitch"),
-    "wind": ("position_min", "position_max", "position_ripple", "pitch_mean", "pitch_ripple"),
+    "wind": (
+        "position_min",
+        "position_max",
+        "position_ripple",
+        "pitch_mean",
+        "pitch_ripple",
+    ),
     "paper": (*PAPER, "hover_offset"),
     "effort": (
-        *("efforts", "rotor_jitter", "rotor_saturation", "joint_saturation", "rate_rms", "tilt_rms", "tilt_max"),
+        *(
+            "efforts",
+            "rotor_jitter",
+            "rotor_saturation",
+            "joint_saturation",
+            "rate_rms",
+            "tilt_rms",
+            "tilt_max",
+        ),
         "altitude_error_max",
     ),
     "contact": tuple(INTERACTION),
     "team": tuple(TEAMS),
     "all": (*REFERRED, *FREE, "efforts"),
 }
-"""Names of groups of metrics; ``efforts`` in them is the RMS of every joint's torque over the steady window."""
+"""Names of groups of metrics; ``efforts`` in them is the RMS of every joint's torque
+over the steady window."""
 
 
 def measures(joints: int) -> dict[str, Measure]:
-    """Definitions of all available metrics for an arm with a given number of joints, by name."""
+    """Definitions of all available metrics for an arm with a given number of joints, by
+    name.
+    """
     by_name = (
         REFERRED
         | FREE
@@ -150,13 +205,19 @@ def measures(joints: int) -> dict[str, Measure]:
         | GRASPS
         | TEAMS
         | {
-            f"tau{i + 1}_rms": _measure("rms", "steady", f"effort{i}", f"RMS torque of joint {i + 1}", "N m")
+            f"tau{i + 1}_rms": _measure(
+                "rms", "steady", f"effort{i}", f"RMS torque of joint {i + 1}", "N m"
+            )
             for i in range(joints)
         }
     )
     for name, each in REFERRED.items():
-        twins = tuple((kind, window, f"{what}{CONTINUOUS}") for kind, window, what in each.totals)
-        by_name[f"{name}{CONTINUOUS}"] = replace(each, totals=twins, words=f"{each.words}, continuous reference")
+        twins = tuple(
+            (kind, window, f"{what}{CONTINUOUS}") for kind, window, what in each.totals
+        )
+        by_name[f"{name}{CONTINUOUS}"] = replace(
+            each, totals=twins, words=f"{each.words}, continuous reference"
+        )
     for name in registered_names("metric"):
         by_name[name] = _registered_measure(name)
     return by_name
@@ -167,31 +228,47 @@ def _registered_measure(name: str) -> Measure:
     metric = added_metric(name)
     totals, window = ((ADDED, metric.window, name),), metric.window
     return Measure(
-        totals, window, lambda n, dt, memory: _result(name, metric, memory, n, dt), metric.words, metric.unit
+        totals,
+        window,
+        lambda n, dt, memory: _result(name, metric, memory, n, dt),
+        metric.words,
+        metric.unit,
     )
 
 
-def _result(name: str, metric: Metric, memory: Tree, instants: Array, period: float) -> Array:
-    """Result of a registered metric for each flight, after a check of its shape and type."""
+def _result(
+    name: str, metric: Metric, memory: Tree, instants: Array, period: float
+) -> Array:
+    """Result of a registered metric for each flight, after a check of its shape and
+    type.
+    """
     value = np.asarray(metric.result(memory, instants, period))
     if value.dtype.kind not in "biuf" or value.shape not in ((), np.shape(instants)):
-        coerce.refuse(f"{place_of(type(metric).result)}: metric {name!r}: result", value, "must be one number a flight")
+        coerce.refuse(
+            f"{place_of(type(metric).result)}: metric {name!r}: result",
+            value,
+            "must be one number a flight",
+        )
     return value
 
 
-def metric_names(words: Sequence[str], joints: int, setpoints: Sequence[bool] = ()) -> tuple[str, ...]:
+def metric_names(
+    words: Sequence[str], joints: int, setpoints: Sequence[bool] = ()
+) -> tuple[str, ...]:
     """Expand metric names and groups such as "standard" to a list of names, each once.
 
-    A group with the suffix ``_continuous`` stands for the twins of those of its metrics that have one, the word
-    "efforts" for the torque of every joint.
+    A group with the suffix ``_continuous`` stands for the twins of those of its metrics
+    that have one, the word "efforts" for the torque of every joint.
 
     Args:
         words: names and groups.
         joints: number of joints of the arm.
-        setpoints: per joint, True if its command is a setpoint in place of a torque: groups then leave its torque out.
+        setpoints: per joint, True if its command is a setpoint in place of a torque:
+            groups then leave its torque out.
 
     Raises:
-        ValueError: a name that is none, with those there are; or the torque of a joint that takes a setpoint.
+        ValueError: a name that is none, with those there are; or the torque of a joint
+            that takes a setpoint.
     """
     _require_list(words)
     every = measures(joints)
@@ -201,36 +278,59 @@ def metric_names(words: Sequence[str], joints: int, setpoints: Sequence[bool] = 
         group = word.removesuffix(CONTINUOUS) if isinstance(word, str) else ""
         if word in without:
             k = word.removeprefix("tau").removesuffix("_rms")
-            raise ValueError(f"metrics: {shown(word)}: must be left out: joint {k} is told setpoints of its drive")
+            raise ValueError(
+                f"metrics: {shown(word)}: must be left out: joint {k} is told setpoints"
+                " of its drive"
+            )
         if isinstance(word, str) and word in every:
             expanded.append(word)
         elif word == EFFORTS:
-            expanded += [name for name in _written_out(word, joints) if name not in without]
+            expanded += [
+                name for name in _written_out(word, joints) if name not in without
+            ]
         elif group in GROUPS:
-            listed = [name for one in GROUPS[group] for name in _written_out(one, joints) if name not in without]
+            listed = [
+                name
+                for one in GROUPS[group]
+                for name in _written_out(one, joints)
+                if name not in without
+            ]
             twins = [f"{name}{CONTINUOUS}" for name in listed if name in REFERRED]
             expanded += listed if group == word else twins
         else:
-            allowed = f"{', '.join(GROUPS)}, or of {', '.join(name for name in every if not name.endswith(CONTINUOUS))}"
+            allowed = (
+                f"{', '.join(GROUPS)}, or of"
+                f" {', '.join(name for name in every if not name.endswith(CONTINUOUS))}"
+            )
             meant = did_you_mean(word, (*GROUPS, *every))
-            raise ValueError(f"metrics: {shown(word)}: {meant}must be one of {allowed}; with {CONTINUOUS} its twin")
+            raise ValueError(
+                f"metrics: {shown(word)}: {meant}must be one of {allowed}; with"
+                f" {CONTINUOUS} its twin"
+            )
     return tuple(dict.fromkeys(expanded))
 
 
 def _require_list(words: object) -> None:
     if isinstance(words, str) or not isinstance(words, Collection):
-        raise ValueError(f"metrics = {shown(words)}: must be a list of names and groups, as ['standard']")
+        raise ValueError(
+            f"metrics = {shown(words)}: must be a list of names and groups, as"
+            " ['standard']"
+        )
 
 
-def names_by_agent(words: Sequence[str], setpoints: Mapping[str, Sequence[bool]]) -> dict[str, dict[str, str]]:
+def names_by_agent(
+    words: Sequence[str], setpoints: Mapping[str, Sequence[bool]]
+) -> dict[str, dict[str, str]]:
     """Expand metric names and groups for the vehicles of a flight.
 
-    Of several vehicles ``left/tilt_max`` is the metric of one and ``tilt_max`` that of each; what belongs to the world,
-    such as the position of an object, has no vehicle's name and is counted with the first.
+    Of several vehicles ``left/tilt_max`` is the metric of one and ``tilt_max`` that of
+    each; what belongs to the world, such as the position of an object, has no vehicle's
+    name and is counted with the first.
 
     Args:
         words: names and groups, with or without the name of a vehicle.
-        setpoints: for each vehicle and joint, True if the joint's command is a setpoint in place of a torque.
+        setpoints: for each vehicle and joint, True if the joint's command is a setpoint
+            in place of a torque.
 
     Returns:
         For each vehicle: name among the results -> name in the catalogue.
@@ -239,29 +339,49 @@ def names_by_agent(words: Sequence[str], setpoints: Mapping[str, Sequence[bool]]
         ValueError: as :func:`metric_names`, or another vehicle's name.
     """
     if len(setpoints) == 1:
-        return {name: {each: each for each in metric_names(words, len(own), own)} for name, own in setpoints.items()}
+        return {
+            name: {each: each for each in metric_names(words, len(own), own)}
+            for name, own in setpoints.items()
+        }
     _require_list(words)
     pairs = [(str(word).rpartition(WITHIN)[0], word) for word in words]
     for agent, word in pairs:
         if agent not in ("", *setpoints):
-            raise ValueError(f"metrics: {shown(word)}: agent = {shown(agent)}: {must_be_one_of(setpoints, agent)}")
+            raise ValueError(
+                f"metrics: {shown(word)}: agent = {shown(agent)}:"
+                f" {must_be_one_of(setpoints, agent)}"
+            )
     listed: dict[str, dict[str, str]] = {name: {} for name in setpoints}
     world = next(iter(listed.values()))
     for name, own in setpoints.items():
-        of_it = [word.removeprefix(agent + WITHIN) if agent else word for agent, word in pairs if agent in ("", name)]
+        of_it = [
+            word.removeprefix(agent + WITHIN) if agent else word
+            for agent, word in pairs
+            if agent in ("", name)
+        ]
         for each in metric_names(of_it, len(own), own):
             shared = {what for _, _, what in measures(len(own))[each].totals} <= SHARED
-            (world if shared else listed[name])[each if shared else f"{name}{WITHIN}{each}"] = each
+            (world if shared else listed[name])[
+                each if shared else f"{name}{WITHIN}{each}"
+            ] = each
     return listed
 
 
-def row_names(words: Sequence[str], setpoints: Mapping[str, Sequence[bool]]) -> tuple[str, ...]:
-    """Expand metric names and groups to the names among the results of a flight (:func:`names_by_agent`)."""
-    return tuple(name for own in names_by_agent(words, setpoints).values() for name in own)
+def row_names(
+    words: Sequence[str], setpoints: Mapping[str, Sequence[bool]]
+) -> tuple[str, ...]:
+    """Expand metric names and groups to the names among the results of a flight
+    (:func:`names_by_agent`).
+    """
+    return tuple(
+        name for own in names_by_agent(words, setpoints).values() for name in own
+    )
 
 
 def catalogue_names(names: Iterable[str]) -> set[str]:
-    """Names of metrics in the catalogue, without those of the vehicles that they are of."""
+    """Names of metrics in the catalogue, without those of the vehicles that they are
+    of.
+    """
     return {name.rpartition(WITHIN)[2] for name in names}
 
 
@@ -275,15 +395,22 @@ def _written_out(name: str, joints: int) -> list[str]:
 
 
 def required_totals(names: Sequence[str], joints: int) -> tuple[Total, ...]:
-    """List the sums and extremes from which the given metrics are computed, each once."""
+    """List the sums and extremes from which the given metrics are computed, each
+    once.
+    """
     every = measures(joints)
     return tuple(dict.fromkeys(total for name in names for total in every[name].totals))
 
 
 def values(
-    names: Sequence[str], totals: Mapping[Total, Array], instants: Mapping[str, Array], joints: int, period: float
+    names: Sequence[str],
+    totals: Mapping[Total, Array],
+    instants: Mapping[str, Array],
+    joints: int,
+    period: float,
 ) -> dict[str, Array]:
-    """Compute the metrics of each flight of a batch from accumulated sums; NaN for an empty time window.
+    """Compute the metrics of each flight of a batch from accumulated sums; NaN for an
+    empty time window.
 
     Args:
         names: names of the metrics.
@@ -312,4 +439,8 @@ def metric_words(name: str) -> tuple[str, str]:
     torque = re.fullmatch(r"tau(\d+)_rms", name)
     measure = measures(int(torque[1]) if torque else 0).get(name)
     of = f"{agent}: " if within else ""
-    return (of + measure.words, measure.unit) if measure and measure.words else (of + name.replace("_", " "), "")
+    return (
+        (of + measure.words, measure.unit)
+        if measure and measure.words
+        else (of + name.replace("_", " "), "")
+    )

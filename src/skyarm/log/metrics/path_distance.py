@@ -11,14 +11,16 @@ AT_ONCE = 256
 
 
 def path_distance(points: Array, path: Array) -> Array:
-    """Distance of each point (N, 3) from the polyline through a path's samples (M, 3), m.
+    """Distance of each point (N, 3) from the polyline through a path's samples (M, 3),
+    m.
 
-    Of a flight: ``path_distance(log.tip, log.tip_reference)``, which stays small on a slowed path where the
-    error against the reference of that instant does not.
+    Of a flight: ``path_distance(log.tip, log.tip_reference)``, which stays small on a
+    slowed path where the error against the reference of that instant does not.
 
     Args:
         points: (N, 3), m.
-        path: (M, 3), m, in order; a step of the path counts as the straight line between its ends.
+        path: (M, 3), m, in order; a step of the path counts as the straight line
+            between its ends.
 
     Returns:
         (N,), m.
@@ -36,5 +38,7 @@ def path_distance(points: Array, path: Array) -> Array:
         off = points[start : start + AT_ONCE, None] - begin
         share = np.clip((off * along).sum(axis=2) / square, 0.0, 1.0)
         left = off - share[..., None] * along
-        distances[start : start + AT_ONCE] = np.sqrt((left * left).sum(axis=2).min(axis=1))
+        distances[start : start + AT_ONCE] = np.sqrt(
+            (left * left).sum(axis=2).min(axis=1)
+        )
     return distances

@@ -21,7 +21,15 @@ from skyarm.log.flight_log import PIECE, Log, rows_of
 from skyarm.log.flown_scenario import restored_at
 from skyarm.log.formats import as_log
 from skyarm.log.log_columns import names_of
-from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, Total, Totals, advance_totals, first_totals, quantity
+from skyarm.log.metrics.accumulate import (
+    ADDED,
+    CONTINUOUS,
+    Total,
+    Totals,
+    advance_totals,
+    first_totals,
+    quantity,
+)
 from skyarm.log.metrics.interaction import TOTALS
 from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
 from skyarm.log.metrics.metric_catalogue import names_by_agent, required_totals, values
@@ -34,26 +42,32 @@ from skyarm.world.component import columns_of_agent
 
 
 def score(
-    log: Log | PathLike, metrics: Sequence[str] = ("standard",), windows: Windows | None = None
+    log: Log | PathLike,
+    metrics: Sequence[str] = ("standard",),
+    windows: Windows | None = None,
 ) -> dict[str, float]:
     """Compute metrics of a logged flight, by metric name.
 
     Args:
         log: log of the flight, or the path of its file.
-        metrics: names and groups (:mod:`skyarm.log.metrics.metric_catalogue`), registered ones too.
+        metrics: names and groups (:mod:`skyarm.log.metrics.metric_catalogue`),
+            registered ones too.
         windows: time windows, in place of those of the scenario.
 
     Returns:
-        metric by name, of several vehicles as ``left/tilt_max``; NaN where no instant of the flight lies in its window:
-        the flight ended before it.
+        metric by name, of several vehicles as ``left/tilt_max``; NaN where no instant
+        of the flight lies in its window: the flight ended before it.
 
     Raises:
-        ValueError: no log, no windows, an unknown metric, or a window that ends after the planned flight.
+        ValueError: no log, no windows, an unknown metric, or a window that ends after
+            the planned flight.
     """
     log = as_log(log)
     if not isinstance(windows, (Windows, type(None))):
         raise ValueError(f"windows = {shown(windows)}: must be Windows or None")
-    listed = names_by_agent(metrics, {name: _setpoints(own) for name, own in log.agents.items()})
+    listed = names_by_agent(
+        metrics, {name: _setpoints(own) for name, own in log.agents.items()}
+    )
     return {
         name: number
         for agent, own in log.agents.items()
@@ -62,11 +76,15 @@ def score(
 
 
 def _setpoints(log: Log) -> list[bool]:
-    """For each joint of a logged vehicle, True if its command is a setpoint in place of a torque."""
+    """For each joint of a logged vehicle, True if its command is a setpoint in place of
+    a torque.
+    """
     return [unit is not None for unit in names_of(log).setpoints]
 
 
-def _score_of_agent(log: Log, names: Mapping[str, str], windows: Windows | None) -> dict[str, float]:
+def _score_of_agent(
+    log: Log, names: Mapping[str, str], windows: Windows | None
+) -> dict[str, float]:
     """Metrics of one vehicle's log, by their names among the results."""
     joints = log.joints.shape[1]
     counted = required_totals([*names.values()], joints)
@@ -87,7 +105,11 @@ def _score_of_agent(log: Log, names: Mapping[str, str], windows: Windows | None)
         example = rebuild(instants, iter([0.0] * len(leaves(instants))))
         count_on = make(tuple(counted), used, totals, example)
         memory = count_on(memory, np.stack(columns, axis=1)[begin - rows.start :])
-    last = dict(zip(counted, rebuild(totals, iter([np.array([x]) for x in memory])), strict=True))
+    last = dict(
+        zip(
+            counted, rebuild(totals, iter([np.array([x]) for x in memory])), strict=True
+        )
+    )
     count = {name: np.array([int(mask.sum())]) for name, mask in masks.items()}
     period = 1.0 / float(log.info["rates_hz"]["control"])
     scores = values([*names.values()], last, count, joints, period)
@@ -100,7 +122,8 @@ def _make_counter(
     totals: Totals,
     instant: MetricInstant,
 ) -> Callable[[Sequence[float], Array], Sequence[float]]:
-    """Make the function that updates the totals of metrics over all instants (N, numbers) of a log.
+    """Make the function that updates the totals of metrics over all instants (N,
+    numbers) of a log.
 
     Args:
         counted: definitions of the totals.
@@ -109,7 +132,9 @@ def _make_counter(
         instant: an instant, as an example.
     """
 
-    def step(before: Totals, _: Tree, row: tuple[MetricInstant, Scalars], __: Scalars) -> tuple[Totals, tuple[()]]:
+    def step(
+        before: Totals, _: Tree, row: tuple[MetricInstant, Scalars], __: Scalars
+    ) -> tuple[Totals, tuple[()]]:
         now, flags = row
         inside = {name: flag > 0.5 for name, flag in zip(used, flags, strict=True)}
         return advance_totals(before, counted, now, inside), ()
@@ -119,8 +144,12 @@ def _make_counter(
         kernel = Kernel(loop, Lanes(1), effort=0)
     except NoMachineCodeError:
         count = loop.stepper()
-        return lambda start, rows: reduce(lambda memory, row: count((*memory, *row)), rows.tolist(), tuple(start))
-    return lambda start, rows: kernel.run(np.array([start]).T, np.zeros((0, 1)), rows)[0][:, 0].tolist()
+        return lambda start, rows: reduce(
+            lambda memory, row: count((*memory, *row)), rows.tolist(), tuple(start)
+        )
+    return lambda start, rows: kernel.run(np.array([start]).T, np.zeros((0, 1)), rows)[
+        0
+    ][:, 0].tolist()
 
 
 _kept_counter = lru_cache(maxsize=32)(_make_counter)
@@ -130,7 +159,8 @@ SETTLING_BAND = 0.02
 
 
 def settling_time(log: Log, steady: Window, *, continuous: bool = False) -> float:
-    """Time (s) from which the position error stays within 0.02 m of its steady mean; NaN if it never does.
+    """Time (s) from which the position error stays within 0.02 m of its steady mean;
+    NaN if it never does.
 
     Args:
         log: log of the flight.
@@ -150,23 +180,33 @@ def settling_time(log: Log, steady: Window, *, continuous: bool = False) -> floa
 
 
 def over_log(log: Log, name: str) -> Array:
-    """Compute the time series (N,) of a named quantity, such as the position error, from a log."""
+    """Compute the time series (N,) of a named quantity, such as the position error,
+    from a log.
+    """
     instants = _instants(log)
     columns = leaves(instants)
-    program = trace(lambda now: quantity(name, now), rebuild(instants, iter([0.0] * len(columns))))
+    program = trace(
+        lambda now: quantity(name, now), rebuild(instants, iter([0.0] * len(columns)))
+    )
     row: Array = evaluate(program, columns, log.time.size)[0]
     return row
 
 
 def _instants(log: Log, *, whole: bool = False) -> MetricInstant:
-    """Convert a log to the input of the metrics: one dataclass with an array (N,) for every number."""
+    """Convert a log to the input of the metrics: one dataclass with an array (N,) for
+    every number.
+    """
 
     def rows(table: Array) -> tuple[Array, ...]:
         return tuple(table.T)
 
     def goal(kind: str) -> MetricGoal:
-        position, joints, tool = (getattr(log, f"{name}_{kind}") for name in ("position", "joints", "tool"))
-        return MetricGoal(position=Vec3(*position.T), joints=rows(joints), tool=Vec3(*tool.T))
+        position, joints, tool = (
+            getattr(log, f"{name}_{kind}") for name in ("position", "joints", "tool")
+        )
+        return MetricGoal(
+            position=Vec3(*position.T), joints=rows(joints), tool=Vec3(*tool.T)
+        )
 
     state = State(
         position=Vec3(*log.position.T),
@@ -184,7 +224,9 @@ def _instants(log: Log, *, whole: bool = False) -> MetricInstant:
         state=state,
         tool=Vec3(*log.tool.T),
         command=Command(
-            rotor_speeds=rows(log.rotor_commands), efforts=rows(log.efforts), tilts=rows(log.tilt_commands)
+            rotor_speeds=rows(log.rotor_commands),
+            efforts=rows(log.efforts),
+            tilts=rows(log.tilt_commands),
         ),
         before=rows(before),
         held=goal("held"),
@@ -199,37 +241,55 @@ def _instants(log: Log, *, whole: bool = False) -> MetricInstant:
 
 
 def _limits(log: Log) -> ActuatorLimits | None:
-    """Actuator limits of a log as arrays (N,); None if the log does not describe its vehicle."""
+    """Actuator limits of a log as arrays (N,); None if the log does not describe its
+    vehicle.
+    """
     vehicle = restored_at(log.info, "plant.vehicle")
     if vehicle is None:
         return None
     limits = ActuatorLimits.of(vehicle, _setpoints(log))
-    return rebuild(limits, iter([np.full(log.time.size, float(limit)) for limit in leaves(limits)]))
+    return rebuild(
+        limits, iter([np.full(log.time.size, float(limit)) for limit in leaves(limits)])
+    )
 
 
 def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:
-    """Logged arrays and constants of a flight's wind, force and contact models, as arrays by name."""
+    """Logged arrays and constants of a flight's wind, force and contact models, as
+    arrays by name.
+    """
     arrays = tuple(
-        (name.partition(".")[2], tuple(each.T)) for name, each in log.received.items() if name.startswith(COMPONENTS)
+        (name.partition(".")[2], tuple(each.T))
+        for name, each in log.received.items()
+        if name.startswith(COMPONENTS)
     )
     if not arrays or not log.info.get("scenario_record"):
         return arrays
     scenario = log.scenario
     own = columns_of_agent(scenario.components, next(iter(scenario.agents)))
-    constants = [each for component in scenario.components for each in component.constants.items()]
+    constants = [
+        each
+        for component in scenario.components
+        for each in component.constants.items()
+    ]
     return (
         *((name, tuple(compress(columns, own[name]))) for name, columns in arrays),
-        *((name, tuple(np.full(log.time.size, float(c)) for c in numbers)) for name, numbers in constants),
+        *(
+            (name, tuple(np.full(log.time.size, float(c)) for c in numbers))
+            for name, numbers in constants
+        ),
     )
 
 
 def wanted_push(log: Log) -> tuple[Array, ...]:
-    """Commanded contact force, direction and grip at every instant of a log; () for a flight without any.
+    """Commanded contact force, direction and grip at every instant of a log; () for a
+    flight without any.
 
     Raises:
         ValueError: as of :attr:`skyarm.Log.scenario`.
     """
-    push = log.scenario.agent.reference.push if log.info.get("scenario_record") else None
+    push = (
+        log.scenario.agent.reference.push if log.info.get("scenario_record") else None
+    )
     if push is None:
         return ()
     times = log.path_time if log.path_time.size else log.time

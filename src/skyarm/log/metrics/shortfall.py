@@ -1,7 +1,8 @@
 """Check of a finished flight for saturated actuators and missed references.
 
-A flight that comes to its end is not yet a success: a diverged law may fly on with its commands cut, a tip may never
-press. Every summary of a flight (command line, JSON, pages) says the same of it, from :attr:`skyarm.Log.shortfall`.
+A flight that comes to its end is not yet a success: a diverged law may fly on with its
+commands cut, a tip may never press. Every summary of a flight (command line, JSON,
+pages) says the same of it, from :attr:`skyarm.Log.shortfall`.
 """
 
 from __future__ import annotations
@@ -26,16 +27,19 @@ from skyarm.records.arrays import lengths
 from skyarm.records.immutable import immutable
 
 LARGEST_ERROR = 0.5
-"""Largest mean error (m) at the end of a flight; a base or tip beyond it has not tracked its reference."""
+"""Largest mean error (m) at the end of a flight; a base or tip beyond it has not
+tracked its reference."""
 
 TILTED = np.radians(80.0)
 """Tilt (rad) above which a flight counts as lost."""
 
 LARGEST_TURN = 0.2
-"""Largest mean error (rad) of the heading at the end of a flight, the shorter way round."""
+"""Largest mean error (rad) of the heading at the end of a flight, the shorter way
+round."""
 
 SELDOM = 0.01
-"""Fraction of periods below which commands exactly at a limit are not reported; a step of the reference causes some."""
+"""Fraction of periods below which commands exactly at a limit are not reported; a step
+of the reference causes some."""
 
 PLACES = ("rad", "m")
 """Units of position setpoints."""
@@ -43,12 +47,14 @@ PLACES = ("rad", "m")
 
 @immutable
 class Saturation:
-    """Saturation of a flight's actuators: fraction of periods at a limit, and the worst command.
+    """Saturation of a flight's actuators: fraction of periods at a limit, and the worst
+    command.
 
     Attributes:
         share: share of the control periods in which any command is at a limit.
         actuator: the one whose largest command is furthest beyond its limit.
-        command, limit: largest size of its command, and the limit on its side, in ``unit``.
+        command, limit: largest size of its command, and the limit on its side, in
+            ``unit``.
     """
 
     share: float
@@ -59,14 +65,19 @@ class Saturation:
 
     @property
     def counts(self) -> bool:
-        """True if the saturation is worth reporting: frequent, or with a command beyond its limit."""
+        """True if the saturation is worth reporting: frequent, or with a command beyond
+        its limit.
+        """
         # nan counts
-        return self.share >= SELDOM or not abs(self.command) <= (1.0 + ROUNDING) * abs(self.limit)
+        return self.share >= SELDOM or not abs(self.command) <= (1.0 + ROUNDING) * abs(
+            self.limit
+        )
 
     def __str__(self) -> str:
         return (
-            f"saturation: commands at or beyond limits in {100.0 * self.share:.3g} % of the periods, most of all "
-            f"{self.actuator}: {self.command:.6g} {self.unit}, limit {self.limit:.6g}"
+            f"saturation: commands at or beyond limits in {100.0 * self.share:.3g} % of"
+            f" the periods, most of all {self.actuator}: {self.command:.6g}"
+            f" {self.unit}, limit {self.limit:.6g}"
         )
 
 
@@ -75,7 +86,8 @@ class Unreached:
     """Reference that a flight did not reach: position, tip, heading, force or phase.
 
     Attributes:
-        reference: "position", "tip", "heading", "force" or "phase". start, stop: interval that was examined, s.
+        reference: "position", "tip", "heading", "force" or "phase". start, stop:
+            interval that was examined, s.
         words: description, with actual and desired value.
     """
 
@@ -102,9 +114,14 @@ class Shortfall:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences on saturation and missed references; empty if the flight is without fault."""
+        """Sentences on saturation and missed references; empty if the flight is without
+        fault.
+        """
         saturated = self.saturation is not None and self.saturation.counts
-        return (*((str(self.saturation),) if saturated else ()), *map(str, self.unreached))
+        return (
+            *((str(self.saturation),) if saturated else ()),
+            *map(str, self.unreached),
+        )
 
 
 def shortfall(log: Log) -> Shortfall:
@@ -114,52 +131,92 @@ def shortfall(log: Log) -> Shortfall:
     desired, pushing = _desired_force(log)
     return Shortfall(
         saturation=_saturation(log),
-        unreached=(*_missed_motion(log, pushing), *_missed_forces(log, desired), *_missed_phases(log)),
+        unreached=(
+            *_missed_motion(log, pushing),
+            *_missed_forces(log, desired),
+            *_missed_phases(log),
+        ),
     )
 
 
 def _saturation(log: Log) -> Saturation | None:
-    """Saturation of the actuators; None if no command reached a limit or the log has no vehicle."""
-    beyond, limited = np.zeros(log.time.size, dtype=bool), list[tuple[float, str, float, float, str]]()
+    """Saturation of the actuators; None if no command reached a limit or the log has no
+    vehicle.
+    """
+    beyond, limited = (
+        np.zeros(log.time.size, dtype=bool),
+        list[tuple[float, str, float, float, str]](),
+    )
     for actuator, unit, sent, low, high in _actuator_limits(log):
         at_limit = _cut(sent - high, high, unit) | _cut(low - sent, low, unit)
         beyond |= at_limit
         over = np.where(np.isfinite(sent), np.maximum(sent - high, low - sent), np.inf)
         worst = int(np.argmax(np.where(at_limit, over, -np.inf)))
-        lowest, highest = (float(np.broadcast_to(each, sent.shape)[worst]) for each in (low, high))
+        lowest, highest = (
+            float(np.broadcast_to(each, sent.shape)[worst]) for each in (low, high)
+        )
         limit = lowest if lowest - sent[worst] > sent[worst] - highest else highest
         if at_limit.any():
-            limited.append((over[worst] / (abs(limit) or 1.0), actuator, float(sent[worst]), limit, unit))
+            limited.append(
+                (
+                    over[worst] / (abs(limit) or 1.0),
+                    actuator,
+                    float(sent[worst]),
+                    limit,
+                    unit,
+                )
+            )
     if not limited:
         return None
     _, actuator, command, limit, unit = max(limited, key=lambda each: each[0])
-    return Saturation(share=float(beyond.mean()), actuator=actuator, command=command, limit=limit, unit=unit)
+    return Saturation(
+        share=float(beyond.mean()),
+        actuator=actuator,
+        command=command,
+        limit=limit,
+        unit=unit,
+    )
 
 
 def _cut(over: Array, limit: float | Array, unit: str) -> Array:
-    """True where a command is by ``over`` beyond a limit, or at it, and is therefore cut; NaN counts.
+    """True where a command is by ``over`` beyond a limit, or at it, and is therefore
+    cut; NaN counts.
 
-    An angle or a place at the end of its range is carried out as it is, and so is a rotor at rest; a speed or an effort
-    at its limit was cut.
+    An angle or a place at the end of its range is carried out as it is, and so is a
+    rotor at rest; a speed or an effort at its limit was cut.
     """
     size = np.abs(limit)
-    least = np.where((size == 0.0) | (unit in PLACES), ROUNDING, -ROUNDING) * np.where(size == 0.0, 1.0, size)
+    least = np.where((size == 0.0) | (unit in PLACES), ROUNDING, -ROUNDING) * np.where(
+        size == 0.0, 1.0, size
+    )
     return np.isfinite(limit) & ~(over < least)
 
 
-def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float | Array, float | Array]]:
-    """Yield name, unit, commands (N,), lower and upper limit of each limited actuator; they may change."""
+def _actuator_limits(
+    log: Log,
+) -> Iterator[tuple[str, str, Array, float | Array, float | Array]]:
+    """Yield name, unit, commands (N,), lower and upper limit of each limited actuator;
+    they may change.
+    """
     vehicle = restored_at(log.info, "plant.vehicle")
     if vehicle is None:
         return
     setpoints = names_of(log).setpoints
     limits = ActuatorLimits.of(vehicle, [unit is not None for unit in setpoints])
     ranges = limits.rotor_ranges(tuple(log.component("battery_voltage").T))
-    for rotor, sent, (low, high) in zip(vehicle.rotors, log.rotor_commands.T, ranges, strict=True):
+    for rotor, sent, (low, high) in zip(
+        vehicle.rotors, log.rotor_commands.T, ranges, strict=True
+    ):
         yield f"rotor {rotor.name}", "rad/s", sent, low, high
     tilting = [rotor for rotor in vehicle.rotors if rotor.tilt is not None]
     for rotor, sent in zip(tilting, log.tilt_commands.T, strict=True):
-        yield f"tilt of rotor {rotor.name}", "rad", sent, float(rotor.tilt.lower), float(rotor.tilt.upper)
+        yield (
+            f"tilt of rotor {rotor.name}",
+            "rad",
+            sent,
+            float(rotor.tilt.lower),
+            float(rotor.tilt.upper),
+        )
     for link, sent, unit in zip(vehicle.links, log.efforts.T, setpoints, strict=True):
         joint, effort = link.joint, float(link.joint.effort_limit)
         if unit is None and effort > 0.0:  # a passive joint has no actuator
@@ -169,10 +226,12 @@ def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float | Array,
 
 
 def _missed_motion(log: Log, pushing: Array) -> Iterator[Unreached]:
-    """Yield references of base, tip and heading that the flight misses by a large mean error at its end.
+    """Yield references of base, tip and heading that the flight misses by a large mean
+    error at its end.
 
-    A reference may lag behind its plan: the distance to the path counts. While the tip presses its reference
-    lies anywhere along the normal. The heading is the one that the law got.
+    A reference may lag behind its plan: the distance to the path counts. While the tip
+    presses its reference lies anywhere along the normal. The heading is the one that
+    the law got.
     """
     duration, end = float(log.info["duration"]), float(log.time[-1])
     start = min(duration - Windows().of_flight(duration, windows_of(log)).last, end)
@@ -196,11 +255,18 @@ def _missed_motion(log: Log, pushing: Array) -> Iterator[Unreached]:
     if not turn <= LARGEST_TURN:
         missed["heading"] = f"heading of the base, {math.degrees(turn):.3g} degrees"
     for what, words in missed.items():
-        yield Unreached(reference=what, start=start, stop=end, words=f"{words} off in the mean from {start:g} s on")
+        yield Unreached(
+            reference=what,
+            start=start,
+            stop=end,
+            words=f"{words} off in the mean from {start:g} s on",
+        )
 
 
 def _desired_force(log: Log) -> tuple[Array, Array]:
-    """Commanded contact force (N) over time, and a mask of the instants at which the tip presses or grips."""
+    """Commanded contact force (N) over time, and a mask of the instants at which the
+    tip presses or grips.
+    """
     try:
         push = wanted_push(log) if written_at(log.info, "reference.push") else ()
     except ValueError:  # of a plugin that is not loaded
@@ -219,7 +285,10 @@ def _missed_forces(log: Log, desired: Array) -> Iterator[Unreached]:
         most, aim = float(force[first:after].max()), float(desired[first:after].max())
         if most < (1.0 - BAND) * aim:
             start, stop = float(log.time[first]), float(log.time[after - 1])
-            words = f"force of the push from {start:g} to {stop:g} s, at most {most:.3g} N of {aim:.3g} N"
+            words = (
+                f"force of the push from {start:g} to {stop:g} s, at most {most:.3g} N"
+                f" of {aim:.3g} N"
+            )
             yield Unreached(reference="force", start=start, stop=stop, words=words)
 
 
@@ -227,14 +296,24 @@ def _force_at_tip(log: Log) -> Array:
     """Sum of the contact forces (N) at the tip over time."""
     at_tip = points_at_tip(log)
     chosen = [k for k, (_, point) in enumerate(contact_pairs(log)) if point in at_tip]
-    force = log.component("contact_force")[:, chosen] if chosen else log.component("contact_force")
+    force = (
+        log.component("contact_force")[:, chosen]
+        if chosen
+        else log.component("contact_force")
+    )
     return force.sum(axis=1) if force.size else np.zeros(log.time.size)
 
 
 def _missed_phases(log: Log) -> Iterator[Unreached]:
     """Yield a missed reference that names all phases that never ended."""
     ends = [0.0, *(end for _, end in log.phase_ends if end is not None)]
-    names = [f"{number} ({name})" for number, (name, end) in enumerate(log.phase_ends, 1) if end is None]
+    names = [
+        f"{number} ({name})"
+        for number, (name, end) in enumerate(log.phase_ends, 1)
+        if end is None
+    ]
     if names:
         words = f"end of phase {', '.join(names)}"
-        yield Unreached(reference="phase", start=ends[-1], stop=float(log.time[-1]), words=words)
+        yield Unreached(
+            reference="phase", start=ends[-1], stop=float(log.time[-1]), words=words
+        )

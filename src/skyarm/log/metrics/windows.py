@@ -1,4 +1,6 @@
-"""Time windows over which metrics are taken; by default the flight after an initial settling time."""
+"""Time windows over which metrics are taken; by default the flight after an initial
+settling time.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ SETTLING_SHARE = 1.0 / 3.0
 """Fraction of a flight that the general windows leave to the transient."""
 
 LAST = 5.0
-"""Default length (s) of the window before the planned end; at most the remainder after the settling fraction."""
+"""Default length (s) of the window before the planned end; at most the remainder after
+the settling fraction."""
 
 NAMES = ("steady", "transient", "gust", "hover")
 """Names of the windows that are one interval."""
@@ -38,16 +41,22 @@ class Window:
 
     def __post_init__(self) -> None:
         for name in ("start", "stop"):
-            object.__setattr__(self, name, number(getattr(self, name), f"window.{name}", low=0.0))
+            object.__setattr__(
+                self, name, number(getattr(self, name), f"window.{name}", low=0.0)
+            )
         if not self.start < self.stop:
-            raise ValueError(f"window = [{self.start:g}, {self.stop:g}]: must start before it stops")
+            raise ValueError(
+                f"window = [{self.start:g}, {self.stop:g}]: must start before it stops"
+            )
 
     @classmethod
     def from_table(cls, value: object, where: str) -> Window:
         """Make a time window from a list [start, stop], s."""
         if not isinstance(value, list) or len(value) != 2:
             raise ValueError(f"{where} = {shown(value)}: must be [start, stop] in s")
-        start, stop = (number(item, f"{where}[{i}]", low=0.0) for i, item in enumerate(value))
+        start, stop = (
+            number(item, f"{where}[{i}]", low=0.0) for i, item in enumerate(value)
+        )
         if not start < stop:
             raise ValueError(f"{where} = {shown(value)}: must start before it stops")
         return cls(start, stop)
@@ -71,7 +80,8 @@ class FlightWindows:
     Attributes:
         steady: window of means, RMS and extremes. transient: window of peaks.
         gust: window of the metrics that begin with ``gust_``.
-        hover: before the motion starts. holds: while the arm is held away from the middle.
+        hover: before the motion starts. holds: while the arm is held away from the
+            middle.
         last: s before the planned end of the flight.
         duration: duration of the flight, s.
     """
@@ -94,16 +104,22 @@ class FlightWindows:
     def plain(self) -> dict[str, float | list[float] | list[list[float]]]:
         """Time windows of the metrics as plain data (s), by name."""
         pairs = {name: _pair(getattr(self, name)) for name in NAMES}
-        return {**pairs, "holds": [_pair(each) for each in self.holds], "last": self.last}
+        return {
+            **pairs,
+            "holds": [_pair(each) for each in self.holds],
+            "last": self.last,
+        }
 
 
 @immutable
 @checked("windows")
 class Windows:
-    """Requested time windows of the metrics; a window that is None becomes the scenario's, or the default one.
+    """Requested time windows of the metrics; a window that is None becomes the
+    scenario's, or the default one.
 
-    The general windows are the flight after a settling share of a third (``transient``: that share; ``last``: the last
-    5 s of what follows it). Attributes as of :class:`FlightWindows`.
+    The general windows are the flight after a settling share of a third (``transient``:
+    that share; ``last``: the last 5 s of what follows it). Attributes as of
+    :class:`FlightWindows`.
     """
 
     steady: Window | None = None
@@ -111,10 +127,14 @@ class Windows:
     gust: Window | None = None
     hover: Window | None = None
     holds: tuple[Window, ...] | None = None
-    last: Annotated[float | None, positive("s", "length of the window before the end of the general flight")] = None
+    last: Annotated[
+        float | None,
+        positive("s", "length of the window before the end of the general flight"),
+    ] = None
 
     def of_flight(self, duration: float, own: Windows | None = None) -> FlightWindows:
-        """Complete the requested windows by the scenario's windows and defaults, for a flight of given duration.
+        """Complete the requested windows by the scenario's windows and defaults, for a
+        flight of given duration.
 
         Raises:
             ValueError: one of these ends after the flight.
@@ -124,22 +144,36 @@ class Windows:
         settled = SETTLING_SHARE * duration
         after = Window(settled, duration)
         general = Windows(
-            steady=after, transient=Window(0.0, settled), gust=after, hover=after, holds=(after,),
+            steady=after,
+            transient=Window(0.0, settled),
+            gust=after,
+            hover=after,
+            holds=(after,),
             last=min(LAST, duration - settled),
         )
         # the last that states a window has it
         ranked = (general, own or self, self)
         chosen = {
-            name: each for one in ranked for name, each in parts(one.within(duration)).items() if each is not None
+            name: each
+            for one in ranked
+            for name, each in parts(one.within(duration)).items()
+            if each is not None
         }
         return FlightWindows(duration=duration, **chosen)
 
     def within(self, duration: float) -> Windows:
         """Requested time windows that end within a flight of given duration (s)."""
-        return Windows(**{name: getattr(self, name) for name, (end, _) in self._ends().items() if end <= duration})
+        return Windows(
+            **{
+                name: getattr(self, name)
+                for name, (end, _) in self._ends().items()
+                if end <= duration
+            }
+        )
 
     def require_within(self, duration: float) -> None:
-        """Raise an error if a requested time window ends after a flight of given duration (s).
+        """Raise an error if a requested time window ends after a flight of given
+        duration (s).
 
         The default of ``last`` does not: in a shorter flight it is the general one.
 
@@ -148,13 +182,23 @@ class Windows:
         """
         for name, (end, words) in self._ends().items():
             if end > duration and (name, end) != ("last", LAST):
-                raise ValueError(f"windows.{name} = {words}: must end within the flight of {duration:g} s")
+                raise ValueError(
+                    f"windows.{name} = {words}: must end within the flight of"
+                    f" {duration:g} s"
+                )
 
     def _ends(self) -> dict[str, tuple[float, str]]:
         """End time (s) and text of each requested time window, by name."""
-        ends = {name: (each.stop, str(each)) for name in NAMES if (each := getattr(self, name)) is not None}
+        ends = {
+            name: (each.stop, str(each))
+            for name in NAMES
+            if (each := getattr(self, name)) is not None
+        }
         if self.holds is not None:
-            ends["holds"] = max((each.stop for each in self.holds), default=0.0), ", ".join(map(str, self.holds))
+            ends["holds"] = (
+                max((each.stop for each in self.holds), default=0.0),
+                ", ".join(map(str, self.holds)),
+            )
         if self.last is not None:
             ends["last"] = self.last, f"{self.last:g} s"
         return ends
@@ -162,7 +206,11 @@ class Windows:
 
 def windows_of(log: Log) -> Windows:
     """Read the time windows of the metrics from a log."""
-    stated = {name: value for name, value in log.info.get("windows", {}).items() if name != "duration"}
+    stated = {
+        name: value
+        for name, value in log.info.get("windows", {}).items()
+        if name != "duration"
+    }
     return record_from(Windows, Fields(stated, "windows"))
 
 

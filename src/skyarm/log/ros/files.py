@@ -19,8 +19,8 @@ from skyarm.records.files import needs_extra, shown, versions
 from skyarm.records.files.writing import writing_atomically
 
 INFO, SCENARIO, ARRAYS = "info.json", "scenario.json", "flight.npz"
-"""Attachments of an MCAP file: description of the flight, scenario as plain data, and the log as an npz file, from
-which it is read back."""
+"""Attachments of an MCAP file: description of the flight, scenario as plain data, and
+the log as an npz file, from which it is read back."""
 
 CHUNK = 1 << 19
 """Size (bytes) of a chunk, about a second of flight."""
@@ -38,16 +38,31 @@ def write_mcap(log: Log, path: Path) -> Path:
     try:
         from mcap.writer import CompressionType, Writer
     except ImportError:
-        raise ValueError(f"mcap: is missing; a log as MCAP {needs_extra('logs')}") from None
+        raise ValueError(
+            f"mcap: is missing; a log as MCAP {needs_extra('logs')}"
+        ) from None
     topics, info = FlightTopics(log), log_info(log)
     scenario = info.pop("scenario_record", None)
     with writing_atomically(path) as stream:
-        writer: Any = Writer(stream, chunk_size=CHUNK, compression=CompressionType.NONE, enable_data_crcs=True)
+        writer: Any = Writer(
+            stream,
+            chunk_size=CHUNK,
+            compression=CompressionType.NONE,
+            enable_data_crcs=True,
+        )
         writer.start(profile="ros2", library=f"skyarm {versions()['skyarm']}")
         for name, data in ((INFO, info), (SCENARIO, scenario)):
-            writer.add_attachment(0, 0, name, "application/json", json.dumps(data).encode())
-        writer.add_attachment(0, 0, ARRAYS, "application/octet-stream", npz_content(log))
-        plain = {name: str(value) for name, value in info.items() if isinstance(value, (str, int, float))}
+            writer.add_attachment(
+                0, 0, name, "application/json", json.dumps(data).encode()
+            )
+        writer.add_attachment(
+            0, 0, ARRAYS, "application/octet-stream", npz_content(log)
+        )
+        plain = {
+            name: str(value)
+            for name, value in info.items()
+            if isinstance(value, (str, int, float))
+        }
         writer.add_metadata("skyarm", plain)
         schemas: dict[str, int] = {}
         channels: dict[str, int] = {}
@@ -55,11 +70,17 @@ def write_mcap(log: Log, path: Path) -> Path:
         for topic in topics.topics:
             if topic.kind not in schemas:
                 text = definition(topic.kind, topics.definitions).encode()
-                schemas[topic.kind] = writer.register_schema(full_name(topic.kind), "ros2msg", text)
+                schemas[topic.kind] = writer.register_schema(
+                    full_name(topic.kind), "ros2msg", text
+                )
             if topic.name not in channels:
-                channels[topic.name] = writer.register_channel(topic.name, "cdr", schemas[topic.kind])
+                channels[topic.name] = writer.register_channel(
+                    topic.name, "cdr", schemas[topic.kind]
+                )
         for stamp, topic, data in _messages(topics, log):
-            writer.add_message(channels[topic.name], stamp, data, stamp, numbers[topic.name])
+            writer.add_message(
+                channels[topic.name], stamp, data, stamp, numbers[topic.name]
+            )
             numbers[topic.name] += 1
         writer.finish()
     return path
@@ -69,29 +90,41 @@ def read_mcap(path: Path) -> Log:
     """Read a log from an MCAP file, bit for bit.
 
     Raises:
-        OSError: the file cannot be read. ValueError: one line: it is no such file, it is damaged, or mcap is missing.
+        OSError: the file cannot be read. ValueError: one line: it is no such file, it
+            is damaged, or mcap is missing.
     """
     try:
         from mcap.reader import make_reader
     except ImportError:
-        raise ValueError(f"mcap: is missing; a log as MCAP {needs_extra('logs')}") from None
+        raise ValueError(
+            f"mcap: is missing; a log as MCAP {needs_extra('logs')}"
+        ) from None
     name, content = f"log = {shown(os.fspath(path))}", path.read_bytes()
     try:
         reader = make_reader(io.BytesIO(content), validate_crcs=True)
-        flight = next(each.data for each in reader.iter_attachments() if each.name == ARRAYS)
+        flight = next(
+            each.data for each in reader.iter_attachments() if each.name == ARRAYS
+        )
     except Exception:  # a forged record fails as its reader does
-        raise ValueError(f"{name}: must be a whole MCAP file that skyarm wrote") from None
+        raise ValueError(
+            f"{name}: must be a whole MCAP file that skyarm wrote"
+        ) from None
     return log_from_npz(flight, name)
 
 
 def _messages(topics: FlightTopics, log: Log) -> Iterator[tuple[int, Topic, bytes]]:
-    """Yield time (ns), topic and bytes of every ROS message of a log, ordered by time."""
+    """Yield time (ns), topic and bytes of every ROS message of a log, ordered by
+    time.
+    """
     length = topics.period * max(1, PIECE // topics.period)
     for begin in range(0, log.time.size, length):
         piece, rows = rows_of(log, slice(begin, begin + length)), []
         for order, topic in enumerate(topics.topics):
             if topic.every or not begin:
                 stamps, data = topics.encode(topic, piece)
-                rows += [(t, order, row.tobytes()) for t, row in zip(stamps.tolist(), data, strict=True)]
+                rows += [
+                    (t, order, row.tobytes())
+                    for t, row in zip(stamps.tolist(), data, strict=True)
+                ]
         rows.sort(key=lambda row: row[:2])
         yield from ((t, topics.topics[order], data) for t, order, data in rows)

@@ -1,11 +1,14 @@
-"""Byte encoding of ROS messages: encodes many messages of one type at a time, decodes single messages.
+"""Byte encoding of ROS messages: encodes many messages of one type at a time, decodes
+single messages.
 
-CDR: OMG DDS-XTypes 1.3, section 7.4.3: plain CDR version 1: primitives lie at multiples of their size, counted behind
-the four bytes of the encapsulation header; texts have their length and a closing zero.
+CDR: OMG DDS-XTypes 1.3, section 7.4.3: plain CDR version 1: primitives lie at multiples
+of their size, counted behind the four bytes of the encapsulation header; texts have
+their length and a closing zero.
 
-Within a channel texts and the lengths of lists stay, so that every message has its numbers at the same places: a
-template is laid out once, and the numbers are copied into its copies column by column. The serializers of rosbags and
-mcap-ros2-support make one message at a time, 20 times slower.
+Within a channel texts and the lengths of lists stay, so that every message has its
+numbers at the same places: a template is laid out once, and the numbers are copied into
+its copies column by column. The serializers of rosbags and mcap-ros2-support make one
+message at a time, 20 times slower.
 """
 
 from __future__ import annotations
@@ -22,9 +25,11 @@ from skyarm.records.arrays import AnyArray
 
 Bytes = npt.NDArray[np.uint8]
 
-Value: TypeAlias = "float | str | AnyArray | Sequence[Value] | Mapping[str, Value] | None"
-"""Value of a message's field: text, number, numbers of many messages (N,) or (N, k), list, or record; None for zero
-or empty."""
+Value: TypeAlias = (
+    "float | str | AnyArray | Sequence[Value] | Mapping[str, Value] | None"
+)
+"""Value of a message's field: text, number, numbers of many messages (N,) or (N, k),
+list, or record; None for zero or empty."""
 
 Values = Mapping[str, Value]
 """Fields of a message by name."""
@@ -61,7 +66,8 @@ class MessageError(ValueError):
 
 
 class Template:
-    """Byte template of one ROS message type, with offsets of the numbers that vary between messages.
+    """Byte template of one ROS message type, with offsets of the numbers that vary
+    between messages.
 
     Args:
         definitions: definition of each type.
@@ -72,7 +78,9 @@ class Template:
         self._numbers: list[tuple[int, AnyArray]] = []
 
     def record(self, kind: str, values: Values) -> None:
-        """Append all fields of a message type to a byte template; missing values become zero or empty."""
+        """Append all fields of a message type to a byte template; missing values become
+        zero or empty.
+        """
         for field in fields(self._definitions[kind]):
             self._field(field, values.get(field.name))
 
@@ -104,7 +112,9 @@ class Template:
             self.record(kind, value or {})
 
     def _list(self, field: MessageField, value: Value) -> None:
-        """Append a list of numbers to a message template: (k,), equal in all messages, or (N, k), a row per message."""
+        """Append a list of numbers to a message template: (k,), equal in all messages,
+        or (N, k), a row per message.
+        """
         given = np.zeros(field.length or 0) if value is None else np.asarray(value)
         if not field.length:
             self._numbers_at(LENGTH, given.shape[-1])
@@ -112,7 +122,9 @@ class Template:
             self._numbers_at(LETTERS[field.kind], given, row=True)
 
     def _numbers_at(self, letter: str, value: Value, row: bool = False) -> None:
-        """Append a number or list to a message template: its bytes if constant, else a gap to fill in each message."""
+        """Append a number or list to a message template: its bytes if constant, else a
+        gap to fill in each message.
+        """
         array = np.asarray(value).astype(f"<{letter}", copy=False)
         self._bytes += bytes(-(len(self._bytes) - len(HEADER)) % array.itemsize)
         if array.ndim == int(row):
@@ -132,14 +144,17 @@ class Template:
         return rows
 
 
-def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int) -> Bytes:
+def encode(
+    kind: str, definitions: Mapping[str, str], values: Values, count: int
+) -> Bytes:
     """Encode many ROS messages of one type as CDR bytes.
 
     Args:
         kind: key of ``definitions``.
         definitions: definitions of that type and of all types in it.
-        values: fields by name: texts and lists of texts as they are; numbers for all messages, or arrays (count,), and
-            (count, k) for lists of numbers; records as tables in turn; a Time in ns. What is left out is zero.
+        values: fields by name: texts and lists of texts as they are; numbers for all
+            messages, or arrays (count,), and (count, k) for lists of numbers; records
+            as tables in turn; a Time in ns. What is left out is zero.
         count: number of messages.
 
     Returns:
@@ -166,10 +181,16 @@ class Decoder:
         self._at, self._order = len(HEADER), "<" if data[1] else ">"
 
     def record(self, kind: str) -> Message:
-        """Decode a message into a dictionary by field name, with nested messages as dictionaries."""
-        return {field.name: self._field(field) for field in fields(self._definitions[kind])}
+        """Decode a message into a dictionary by field name, with nested messages as
+        dictionaries.
+        """
+        return {
+            field.name: self._field(field) for field in fields(self._definitions[kind])
+        }
 
-    def _field(self, field: MessageField) -> float | str | Message | list[float] | list[float | str | Message]:
+    def _field(
+        self, field: MessageField
+    ) -> float | str | Message | list[float] | list[float | str | Message]:
         if field.length is None:
             return self._one(field.kind)
         count = field.length or int(self._number(LENGTH))
@@ -181,7 +202,11 @@ class Decoder:
         if kind in LETTERS:
             return self._number(LETTERS[kind])
         if kind == "string":
-            return self._bytes(int(self._number(LENGTH))).removesuffix(b"\0").decode(errors="replace")
+            return (
+                self._bytes(int(self._number(LENGTH)))
+                .removesuffix(b"\0")
+                .decode(errors="replace")
+            )
         return self.record(kind)
 
     def _number(self, letter: str) -> int | float:

@@ -18,7 +18,9 @@ from skyarm.world.scene.vehicle_shapes import matrices, quaternions_of, vehicle_
 
 
 class TimedArrays(Protocol):
-    """Interface of a flight's arrays by name at some instants: a log, or the latest instant of a running flight."""
+    """Interface of a flight's arrays by name at some instants: a log, or the latest
+    instant of a running flight.
+    """
 
     @property
     def time(self) -> Array:
@@ -33,11 +35,14 @@ class LogSection:
     Args:
         log: log of the flight.
         chosen: its instants.
-        within: beginning of the names of all arrays that are read, such as ``left/`` of one of several vehicles.
+        within: beginning of the names of all arrays that are read, such as ``left/`` of
+            one of several vehicles.
         epoch: ns, time stamp of the start of the flight.
     """
 
-    def __init__(self, log: TimedArrays, chosen: slice, within: str = "", epoch: int = 0) -> None:
+    def __init__(
+        self, log: TimedArrays, chosen: slice, within: str = "", epoch: int = 0
+    ) -> None:
         self.log, self._chosen, self._within, self._epoch = log, chosen, within, epoch
         self.stamps = nanoseconds(log.time[chosen]) + epoch
 
@@ -46,12 +51,18 @@ class LogSection:
         return self.log[f"{self._within}{array}"][self._chosen]
 
     def of(self, within: str) -> LogSection:
-        """The same instants of one of several vehicles, by the beginning of its arrays' names."""
+        """The same instants of one of several vehicles, by the beginning of its arrays'
+        names.
+        """
         return LogSection(self.log, self._chosen, within, self._epoch)
 
     def header(self, frame: str, time: Array | None = None) -> Values:
         """Fields of a std_msgs/Header: time stamps and frame name."""
-        stamps = self.stamps if time is None else nanoseconds(np.nan_to_num(time)) + self._epoch
+        stamps = (
+            self.stamps
+            if time is None
+            else nanoseconds(np.nan_to_num(time)) + self._epoch
+        )
         return {"stamp": stamps, "frame_id": frame}
 
 
@@ -67,14 +78,20 @@ class Frames:
     """Unique ROS frame names of a vehicle's links, named frames and rotors.
 
     Attributes:
-        links: name of each link. named: name of each named frame. rotors: name of each rotor's frame.
+        links: name of each link. named: name of each named frame. rotors: name of each
+            rotor's frame.
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
         links = [link.name for link in vehicle.moving]
         named = [frame.name for frame in vehicle.frames]
-        rotors = [f"rotor_{rotor.name.removeprefix('rotor').lstrip('_') or rotor.name}" for rotor in vehicle.rotors]
-        every = distinct([WORLD, BASE_LINK, BASE_REFERENCE, *links, *named, *rotors])[3:]
+        rotors = [
+            f"rotor_{rotor.name.removeprefix('rotor').lstrip('_') or rotor.name}"
+            for rotor in vehicle.rotors
+        ]
+        every = distinct([WORLD, BASE_LINK, BASE_REFERENCE, *links, *named, *rotors])[
+            3:
+        ]
         self._vehicle = vehicle
         self.links = every[: len(links)]
         self.named = every[len(links) : len(links) + len(named)]
@@ -85,30 +102,58 @@ class Frames:
         return BASE_LINK if body == BASE else self.links[body]
 
     def moving(self, stamps: IntArray | int, joints: Array) -> list[Values]:
-        """Fields of ROS transform messages from each link to its parent, for many instants."""
+        """Fields of ROS transform messages from each link to its parent, for many
+        instants.
+        """
         transforms = []
         values = every_joint(self._vehicle, list(joints.T))
         for i, link in enumerate(self._vehicle.moving):
             pose = joint_placement(link.joint, values[i])
             parent = self.of_body(link.parent)
             transforms.append(
-                transform(stamps, parent, self.links[i], pose.p, quaternions_of(matrices(pose.R, len(joints))))
+                transform(
+                    stamps,
+                    parent,
+                    self.links[i],
+                    pose.p,
+                    quaternions_of(matrices(pose.R, len(joints))),
+                )
             )
         return transforms
 
     def fixed_transforms(self) -> list[Values]:
-        """Fields of ROS transform messages for named frames and rotor hubs, which are constant."""
+        """Fields of ROS transform messages for named frames and rotor hubs, which are
+        constant.
+        """
         transforms = []
         for name, frame in zip(self.named, self._vehicle.frames, strict=True):
             turn = quaternions_of(matrices(frame.rotation, 1))[0]
-            transforms.append(transform(0, self.of_body(frame.link), name, frame.position, turn))
+            transforms.append(
+                transform(0, self.of_body(frame.link), name, frame.position, turn)
+            )
         for name, rotor in zip(self.rotors, self._vehicle.rotors, strict=True):
-            transforms.append(transform(0, BASE_LINK, name, rotor.position, quaternions_of(_upright(rotor.axis))[0]))
+            transforms.append(
+                transform(
+                    0,
+                    BASE_LINK,
+                    name,
+                    rotor.position,
+                    quaternions_of(_upright(rotor.axis))[0],
+                )
+            )
         return transforms
 
 
-def transform(stamps: IntArray | int, parent: str, child: str, position: Iterable[Scalar], wxyz: Array) -> Values:
-    """Fields of a geometry_msgs/TransformStamped, for many instants or a constant one."""
+def transform(
+    stamps: IntArray | int,
+    parent: str,
+    child: str,
+    position: Iterable[Scalar],
+    wxyz: Array,
+) -> Values:
+    """Fields of a geometry_msgs/TransformStamped, for many instants or a constant
+    one.
+    """
     return {
         "header": {"stamp": stamps, "frame_id": parent},
         "child_frame_id": child,
@@ -143,8 +188,8 @@ COLORS = {
 """Role of a vehicle's shape -> red, green, blue, opacity."""
 
 MARKER_TYPES = {"box": 1, "sphere": 2, "ellipsoid": 2}
-"""Kind of a shape -> type of a marker: cube or sphere by lengths or diameters; a capsule is drawn as its cylinder,
-3."""
+"""Kind of a shape -> type of a marker: cube or sphere by lengths or diameters; a
+capsule is drawn as its cylinder, 3."""
 
 
 def markers(vehicle: Vehicle, frames: Frames) -> list[Values]:
@@ -161,9 +206,14 @@ def markers(vehicle: Vehicle, frames: Frames) -> list[Values]:
                 "ns": shape.name,
                 "id": number,
                 "type": MARKER_TYPES.get(shape.kind, 3),
-                "pose": {"position": xyz(shape.position), "orientation": quaternion(turn)},
+                "pose": {
+                    "position": xyz(shape.position),
+                    "orientation": quaternion(turn),
+                },
                 "scale": xyz(lengths if len(lengths) == 3 else 3 * lengths),
-                "color": dict(zip("rgba", COLORS.get(shape.role, COLORS["hull"]), strict=True)),
+                "color": dict(
+                    zip("rgba", COLORS.get(shape.role, COLORS["hull"]), strict=True)
+                ),
                 "frame_locked": True,
             }
         )

@@ -1,8 +1,9 @@
 """ROS topics of a flight: message types, rates and contents.
 
-Every number of the log stands at each control instant in ``/skyarm/flight``, from which a log is read back to the bit.
-Base and joints are written at 200 Hz as viewers know them, frames, shapes, reference and tip at 50 Hz. Of several
-vehicles, topics and frames begin with the vehicle's name, as ``/left/odom`` and ``left/base_link``.
+Every number of the log stands at each control instant in ``/skyarm/flight``, from which
+a log is read back to the bit. Base and joints are written at 200 Hz as viewers know
+them, frames, shapes, reference and tip at 50 Hz. Of several vehicles, topics and frames
+begin with the vehicle's name, as ``/left/odom`` and ``left/base_link``.
 """
 
 from __future__ import annotations
@@ -40,29 +41,35 @@ from skyarm.records.immutable import positional
 from skyarm.vehicle import Vehicle
 
 FAST, SLOW = 200.0, 50.0
-"""Rates (Hz) of messages of base and joints, and of the others; a slower control writes each of its instants."""
+"""Rates (Hz) of messages of base and joints, and of the others; a slower control writes
+each of its instants."""
 
 FLIGHT_TOPIC, CLOCK = "/skyarm/flight", "/clock"
 
 EPOCH = "epoch"
-"""Key of a log's description with the Unix time (s) of the start of the flight, from which time stamps count."""
+"""Key of a log's description with the Unix time (s) of the start of the flight, from
+which time stamps count."""
 
 MARKERS = "visualization_msgs/MarkerArray"
 
 TRANSFORMS = ("/tf", "/tf_static")
-"""Topics of the transforms between all frames, of which there is one for all vehicles."""
+"""Topics of the transforms between all frames, of which there is one for all
+vehicles."""
 
 FRAMES, STAMPED = ("frame_id", "child_frame_id"), ("transforms", "markers")
-"""Fields of a message with the name of a frame, and those with lists of messages that have a header."""
+"""Fields of a message with the name of a frame, and those with lists of messages that
+have a header."""
 
 
 @positional
 class Topic:
-    """ROS topic of a log: name, message type, rate, and the function that fills the messages.
+    """ROS topic of a log: name, message type, rate, and the function that fills the
+    messages.
 
     Attributes:
         name, kind: name of the topic, and type of its messages.
-        every: control instants from one message to the next; 0 for one message at the beginning.
+        every: control instants from one message to the next; 0 for one message at the
+            beginning.
         values: part of a log -> fields of its messages.
         offset: instant of the first message, below ``every``.
     """
@@ -88,7 +95,10 @@ class FlightTopics:
 
     def __init__(self, log: Log) -> None:
         every = columns(log)
-        self.definitions: dict[str, str] = {**DEFINITIONS, FLIGHT: flight_definition(every)}
+        self.definitions: dict[str, str] = {
+            **DEFINITIONS,
+            FLIGHT: flight_definition(every),
+        }
         self.period = period_of(log)
         self._epoch = round(float(log.info.get(EPOCH, 0.0)) * 1e9)
 
@@ -102,62 +112,110 @@ class FlightTopics:
             Topic(FLIGHT_TOPIC, FLIGHT, 1, row),
             Topic(CLOCK, "rosgraph_msgs/Clock", 1, lambda part: {"clock": part.stamps}),
             *topics_of_all(own),
-            *_sensor_topics(first, lambda source, field: source == COMPONENTS and field in shared),
+            *_sensor_topics(
+                first, lambda source, field: source == COMPONENTS and field in shared
+            ),
         )
 
     def encode(self, topic: Topic, log: Log) -> tuple[IntArray, Bytes]:
-        """Encode the ROS messages of one topic from some instants of a flight; return their times (ns) and bytes.
+        """Encode the ROS messages of one topic from some instants of a flight; return
+        their times (ns) and bytes.
 
         Args:
-            topic: one of :attr:`topics`; one without a rate is written at the part's first instant.
+            topic: one of :attr:`topics`; one without a rate is written at the part's
+                first instant.
             log: the part, which begins at a multiple of :attr:`period`.
         """
         chosen = slice(topic.offset, None, topic.every) if topic.every else slice(0, 1)
         part = LogSection(log, chosen, epoch=self._epoch)
         with np.errstate(all="ignore"):
             values = topic.values(part)
-        return part.stamps, encode(topic.kind, self.definitions, values, len(part.stamps))
+        return part.stamps, encode(
+            topic.kind, self.definitions, values, len(part.stamps)
+        )
 
 
 def _agent_topics(log: Log, shared: Collection[str]) -> list[Topic]:
-    """ROS topics of one vehicle, without the arrays of environment models that all vehicles share."""
+    """ROS topics of one vehicle, without the arrays of environment models that all
+    vehicles share.
+    """
     names, (fast, slow) = names_of(log), every_of(log)
     # setpoints of drives are no torques
     efforts = [] if any(names.setpoints) else ["efforts"]
     return [
-        _topic("/odom", ODOMETRY, fast, {name: name for name in BASE_SIZES}, {"child_frame_id": BASE_LINK}),
-        *_joints("/joint_states", fast, names, {name: name for name in ("joints", "joint_rates", *efforts)}),
+        _topic(
+            "/odom",
+            ODOMETRY,
+            fast,
+            {name: name for name in BASE_SIZES},
+            {"child_frame_id": BASE_LINK},
+        ),
+        *_joints(
+            "/joint_states",
+            fast,
+            names,
+            {name: name for name in ("joints", "joint_rates", *efforts)},
+        ),
         *_transforms(slow, vehicle_of(log), _mounts(log)),
         Topic("/reference/base", "geometry_msgs/PoseStamped", slow, _reference),
         _topic("/reference/tip", POINT, slow, {"position": "tool_reference"}, {}),
         _topic("/tip", POINT, slow, {"position": "tool"}, {}),
-        *_sensor_topics(log, lambda source, field: source != COMPONENTS or field not in shared),
+        *_sensor_topics(
+            log, lambda source, field: source != COMPONENTS or field not in shared
+        ),
     ]
 
 
 def topics_of_all(topics: Mapping[str, Iterable[Topic]]) -> Iterator[Topic]:
-    """Topics of all vehicles, given for each as if it flew alone; names and frames of several begin with its name."""
+    """Topics of all vehicles, given for each as if it flew alone; names and frames of
+    several begin with its name.
+    """
     for agent, own in topics.items():
         yield from (_of_agent(each, agent) for each in own) if len(topics) > 1 else own
 
 
 def namespace_of(agents: Collection[str], agent: str) -> str:
-    """Beginning of the names of a vehicle's topics, given all vehicles; empty for the only one."""
+    """Beginning of the names of a vehicle's topics, given all vehicles; empty for the
+    only one.
+    """
     return f"/{agent}" if len(agents) > 1 else ""
 
 
 def _of_agent(topic: Topic, agent: str) -> Topic:
-    """Topic of one of several vehicles: its name and its frames begin with the vehicle's."""
+    """Topic of one of several vehicles: its name and its frames begin with the
+    vehicle's.
+    """
     name = topic.name if topic.name in TRANSFORMS else f"/{agent}{topic.name}"
-    return replace(topic, name=name, values=lambda part: _in_frames(topic.values(part.of(f"{agent}{WITHIN}")), agent))
+    return replace(
+        topic,
+        name=name,
+        values=lambda part: _in_frames(
+            topic.values(part.of(f"{agent}{WITHIN}")), agent
+        ),
+    )
 
 
 def _in_frames(values: Values, agent: str) -> Values:
-    """Fields of a message whose frames, other than the world's, begin with the name of a vehicle."""
-    moved = {key: f"{agent}/{frame}" for key in FRAMES if (frame := values.get(key, WORLD)) not in ("", WORLD)}
-    header = {"header": _in_frames(cast("Values", values["header"]), agent)} if "header" in values else {}
-    stamped = {key: cast("Sequence[Values]", values[key]) for key in STAMPED if key in values}
-    lists = {key: [_in_frames(each, agent) for each in several] for key, several in stamped.items()}
+    """Fields of a message whose frames, other than the world's, begin with the name of
+    a vehicle.
+    """
+    moved = {
+        key: f"{agent}/{frame}"
+        for key in FRAMES
+        if (frame := values.get(key, WORLD)) not in ("", WORLD)
+    }
+    header = (
+        {"header": _in_frames(cast("Values", values["header"]), agent)}
+        if "header" in values
+        else {}
+    )
+    stamped = {
+        key: cast("Sequence[Values]", values[key]) for key in STAMPED if key in values
+    }
+    lists = {
+        key: [_in_frames(each, agent) for each in several]
+        for key, several in stamped.items()
+    }
     return {**values, **moved, **header, **lists}
 
 
@@ -171,36 +229,59 @@ def vehicle_of(log: Log) -> Vehicle | None:
     """Vehicle of a log's plant; None if it cannot be restored."""
     vehicle = restored_at(log.info, "plant.vehicle")
     shape = log.joints.shape[1], log.rotor_speeds.shape[1]
-    return vehicle if isinstance(vehicle, Vehicle) and (vehicle.n, len(vehicle.rotors)) == shape else None
+    return (
+        vehicle
+        if isinstance(vehicle, Vehicle) and (vehicle.n, len(vehicle.rotors)) == shape
+        else None
+    )
 
 
 def every_of(log: Log) -> tuple[int, int]:
-    """Number of control instants from one ROS message to the next: for fast topics (base, joints) and slow ones."""
+    """Number of control instants from one ROS message to the next: for fast topics
+    (base, joints) and slow ones.
+    """
     rate = float(log.info["rates_hz"]["control"])
     fast = max(1, round(rate / FAST))
     return fast, fast * max(1, round(rate / fast / SLOW))
 
 
 def period_of(log: Log) -> int:
-    """Number of control instants after which the pattern of due ROS messages repeats."""
-    sensors = (each for own in log.agents.values() for each in sources_of(own.info).values())
+    """Number of control instants after which the pattern of due ROS messages
+    repeats.
+    """
+    sensors = (
+        each for own in log.agents.values() for each in sources_of(own.info).values()
+    )
     return math.lcm(every_of(log)[1], *(each.every for each in sensors))
 
 
-def _transforms(every: int, vehicle: Vehicle | None, mounts: Sequence[Values]) -> list[Topic]:
+def _transforms(
+    every: int, vehicle: Vehicle | None, mounts: Sequence[Values]
+) -> list[Topic]:
     frames = None if vehicle is None else Frames(vehicle)
 
     def moving(part: LogSection) -> Values:
         goal = yaw_quaternion(part["yaw_reference"])
-        base = transform(part.stamps, WORLD, BASE_LINK, part["position"], unit_rows(part["quaternion"]))
-        reference = transform(part.stamps, WORLD, BASE_REFERENCE, part["position_reference"], goal)
+        base = transform(
+            part.stamps,
+            WORLD,
+            BASE_LINK,
+            part["position"],
+            unit_rows(part["quaternion"]),
+        )
+        reference = transform(
+            part.stamps, WORLD, BASE_REFERENCE, part["position_reference"], goal
+        )
         links = [] if frames is None else frames.moving(part.stamps, part["joints"])
         return {"transforms": [base, reference, *links]}
 
     topics = [Topic("/tf", "tf2_msgs/TFMessage", every, moving)]
     if frames is None or vehicle is None:
         return topics
-    fixed, drawn = {"transforms": [*frames.fixed_transforms(), *mounts]}, {"markers": markers(vehicle, frames)}
+    fixed, drawn = (
+        {"transforms": [*frames.fixed_transforms(), *mounts]},
+        {"markers": markers(vehicle, frames)},
+    )
     return [
         Topic("/tf_static", "tf2_msgs/TFMessage", 0, lambda _: fixed),
         Topic("/vehicle", MARKERS, 0, lambda _: drawn),
@@ -212,7 +293,10 @@ Fields = Mapping[str, Array]
 """Values of a reading by field."""
 
 ODOMETRY, POINT, JOINTS, OWN = (
-    "nav_msgs/Odometry", "geometry_msgs/PointStamped", "sensor_msgs/JointState", "skyarm_msgs/Reading"
+    "nav_msgs/Odometry",
+    "geometry_msgs/PointStamped",
+    "sensor_msgs/JointState",
+    "skyarm_msgs/Reading",
 )
 
 BASE_SIZES = {"position": 3, "quaternion": 4, "velocity": 3, "rate": 3}
@@ -224,14 +308,24 @@ JOINT_FIELDS = {"joints": "position", "joint_rates": "velocity", "efforts": "eff
 
 def _odometry(read: Fields) -> Values:
     attitude = unit_rows(read["quaternion"])
-    twist = {"linear": xyz(to_base(attitude, read["velocity"])), "angular": xyz(read["rate"])}
-    return {"pose": {"pose": _pose(read["position"], attitude)}, "twist": {"twist": twist}}
+    twist = {
+        "linear": xyz(to_base(attitude, read["velocity"])),
+        "angular": xyz(read["rate"]),
+    }
+    return {
+        "pose": {"pose": _pose(read["position"], attitude)},
+        "twist": {"twist": twist},
+    }
 
 
 def _imu(read: Fields) -> Values:
     unknown = np.array([-1.0, *8 * [0.0]])  # no orientation is read
     rate, force = xyz(read["rate"]), xyz(read["specific_force"])
-    return {"orientation_covariance": unknown, "angular_velocity": rate, "linear_acceleration": force}
+    return {
+        "orientation_covariance": unknown,
+        "angular_velocity": rate,
+        "linear_acceleration": force,
+    }
 
 
 MESSAGES: Mapping[str, tuple[str, Mapping[str, int], Callable[[Fields], Values]]] = {
@@ -248,10 +342,15 @@ MESSAGES: Mapping[str, tuple[str, Mapping[str, int], Callable[[Fields], Values]]
         lambda read: {"wrench": {field: xyz(array) for field, array in read.items()}},
     ),
     ODOMETRY: (WORLD, BASE_SIZES, _odometry),
-    JOINTS: ("", {}, lambda read: {JOINT_FIELDS[field]: array for field, array in read.items()}),
+    JOINTS: (
+        "",
+        {},
+        lambda read: {JOINT_FIELDS[field]: array for field, array in read.items()},
+    ),
     OWN: ("", {}, lambda read: {"value": np.column_stack(list(read.values()))}),
 }
-"""Message type -> its frame, number of components of each source field, and its fields."""
+"""Message type -> its frame, number of components of each source field, and its
+fields."""
 
 
 def _topic(
@@ -280,54 +379,111 @@ def _topic(
     usual, _, fields = MESSAGES[kind]
 
     def values(part: LogSection) -> Values:
-        header = part.header(usual if frame is None else frame, part[time] if time else None)
-        return {"header": header, **fixed, **fields({field: part[array] for field, array in arrays.items()})}
+        header = part.header(
+            usual if frame is None else frame, part[time] if time else None
+        )
+        return {
+            "header": header,
+            **fixed,
+            **fields({field: part[array] for field, array in arrays.items()}),
+        }
 
     return Topic(name, kind, every, values, offset)
 
 
-def _joints(name: str, every: int, names: Names, arrays: Mapping[str, str]) -> list[Topic]:
-    """Make a JointState topic from arrays of the log; empty for a vehicle without joints."""
-    return [_topic(name, JOINTS, every, arrays, {"name": names.joints})] if names.joints and arrays else []
+def _joints(
+    name: str, every: int, names: Names, arrays: Mapping[str, str]
+) -> list[Topic]:
+    """Make a JointState topic from arrays of the log; empty for a vehicle without
+    joints.
+    """
+    return (
+        [_topic(name, JOINTS, every, arrays, {"name": names.joints})]
+        if names.joints and arrays
+        else []
+    )
 
 
 def _sensor_topics(log: Log, chosen: Callable[[str, str], bool]) -> list[Topic]:
-    """Make the ROS topics of the estimate and of each sensor, of the fields that a function of both names chooses."""
+    """Make the ROS topics of the estimate and of each sensor, of the fields that a
+    function of both names chooses.
+    """
     names, (fast, _) = names_of(log), every_of(log)
     sources = {
-        source: replace(each, fields={name: field for name, field in each.fields.items() if chosen(source, name)})
+        source: replace(
+            each,
+            fields={
+                name: field
+                for name, field in each.fields.items()
+                if chosen(source, name)
+            },
+        )
         for source, each in sources_of(log.info).items()
     }
-    sources = {name: each for name, each in sources.items() if set(each.fields) - {"time"}}
+    sources = {
+        name: each for name, each in sources.items() if set(each.fields) - {"time"}
+    }
     topics: list[Topic] = []
-    for name, (source, each) in zip(distinct([word(last_of(name)) for name in sources]), sources.items(), strict=True):
+    for name, (source, each) in zip(
+        distinct([word(last_of(name)) for name in sources]),
+        sources.items(),
+        strict=True,
+    ):
         if source == ESTIMATE:
-            arrays = {array: f"{source}.{array}" for array in JOINT_FIELDS if array in each.fields}
+            arrays = {
+                array: f"{source}.{array}"
+                for array in JOINT_FIELDS
+                if array in each.fields
+            }
             topics.append(_reading("/estimate/base", fast, 0, source, each, names))
             topics += _joints("/estimate/joints", fast, names, arrays)
         else:
-            topics.append(_reading(f"/sensors/{name}", each.every, each.late, source, each, names))
+            topics.append(
+                _reading(f"/sensors/{name}", each.every, each.late, source, each, names)
+            )
     return topics
 
 
-def _reading(topic: str, every: int, offset: int, source: str, described: Source, names: Names) -> Topic:
-    """Make the ROS topic of a sensor or the estimate, with the standard message type that fits if there is one."""
+def _reading(
+    topic: str, every: int, offset: int, source: str, described: Source, names: Names
+) -> Topic:
+    """Make the ROS topic of a sensor or the estimate, with the standard message type
+    that fits if there is one.
+    """
     sizes = {field: len(each.axes or ()) for field, each in described.fields.items()}
     stamped = sizes.pop("time", 1) == 0
-    kind = next((kind for kind, (_, fitting, _) in MESSAGES.items() if fitting == sizes), OWN)
+    kind = next(
+        (kind for kind, (_, fitting, _) in MESSAGES.items() if fitting == sizes), OWN
+    )
     if sizes == {"joints": len(names.joints), "joint_rates": len(names.joints)}:
         kind = JOINTS
     elif sizes.items() >= BASE_SIZES.items():
         kind = ODOMETRY
-    endings = [f"{field}_{axis}".rstrip("_") for field in sizes for axis in described.fields[field].axes or [""]]
+    endings = [
+        f"{field}_{axis}".rstrip("_")
+        for field in sizes
+        for axis in described.fields[field].axes or [""]
+    ]
     named: dict[str, Values] = {
         ODOMETRY: {"child_frame_id": f"base_{last_of(source)}"},
         JOINTS: {"name": names.joints},
         OWN: {"name": endings},
     }
-    time, arrays = f"{source}.time" if stamped else "", {field: f"{source}.{field}" for field in sizes}
+    time, arrays = (
+        f"{source}.time" if stamped else "",
+        {field: f"{source}.{field}" for field in sizes},
+    )
     frame = described.frame if described.mount is None else mount_frame(source)
-    return _topic(topic, kind, every, arrays, named.get(kind, {}), offset=offset, time=time, frame=frame)
+    return _topic(
+        topic,
+        kind,
+        every,
+        arrays,
+        named.get(kind, {}),
+        offset=offset,
+        time=time,
+        frame=frame,
+    )
 
 
 def mount_frame(source: str) -> str:
@@ -337,9 +493,17 @@ def mount_frame(source: str) -> str:
 
 def _mounts(log: Log) -> list[Values]:
     """Fields of ROS transform messages of the sensors beside the base origin."""
-    sources = {name: each.mount for name, each in sources_of(log.info).items() if each.mount}
-    turns = {name: np.array([*of_euler_angles(*mount[3:])]) for name, mount in sources.items()}
-    return [transform(0, BASE_LINK, mount_frame(name), mount[:3], turns[name]) for name, mount in sources.items()]
+    sources = {
+        name: each.mount for name, each in sources_of(log.info).items() if each.mount
+    }
+    turns = {
+        name: np.array([*of_euler_angles(*mount[3:])])
+        for name, mount in sources.items()
+    }
+    return [
+        transform(0, BASE_LINK, mount_frame(name), mount[:3], turns[name])
+        for name, mount in sources.items()
+    ]
 
 
 def last_of(source: str) -> str:

@@ -1,7 +1,21 @@
 """File access: read tables field by field, and write files atomically."""
 
-from skyarm.records.files.fields import Fields, filled_list, filled_text, number, three_numbers
-from skyarm.records.files.messages import did_you_mean, errors_as, must_be_one_of, nearest, one_line, printable, shown
+from skyarm.records.files.fields import (
+    Fields,
+    filled_list,
+    filled_text,
+    number,
+    three_numbers,
+)
+from skyarm.records.files.messages import (
+    did_you_mean,
+    errors_as,
+    must_be_one_of,
+    nearest,
+    one_line,
+    printable,
+    shown,
+)
 from skyarm.records.files.names import file_name, require_file, unreadable
 from skyarm.records.files.packages import how_to_install, needs_extra, versions
 from skyarm.records.files.paths import PathLike

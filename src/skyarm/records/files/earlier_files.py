@@ -1,4 +1,6 @@
-"""Names of files in a folder of results: an earlier file gets a number, and the newest has the plain name."""
+"""Names of files in a folder of results: an earlier file gets a number, and the newest
+has the plain name.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,8 @@ from pathlib import Path
 from skyarm.records.files.writing import one_writer
 
 NAMING, PATIENCE = ".naming", 60.0
-"""Name of the lock file under which files get their names, and time (s) to wait for it."""
+"""Name of the lock file under which files get their names, and time (s) to wait for
+it."""
 
 
 @contextmanager
@@ -26,12 +29,16 @@ def naming(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def earlier_kept(files: Sequence[Path], *, replace: bool = False) -> Iterator[list[Path]]:
-    """Context manager that renames existing files NAME.npz to NAME_1.npz while new ones are written.
+def earlier_kept(
+    files: Sequence[Path], *, replace: bool = False
+) -> Iterator[list[Path]]:
+    """Context manager that renames existing files NAME.npz to NAME_1.npz while new ones
+    are written.
 
-    The newest flight has the plain name, so that what reads it need not search. Links and devices stay: they are
-    written through. Where the writing fails, the files get their names back. Yields the numbered names. From the look
-    at the names to the last file's end no other process names logs in these folders.
+    The newest flight has the plain name, so that what reads it need not search. Links
+    and devices stay: they are written through. Where the writing fails, the files get
+    their names back. Yields the numbered names. From the look at the names to the last
+    file's end no other process names logs in these folders.
 
     Args:
         files: files of one flight.
@@ -43,13 +50,25 @@ def earlier_kept(files: Sequence[Path], *, replace: bool = False) -> Iterator[li
     """
     with ExitStack() as locks:
         # in one order everywhere, so that no two processes wait for each other
-        for folder in sorted({Path(os.path.realpath(file)).parent for file in files if not _is_device(file)}):
+        for folder in sorted(
+            {
+                Path(os.path.realpath(file)).parent
+                for file in files
+                if not _is_device(file)
+            }
+        ):
             # a flight that failed beside may have taken it back
             folder.mkdir(parents=True, exist_ok=True)
             locks.enter_context(naming(folder))
-        there = [] if replace else [file for file in files if file.is_file() and not file.is_symlink()]
+        there = (
+            []
+            if replace
+            else [file for file in files if file.is_file() and not file.is_symlink()]
+        )
         renamed = {
-            file: file.rename(free) for file, free in zip(files, free_names(files), strict=True) if file in there
+            file: file.rename(free)
+            for file, free in zip(files, free_names(files), strict=True)
+            if file in there
         }
         try:
             yield list(renamed.values())
@@ -62,7 +81,9 @@ def earlier_kept(files: Sequence[Path], *, replace: bool = False) -> Iterator[li
 
 def kept_lines(earlier: Sequence[Path]) -> list[str]:
     """Line that names the earlier files which got a number; none without any."""
-    return [f"what was there is kept: {', '.join(map(str, earlier))}"] if earlier else []
+    return (
+        [f"what was there is kept: {', '.join(map(str, earlier))}"] if earlier else []
+    )
 
 
 def _is_device(file: Path) -> bool:
@@ -70,17 +91,29 @@ def _is_device(file: Path) -> bool:
 
 
 def free_names(files: Sequence[Path], least: int = 1) -> list[Path]:
-    """Numbered file names NAME_1.npz with the lowest number that is free for all files; devices keep their names."""
+    """Numbered file names NAME_1.npz with the lowest number that is free for all files;
+    devices keep their names.
+    """
     every = (
-        [file if _is_device(file) else file.with_name(f"{file.stem}_{k}{file.suffix}") for file in files]
+        [
+            (
+                file
+                if _is_device(file)
+                else file.with_name(f"{file.stem}_{k}{file.suffix}")
+            )
+            for file in files
+        ]
         for k in count(least)
     )
-    return next(names for names in every if not any(map(os.path.lexists, {*names} - {*files})))
+    return next(
+        names for names in every if not any(map(os.path.lexists, {*names} - {*files}))
+    )
 
 
 @contextmanager
 def edits_kept(file: Path) -> Iterator[None]:
-    """Context manager that numbers an earlier file which people may have edited while it is written anew.
+    """Context manager that numbers an earlier file which people may have edited while
+    it is written anew.
 
     One that is written anew byte for byte leaves no copy.
     """

@@ -8,7 +8,12 @@ from collections.abc import Iterable, Sequence
 from itertools import islice
 from typing import Any
 
-from skyarm.records.files.messages import comma_list, did_you_mean, must_be_one_of, shown
+from skyarm.records.files.messages import (
+    comma_list,
+    did_you_mean,
+    must_be_one_of,
+    shown,
+)
 
 _REQUIRED = object()
 
@@ -17,10 +22,11 @@ MOST_COMPARED = 1000
 
 
 class Fields:
-    """Reader of a table: checks each value on access and raises an error for fields that were not read.
+    """Reader of a table: checks each value on access and raises an error for fields
+    that were not read.
 
-    Every error is a ValueError of one line: field, value, what is allowed. ``named`` calls the tables of a list by
-    their names: ``links[arm].mass``.
+    Every error is a ValueError of one line: field, value, what is allowed. ``named``
+    calls the tables of a list by their names: ``links[arm].mass``.
     """
 
     def __init__(self, table: object, where: str, named: bool = False) -> None:
@@ -31,7 +37,9 @@ class Fields:
         self._known: set[str] = set()
 
     def expect(self, names: Iterable[str]) -> None:
-        """State the allowed keys of the table; none of them is then suggested as a misspelling of a missing key."""
+        """State the allowed keys of the table; none of them is then suggested as a
+        misspelling of a missing key.
+        """
         self._known.update(names)
 
     def at(self, name: str) -> str:
@@ -39,16 +47,33 @@ class Fields:
         return f"{self.where}.{name}" if self.where else name
 
     def take(self, name: str, default: object = _REQUIRED) -> Any:
-        """Value of a field of the table, without a check of its type; the field then counts as read."""
+        """Value of a field of the table, without a check of its type; the field then
+        counts as read.
+        """
         self._asked.append(name)
         if name in self.table:
             return self.table[name]
         if default is not _REQUIRED:
             return default
-        other = (word for word in self.table if word not in self._asked and word not in self._known)
-        near = next((word for word in islice(other, MOST_COMPARED) if did_you_mean(word, [name])), "")
+        other = (
+            word
+            for word in self.table
+            if word not in self._asked and word not in self._known
+        )
+        near = next(
+            (
+                word
+                for word in islice(other, MOST_COMPARED)
+                if did_you_mean(word, [name])
+            ),
+            "",
+        )
         there = f"is it {near!r}? " if near else ""
-        there += f"there are {comma_list(sorted(self.table))}" if self.table else "there are no fields"
+        there += (
+            f"there are {comma_list(sorted(self.table))}"
+            if self.table
+            else "there are no fields"
+        )
         raise ValueError(f"{self.at(name)}: is missing; {there}")
 
     def states(self, name: str) -> bool:
@@ -70,32 +95,57 @@ class Fields:
         strict: bool = False,
         infinite: bool = False,
     ) -> float:
-        """Read a number from a field of the table: finite by default, not below ``low`` (above it if strict)."""
-        return number(self.take(name, default), self.at(name), low=low, strict=strict, infinite=infinite)
+        """Read a number from a field of the table: finite by default, not below ``low``
+        (above it if strict).
+        """
+        return number(
+            self.take(name, default),
+            self.at(name),
+            low=low,
+            strict=strict,
+            infinite=infinite,
+        )
 
-    def vector(self, name: str, default: object = _REQUIRED) -> tuple[float, float, float]:
+    def vector(
+        self, name: str, default: object = _REQUIRED
+    ) -> tuple[float, float, float]:
         """Read three finite numbers from a field of the table."""
         return three_numbers(self.take(name, default), self.at(name))
 
-    def numbers(self, name: str, *default: object, low: float = -math.inf) -> tuple[float, ...]:
-        """Read a list of finite numbers, none below ``low``, from a field of the table."""
+    def numbers(
+        self, name: str, *default: object, low: float = -math.inf
+    ) -> tuple[float, ...]:
+        """Read a list of finite numbers, none below ``low``, from a field of the
+        table.
+        """
         values, at = self.take(name, *default), self.at(name)
         if not isinstance(values, (list, tuple)):
             raise ValueError(f"{at} = {shown(values)}: must be a list of numbers")
-        return tuple(number(value, f"{at}[{i}]", low=low) for i, value in enumerate(values))
+        return tuple(
+            number(value, f"{at}[{i}]", low=low) for i, value in enumerate(values)
+        )
 
-    def choice(self, name: str, options: tuple[str, ...], default: object = _REQUIRED) -> str:
+    def choice(
+        self, name: str, options: tuple[str, ...], default: object = _REQUIRED
+    ) -> str:
         """Read one of several allowed texts from a field of the table."""
         value = self.take(name, default)
         if value not in options:
-            raise ValueError(f"{self.at(name)} = {shown(value)}: {must_be_one_of(options, value)}")
+            raise ValueError(
+                f"{self.at(name)} = {shown(value)}: {must_be_one_of(options, value)}"
+            )
         return str(value)
 
     def text(self, name: str, *default: str) -> str:
-        """Read text from a field of the table; it must not be empty unless there is a default."""
+        """Read text from a field of the table; it must not be empty unless there is a
+        default.
+        """
         value = self.take(name, *default)
         if not isinstance(value, str) or (not value and not default):
-            raise ValueError(f"{self.at(name)} = {shown(value)}: must be text{'' if default else ' that is not empty'}")
+            raise ValueError(
+                f"{self.at(name)} = {shown(value)}: must be"
+                f" text{'' if default else ' that is not empty'}"
+            )
         return value
 
     def flag(self, name: str, *default: bool) -> bool:
@@ -110,16 +160,23 @@ class Fields:
         return Fields(self.take(name, {}), self.at(name), self._named)
 
     def tables(self, name: str) -> list[Fields]:
-        """Return one `Fields` reader per table of a field that is a list of tables; [] if the field is missing."""
+        """Return one `Fields` reader per table of a field that is a list of tables; []
+        if the field is missing.
+        """
         return list_of_tables(self.take(name, []), self.at(name), self._named)
 
     def done(self, beside: Sequence[str] = ()) -> None:
-        """Raise an error if a field of the table was not read; ``beside`` lists fields that are read elsewhere."""
+        """Raise an error if a field of the table was not read; ``beside`` lists fields
+        that are read elsewhere.
+        """
         names = [*dict.fromkeys([*self._asked, *beside])]
         for name, value in self.table.items():
             if name not in self._asked:
                 allowed, meant = comma_list(names), did_you_mean(name, names)
-                raise ValueError(f"{self.at(name)} = {shown(value)}: unknown field; {meant}allowed: {allowed}")
+                raise ValueError(
+                    f"{self.at(name)} = {shown(value)}: unknown field; {meant}allowed:"
+                    f" {allowed}"
+                )
 
 
 def list_of_tables(value: object, where: str, named: bool = False) -> list[Fields]:
@@ -127,13 +184,23 @@ def list_of_tables(value: object, where: str, named: bool = False) -> list[Field
     if not isinstance(value, list):
         hint = f", each below [[{where}]]" if isinstance(value, dict) else ""
         raise ValueError(f"{where} = {shown(value)}: must be a list of tables{hint}")
-    names = [table.get("name") if named and isinstance(table, dict) else None for table in value]
-    called = [name if isinstance(name, str) and name else i for i, name in enumerate(names)]
-    return [Fields(table, f"{where}[{name}]", named) for table, name in zip(value, called, strict=True)]
+    names = [
+        table.get("name") if named and isinstance(table, dict) else None
+        for table in value
+    ]
+    called = [
+        name if isinstance(name, str) and name else i for i, name in enumerate(names)
+    ]
+    return [
+        Fields(table, f"{where}[{name}]", named)
+        for table, name in zip(value, called, strict=True)
+    ]
 
 
 def filled_list(value: object, at: str, allowed: str, count: int = 0) -> list[Any]:
-    """Check that a value is a list that is not empty, and of ``count`` entries if that is given."""
+    """Check that a value is a list that is not empty, and of ``count`` entries if that
+    is given.
+    """
     if not isinstance(value, list) or not value or len(value) != (count or len(value)):
         raise ValueError(f"{at} = {shown(value)}: must be {allowed}")
     return value
@@ -154,14 +221,33 @@ def three_numbers(value: object, at: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def number(value: object, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:
-    """Check that a value is a number: finite by default, not below ``low`` (above it if strict)."""
+def number(
+    value: object,
+    at: str,
+    *,
+    low: float = -math.inf,
+    strict: bool = False,
+    infinite: bool = False,
+) -> float:
+    """Check that a value is a number: finite by default, not below ``low`` (above it if
+    strict).
+    """
     try:  # NumPy's numbers are Real too
-        converted = math.nan if isinstance(value, bool) or not isinstance(value, numbers.Real) else float(value)
+        converted = (
+            math.nan
+            if isinstance(value, bool) or not isinstance(value, numbers.Real)
+            else float(value)
+        )
     except OverflowError:  # a whole number beyond 1e308
         converted = math.inf
     if math.isnan(converted) or (math.isinf(converted) and not infinite):
-        raise ValueError(f"{at} = {shown(value)}: must be a {'number' if infinite else 'finite number'}")
+        raise ValueError(
+            f"{at} = {shown(value)}: must be a"
+            f" {'number' if infinite else 'finite number'}"
+        )
     if converted < low or (strict and converted == low):
-        raise ValueError(f"{at} = {shown(value)}: must be {'above' if strict else 'at least'} {low:g}")
+        raise ValueError(
+            f"{at} = {shown(value)}: must be {'above' if strict else 'at least'}"
+            f" {low:g}"
+        )
     return converted

@@ -1,4 +1,6 @@
-"""Text for messages: one printable line of bounded length, and suggestions for misspelt names."""
+"""Text for messages: one printable line of bounded length, and suggestions for misspelt
+names.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,18 @@ LONGEST_LINE = 1000
 
 
 def printable(text: str) -> str:
-    r"""Text with its control characters escaped, so that a name from a file cannot control a terminal.
+    r"""Text with its control characters escaped, so that a name from a file cannot
+    control a terminal.
 
-    Written out, as ``\x1b`` or ``\u202e``, is what Unicode counts as control, format (the reversal of what is read from
-    right to left among them), line separator, surrogate or unassigned; blanks other than the usual one, too.
+    Written out, as ``\x1b`` or ``\u202e``, is what Unicode counts as control, format
+    (the reversal of what is read from right to left among them), line separator,
+    surrogate or unassigned; blanks other than the usual one, too.
     """
     if text.isprintable():
         return text
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape").decode() for c in text
+    )
 
 
 def one_line(text: str) -> str:
@@ -53,9 +59,13 @@ def shown(value: object) -> str:
 
 @contextmanager
 def errors_as(
-    kind: type[ValueError], before: str = "", of: type[Exception] | tuple[type[Exception], ...] = ValueError
+    kind: type[ValueError],
+    before: str = "",
+    of: type[Exception] | tuple[type[Exception], ...] = ValueError,
 ) -> Iterator[None]:
-    """Context manager that turns errors of one class into another class and puts a prefix before their message."""
+    """Context manager that turns errors of one class into another class and puts a
+    prefix before their message.
+    """
     try:
         yield
     except of as error:
@@ -63,7 +73,8 @@ def errors_as(
 
 
 LIKE = 0.6
-"""Least similarity (difflib's ratio, 0 to 1) at which a name is suggested for a misspelt one."""
+"""Least similarity (difflib's ratio, 0 to 1) at which a name is suggested for a
+misspelt one."""
 
 
 NEAREST = 4
@@ -71,34 +82,46 @@ NEAREST = 4
 
 
 def did_you_mean(word: object, known: Iterable[str]) -> str:
-    """Suggestion at the start of a message, such as ``did you mean 'case3'? ``; empty if no name is similar."""
+    """Suggestion at the start of a message, such as ``did you mean 'case3'? ``; empty
+    if no name is similar.
+    """
     if not isinstance(word, str):
         return ""
     names = [name for name in known if name != word]
     near = difflib.get_close_matches(word, names, n=1, cutoff=LIKE)
     if not near:
         lower = {name.lower(): name for name in names}
-        near = [lower[each] for each in difflib.get_close_matches(word.lower(), lower, n=1, cutoff=LIKE)]
+        near = [
+            lower[each]
+            for each in difflib.get_close_matches(word.lower(), lower, n=1, cutoff=LIKE)
+        ]
     return f"did you mean {near[0]!r}? " if near else ""
 
 
 def nearest(word: object, known: Iterable[str]) -> list[str]:
-    """Up to ``NEAREST`` names that are spelt most similarly to a word, the most similar first."""
+    """Up to ``NEAREST`` names that are spelt most similarly to a word, the most similar
+    first.
+    """
     return difflib.get_close_matches(str(word), list(known), n=NEAREST, cutoff=0.0)
 
 
 def must_be_one_of(known: Iterable[str], word: object, see: str = "") -> str:
-    """Text of a message that lists the allowed names, after a suggestion for a misspelt one.
+    """Text of a message that lists the allowed names, after a suggestion for a misspelt
+    one.
 
     Args:
         known: allowed names.
         word: word that is none of them.
-        see: command that lists all of them: more than ``NEAREST`` are then named no further than the nearest.
+        see: command that lists all of them: more than ``NEAREST`` are then named no
+            further than the nearest.
     """
     names = list(known)
     if see and len(names) > NEAREST:
         near = ", ".join(nearest(word, names))
-        return f"{did_you_mean(word, names)}must be one of {near} ...; {see!r} shows all {len(names)}"
+        return (
+            f"{did_you_mean(word, names)}must be one of {near} ...; {see!r} shows all"
+            f" {len(names)}"
+        )
     if not names:
         return "must be left out: there is none"
     few = "" if len(names) == 1 else "one of "

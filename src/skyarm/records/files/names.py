@@ -1,4 +1,6 @@
-"""File names: readable files, names that are portable between systems, and the kind of a TOML file."""
+"""File names: readable files, names that are portable between systems, and the kind of
+a TOML file.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,13 @@ from collections.abc import Mapping, Sequence
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from skyarm.records.files.messages import did_you_mean, errors_as, must_be_one_of, printable, shown
+from skyarm.records.files.messages import (
+    did_you_mean,
+    errors_as,
+    must_be_one_of,
+    printable,
+    shown,
+)
 from skyarm.records.files.own_inputs import note_input
 from skyarm.records.files.paths import PathLike
 from skyarm.records.files.toml import Entry, read_toml
@@ -17,7 +25,8 @@ from skyarm.records.files.writing import output_file
 
 NO_FILE = "no such file"
 NOT_THERE = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP)
-"""Error numbers of a file that does not exist, in contrast to one that cannot be read."""
+"""Error numbers of a file that does not exist, in contrast to one that cannot be
+read."""
 
 
 def file_name(value: object, field: str) -> str:
@@ -33,7 +42,9 @@ def file_name(value: object, field: str) -> str:
 
 
 def unreadable(path: Path) -> str:
-    """Reason why no file can be read at a path; empty if one can, which is recorded as input of the running command."""
+    """Reason why no file can be read at a path; empty if one can, which is recorded as
+    input of the running command.
+    """
     # not path.is_file(), which keeps the reason to itself since Python 3.14
     try:
         status = os.stat(path)
@@ -50,7 +61,8 @@ def unreadable(path: Path) -> str:
 
 
 def require_file(path: PathLike, at: str) -> None:
-    """Raise an error that begins with ``at`` if no file can be read at a path; see :func:`unreadable`.
+    """Raise an error that begins with ``at`` if no file can be read at a path; see
+    :func:`unreadable`.
 
     Raises:
         ValueError: one line.
@@ -60,17 +72,25 @@ def require_file(path: PathLike, at: str) -> None:
 
 
 LONGEST_NAME, LONGEST_BYTES = 100, 200
-"""Largest number of characters, and of bytes in UTF-8, of a file name; prefixes and suffixes need the rest of 255."""
+"""Largest number of characters, and of bytes in UTF-8, of a file name; prefixes and
+suffixes need the rest of 255."""
 
 FORBIDDEN = '/\\:*?"<>|'
 """Characters that are not allowed in file names on at least one operating system."""
 
-DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{k}" for port in ("com", "lpt") for k in range(1, 10))}
+DEVICES = {
+    "con",
+    "prn",
+    "aux",
+    "nul",
+    *(f"{port}{k}" for port in ("com", "lpt") for k in range(1, 10)),
+}
 """File names that Windows reserves for devices, with any suffix."""
 
 ALLOWED = (
-    f"must be 1 to {LONGEST_NAME} letters, digits and other printable characters without any of {' '.join(FORBIDDEN)}; "
-    "it must not begin with '.', '-' or a blank, end with '.' or a blank, or be a device of Windows"
+    f"must be 1 to {LONGEST_NAME} letters, digits and other printable characters"
+    f" without any of {' '.join(FORBIDDEN)}; it must not begin with '.', '-' or a"
+    " blank, end with '.' or a blank, or be a device of Windows"
 )
 
 
@@ -95,7 +115,8 @@ def picture_file(name: str, field: str = "file") -> Path:
     """Path of a picture to be written, checked before any computation.
 
     Raises:
-        ValueError: another suffix; one line with those there are. OSError: it cannot be written.
+        ValueError: another suffix; one line with those there are. OSError: it cannot be
+            written.
     """
     if name:
         require_suffix(Path(name), field)
@@ -103,14 +124,18 @@ def picture_file(name: str, field: str = "file") -> Path:
 
 
 def require_suffix(path: Path, field: str = "file") -> str:
-    """Suffix of a picture file without its dot, after a check that the format is supported.
+    """Suffix of a picture file without its dot, after a check that the format is
+    supported.
 
     Raises:
         ValueError: one line.
     """
     suffix = path.suffix.removeprefix(".").lower()
     if suffix not in SUFFIXES:
-        raise ValueError(f"{field} = {shown(str(path))}: suffix {shown(suffix)}: {must_be_one_of(SUFFIXES, suffix)}")
+        raise ValueError(
+            f"{field} = {shown(str(path))}: suffix {shown(suffix)}:"
+            f" {must_be_one_of(SUFFIXES, suffix)}"
+        )
     return suffix
 
 
@@ -129,10 +154,14 @@ READS = {
 
 
 def kind_of(document: Mapping[str, object]) -> str:
-    """Kind of a TOML file, a key of ``READS``, by its tables; empty if they fit no kind."""
+    """Kind of a TOML file, a key of ``READS``, by its tables; empty if they fit no
+    kind.
+    """
     if "suite" in document:
         return "suite"
-    if "scenario" in document and ("vary" in document or "episodes" in document or "design" in document):
+    if "scenario" in document and (
+        "vary" in document or "episodes" in document or "design" in document
+    ):
         return "study"
     if "gains" in document and "law" in document:
         return "gains"
@@ -153,18 +182,31 @@ def require_kind(document: object, expected: str) -> None:
     """
     stated = kind_of(document) if isinstance(document, Mapping) else ""
     if stated and stated != expected:
-        a, b = (kind if kind != "gains" else "file of gains" for kind in (expected, stated))
+        a, b = (
+            kind if kind != "gains" else "file of gains" for kind in (expected, stated)
+        )
         a, b = (each if each.startswith("file") else f"{each} file" for each in (a, b))
-        raise ValueError(f"{expected}: must be a {a}, and this is a {b}, for '{READS[stated]}'")
+        raise ValueError(
+            f"{expected}: must be a {a}, and this is a {b}, for '{READS[stated]}'"
+        )
 
 
 def names_in(library: Traversable) -> tuple[str, ...]:
     """Names of the files that the library ships in a folder."""
-    return tuple(sorted(Path(entry.name).stem for entry in library.iterdir() if entry.name.endswith(".toml")))
+    return tuple(
+        sorted(
+            Path(entry.name).stem
+            for entry in library.iterdir()
+            if entry.name.endswith(".toml")
+        )
+    )
 
 
-def read_named(text: str, kind: str, library: Traversable, others: str = "") -> tuple[dict[str, Entry], Path]:
-    """Read a shipped file by name, or any file by path; return its tables and the base folder for relative paths.
+def read_named(
+    text: str, kind: str, library: Traversable, others: str = ""
+) -> tuple[dict[str, Entry], Path]:
+    """Read a shipped file by name, or any file by path; return its tables and the base
+    folder for relative paths.
 
     Args:
         text: name or path.
@@ -176,12 +218,18 @@ def read_named(text: str, kind: str, library: Traversable, others: str = "") -> 
         ValueError: one line that begins with the kind, or with the file.
     """
     names, path = names_in(library), Path(text)
-    field, plural = f"{kind} = {shown(text)}", "studies" if kind == "study" else f"{kind}s"
+    field, plural = (
+        f"{kind} = {shown(text)}",
+        ("studies" if kind == "study" else f"{kind}s"),
+    )
     shipped = f"shipped {plural} are {', '.join(names)}"
     if text in names:
         content, folder = (library / f"{text}.toml").read_bytes(), Path()
     elif path.suffix != ".toml":
-        allowed = f"{did_you_mean(text, names)}must be the path of a .toml file{others or ' or a name'}"
+        allowed = (
+            f"{did_you_mean(text, names)}must be the path of a .toml"
+            f" file{others or ' or a name'}"
+        )
         raise ValueError(f"{field}: {allowed}; {shipped}")
     elif reason := unreadable(path):
         raise ValueError(f"{field}: {reason}; {shipped}")
@@ -189,7 +237,9 @@ def read_named(text: str, kind: str, library: Traversable, others: str = "") -> 
         try:
             content, folder = path.read_bytes(), path.parent
         except OSError as error:
-            raise ValueError(f"{field}: must be readable ({error.strerror}); {shipped}") from None
+            raise ValueError(
+                f"{field}: must be readable ({error.strerror}); {shipped}"
+            ) from None
     with errors_as(ValueError, f"{text}: "):
         document = read_toml(content)
         require_kind(document, kind)

@@ -1,4 +1,6 @@
-"""Digest of the library's own source files, under which a command stores what their code has made."""
+"""Digest of the library's own source files, under which a command stores what their
+code has made.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +14,8 @@ from functools import cache
 from skyarm.records.files.user_code import PACKAGE
 
 MARGIN = 2.0
-"""Time (s) before the command within which a changed file may have been loaded in an older state; the time stamps of
-some file systems are as coarse."""
+"""Time (s) before the command within which a changed file may have been loaded in an
+older state; the time stamps of some file systems are as coarse."""
 
 LOADED = "skyarm.algebra"
 """Module that all modules load whose code could take part in a flight."""
@@ -22,19 +24,22 @@ _begun = list[float]()
 
 
 def begin_command() -> None:
-    """Note that this process was started for a command: apart from plugins, no code but the library's runs in it.
+    """Note that this process was started for a command: apart from plugins, no code but
+    the library's runs in it.
 
-    Where modules of the library are loaded already, somebody else calls the command, and may have replaced functions.
+    Where modules of the library are loaded already, somebody else calls the command,
+    and may have replaced functions.
     """
     if LOADED not in sys.modules:
         _begun[:] = [time.time()]
 
 
 def sources_stamp() -> str:
-    """SHA-256 of size, time stamp and inode of all files of the library; one of other content has another.
+    """SHA-256 of size, time stamp and inode of all files of the library; one of other
+    content has another.
 
-    Empty where the code in this process may be other: outside a command, where functions can be replaced, and where a
-    file has changed since the command began.
+    Empty where the code in this process may be other: outside a command, where
+    functions can be replaced, and where a file has changed since the command began.
     """
     return _stamp(_begun[0]) if _begun else ""
 
@@ -45,7 +50,9 @@ def sources_digest() -> str:
     for path in _files():
         with open(path, "rb") as file:
             content = file.read()
-        digest.update(f"{path.removeprefix(PACKAGE)}\0{len(content)}\0".encode() + content)
+        digest.update(
+            f"{path.removeprefix(PACKAGE)}\0{len(content)}\0".encode() + content
+        )
     return digest.hexdigest()
 
 
@@ -54,7 +61,10 @@ def _stamp(begun: float) -> str:
     states = [(path.removeprefix(PACKAGE), os.stat(path)) for path in _files()]
     if any(state.st_mtime > begun - MARGIN for _, state in states):
         return ""
-    rows = [f"{name}\0{state.st_size}\0{state.st_mtime_ns}\0{state.st_ino}" for name, state in states]
+    rows = [
+        f"{name}\0{state.st_size}\0{state.st_mtime_ns}\0{state.st_ino}"
+        for name, state in states
+    ]
     return hashlib.sha256("\n".join(rows).encode()).hexdigest()
 
 

@@ -1,6 +1,8 @@
-"""Private files of one user: not writable by others, and ignored if another user could have written them.
+"""Private files of one user: not writable by others, and ignored if another user could
+have written them.
 
-On systems without such rights (Windows, whose user folders are closed by themselves) owner and mode are not looked at.
+On systems without such rights (Windows, whose user folders are closed by themselves)
+owner and mode are not looked at.
 """
 
 from __future__ import annotations
@@ -16,14 +18,24 @@ WITH_OWNERS = hasattr(os, "geteuid")
 OTHERS, OTHERS_WRITE = 0o077, 0o022
 """Permission bits of group and others: all of them, and those for writing."""
 
-_READ = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
-_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_BINARY"))
+_READ = os.O_RDONLY | sum(
+    getattr(os, name, 0)
+    for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY")
+)
+_NEW = (
+    os.O_WRONLY
+    | os.O_CREAT
+    | os.O_EXCL
+    | sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_BINARY"))
+)
 
 
 def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
-    """Create a private folder; restrict the access to an existing one if it holds nothing else.
+    """Create a private folder; restrict the access to an existing one if it holds
+    nothing else.
 
-    A folder with other files in it keeps its rights: it is used if no other user may write there.
+    A folder with other files in it keeps its rights: it is used if no other user may
+    write there.
 
     Args:
         folder: made if missing.
@@ -57,12 +69,16 @@ def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
         if folder.stat().st_mode & OTHERS_WRITE:
             return "others may write into it, and that cannot be changed"
     elif status.st_mode & OTHERS_WRITE:
-        return "others may write into it, and it holds other files, so its rights are left alone; name another folder"
+        return (
+            "others may write into it, and it holds other files, so its rights are left"
+            " alone; name another folder"
+        )
     return ""
 
 
 def read_private(file: Path, most: int, *, secret: bool = False) -> bytes | None:
-    """Content of a file that only the present user can write; None if it is missing or others can write it.
+    """Content of a file that only the present user can write; None if it is missing or
+    others can write it.
 
     Args:
         file: a regular file of this user; a link is not followed.
@@ -77,7 +93,10 @@ def read_private(file: Path, most: int, *, secret: bool = False) -> bytes | None
         status = os.fstat(descriptor)
         if not stat.S_ISREG(status.st_mode) or status.st_size > most:
             return None
-        if WITH_OWNERS and (status.st_uid != os.geteuid() or status.st_mode & (OTHERS if secret else OTHERS_WRITE)):
+        if WITH_OWNERS and (
+            status.st_uid != os.geteuid()
+            or status.st_mode & (OTHERS if secret else OTHERS_WRITE)
+        ):
             return None
         with os.fdopen(descriptor, "rb", closefd=False) as stream:
             return stream.read()
@@ -88,12 +107,14 @@ def read_private(file: Path, most: int, *, secret: bool = False) -> bytes | None
 
 
 def write_private(file: Path, content: bytes, *, replace: bool = True) -> None:
-    """Write a file atomically with mode 0600; a link at its path is replaced, not followed.
+    """Write a file atomically with mode 0600; a link at its path is replaced, not
+    followed.
 
     Args:
         file: file to write, in a folder that is there.
         content: content of the file.
-        replace: false leaves a file that is there, or that another process makes at the same time, as it is.
+        replace: false leaves a file that is there, or that another process makes at the
+            same time, as it is.
 
     Raises:
         OSError: it cannot be written.
@@ -112,7 +133,9 @@ def write_private(file: Path, content: bytes, *, replace: bool = True) -> None:
 
 
 def _link(temporary: Path, file: Path) -> None:
-    """Move a temporary file to its final name, unless a file of that name already exists."""
+    """Move a temporary file to its final name, unless a file of that name already
+    exists.
+    """
     with suppress(FileExistsError):
         try:
             os.link(temporary, file)

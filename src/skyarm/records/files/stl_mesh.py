@@ -14,22 +14,33 @@ from skyarm.records.files import unreadable
 from skyarm.records.files.paths import PathLike
 
 MOST = 200_000
-"""Largest number of triangles of a mesh that films and browsers still draw at their frame rate."""
+"""Largest number of triangles of a mesh that films and browsers still draw at their
+frame rate."""
 
 LARGEST = 100e6
 """Largest size (bytes) of a mesh file; as text, ``MOST`` triangles take less."""
 
 FARTHEST = 1e3
-"""Largest distance (m) of a vertex from the middle of the body; a larger one is probably in another unit."""
+"""Largest distance (m) of a vertex from the middle of the body; a larger one is
+probably in another unit."""
 
 THINNEST = 1e-7
-"""Smallest standard deviation (m) of the vertices along any axis; renderers refuse flatter meshes."""
+"""Smallest standard deviation (m) of the vertices along any axis; renderers refuse
+flatter meshes."""
 
-VERTEX, CORNER = re.compile(rb"(?<!\S)vertex(?!\S)"), re.compile(rb"(?<!\S)vertex" + 3 * rb"\s++(\S{1,64}+)(?!\S)")
-"""Patterns of an STL text file: the word before a vertex, and that word with the vertex's coordinates."""
+VERTEX, CORNER = (
+    re.compile(rb"(?<!\S)vertex(?!\S)"),
+    re.compile(rb"(?<!\S)vertex" + 3 * rb"\s++(\S{1,64}+)(?!\S)"),
+)
+"""Patterns of an STL text file: the word before a vertex, and that word with the
+vertex's coordinates."""
 
-HEADER, RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-"""Layout of a binary STL file: length of its head in bytes, and type of one triangle."""
+HEADER, RECORD = (
+    84,
+    np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]),
+)
+"""Layout of a binary STL file: length of its head in bytes, and type of one
+triangle."""
 
 
 Scale = tuple[float, float, float]
@@ -53,7 +64,9 @@ def read_corners(path: PathLike, scale: Scale = METRES) -> Array:
         raise ValueError(reason)
     try:
         if (size := where.stat().st_size) > LARGEST:
-            raise ValueError(f"has {size / 1e6:.0f} MB, must have at most {LARGEST / 1e6:.0f} MB")
+            raise ValueError(
+                f"has {size / 1e6:.0f} MB, must have at most {LARGEST / 1e6:.0f} MB"
+            )
         content = where.read_bytes()
     except OSError as error:
         raise ValueError(error.strerror or str(error)) from None
@@ -64,7 +77,10 @@ def read_corners(path: PathLike, scale: Scale = METRES) -> Array:
         corners: Array = written * np.array(scale)
     largest = float(np.abs(corners).max())
     if not largest <= FARTHEST:  # NaN, too
-        raise ValueError(f"has a vertex at {largest:g}: must be in metres, within {FARTHEST:g} m of the origin")
+        raise ValueError(
+            f"has a vertex at {largest:g}: must be in metres, within {FARTHEST:g} m of"
+            " the origin"
+        )
     points = corners.reshape(-1, 3)
     thinnest = max(1e-6 * largest, THINNEST) * math.sqrt(len(points))
     if np.linalg.matrix_rank(points - points.mean(axis=0), tol=thinnest) < 3:
@@ -73,14 +89,20 @@ def read_corners(path: PathLike, scale: Scale = METRES) -> Array:
 
 
 def read_stl(path: PathLike, scale: Scale = METRES) -> tuple[Array, IntArray]:
-    """Read an STL file: unique vertices (V, 3) in metres, and triangles as indices (F, 3)."""
-    vertices, places = np.unique(read_corners(path, scale).reshape(-1, 3), axis=0, return_inverse=True)
+    """Read an STL file: unique vertices (V, 3) in metres, and triangles as indices (F,
+    3).
+    """
+    vertices, places = np.unique(
+        read_corners(path, scale).reshape(-1, 3), axis=0, return_inverse=True
+    )
     return vertices, places.reshape(-1, 3)
 
 
 @functools.lru_cache(maxsize=16)
 def mesh_or_none(path: str, scale: Scale = METRES) -> tuple[Array, IntArray] | None:
-    """Read an STL mesh for a drawing; None if its file is missing, as for a log from another machine."""
+    """Read an STL mesh for a drawing; None if its file is missing, as for a log from
+    another machine.
+    """
     try:
         return read_stl(path, scale)
     except ValueError:
@@ -88,7 +110,9 @@ def mesh_or_none(path: str, scale: Scale = METRES) -> tuple[Array, IntArray] | N
 
 
 def _is_binary(content: bytes) -> bool:
-    """True for a binary STL file, recognized by its length: its header may begin with "solid", as text does."""
+    """True for a binary STL file, recognized by its length: its header may begin with
+    "solid", as text does.
+    """
     if len(content) < HEADER:
         return False
     count = int.from_bytes(content[HEADER - 4 : HEADER], "little")
@@ -101,7 +125,9 @@ def _binary(content: bytes) -> Array:
 
 
 def _text(content: bytes) -> Array:
-    """Triangle corners (F, 3, 3) of a text STL file, from its ``vertex x y z`` lines."""
+    """Triangle corners (F, 3, 3) of a text STL file, from its ``vertex x y z``
+    lines.
+    """
     allowed = "must be an STL file, binary or text"
     if not content.lstrip().startswith(b"solid") or b"endsolid" not in content:
         raise ValueError(allowed)
@@ -110,7 +136,12 @@ def _text(content: bytes) -> Array:
     if count > 3 * MOST:
         raise ValueError(f"has {count // 3} triangles, must have from 1 to {MOST}")
     try:
-        corners = np.array([[float(each) for each in match.groups()] for match in CORNER.finditer(content)])
+        corners = np.array(
+            [
+                [float(each) for each in match.groups()]
+                for match in CORNER.finditer(content)
+            ]
+        )
         if len(corners) != count:
             raise ValueError
         return corners.reshape(-1, 3, 3)

@@ -12,27 +12,44 @@ from typing import Any, TypeAlias
 
 from skyarm.records.files.messages import one_line
 
-Entry: TypeAlias = bool | int | float | str | datetime.date | datetime.time | list["Entry"] | dict[str, "Entry"]
+Entry: TypeAlias = (
+    bool
+    | int
+    | float
+    | str
+    | datetime.date
+    | datetime.time
+    | list["Entry"]
+    | dict[str, "Entry"]
+)
 """Value of a key in a TOML file: a number, text, date, list or table."""
 
 DEEPEST = 64
-"""Largest nesting depth of tables and lists in a file; readers recurse, and no file needs ten."""
+"""Largest nesting depth of tables and lists in a file; readers recurse, and no file
+needs ten."""
 
 LARGEST_BITS = 1024
-"""Largest number of bits of a whole number in a file; a larger one fits into no field."""
+"""Largest number of bits of a whole number in a file; a larger one fits into no
+field."""
 
 MOST_KEYS = 50_000
-"""Largest number of keys of a file; the reading time grows with them, and no file needs a thousand."""
+"""Largest number of keys of a file; the reading time grows with them, and no file needs
+a thousand."""
 
 _KEY = re.compile(r"=|^[ \t]*\[[^\],\n]*\]", re.MULTILINE)
-"""Pattern of a key's assignment or the head of a table; a row of several numbers does not match."""
+"""Pattern of a key's assignment or the head of a table; a row of several numbers does
+not match."""
 
-_CHAIN = re.compile(rf"""(?<![\w-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
-"""Pattern of a dotted key with too many parts, whose parsing time grows with their square."""
+_CHAIN = re.compile(
+    rf"""(?<![\w-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){{{DEEPEST}}}"""
+)
+"""Pattern of a dotted key with too many parts, whose parsing time grows with their
+square."""
 
 
 def read_toml(content: bytes) -> dict[str, Entry]:
-    """Read a TOML file as tables; a byte order mark, as editors on Windows write one, is skipped.
+    """Read a TOML file as tables; a byte order mark, as editors on Windows write one,
+    is skipped.
 
     Raises:
         ValueError: one line, without the file's name, which the caller adds.
@@ -40,7 +57,9 @@ def read_toml(content: bytes) -> dict[str, Entry]:
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ValueError(f"byte {error.start} = {error.object[error.start]:#04x}: must be UTF-8 text") from None
+        raise ValueError(
+            f"byte {error.start} = {error.object[error.start]:#04x}: must be UTF-8 text"
+        ) from None
     deep = f"TOML = tables in tables: must be nested at most {DEEPEST} deep"
     if _CHAIN.search(text):
         raise ValueError(deep)
@@ -49,32 +68,44 @@ def read_toml(content: bytes) -> dict[str, Entry]:
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ValueError(one_line(f"TOML = {str(error)!r}: must be valid TOML")) from None
+        raise ValueError(
+            one_line(f"TOML = {str(error)!r}: must be valid TOML")
+        ) from None
     except RecursionError:
         raise ValueError(deep) from None
     except ValueError:  # of int(): longer than Python reads
-        raise ValueError("TOML = a number of thousands of digits: must be at most 1.8e308 in size") from None
+        raise ValueError(
+            "TOML = a number of thousands of digits: must be at most 1.8e308 in size"
+        ) from None
     _require_bounded(document, deep)
     return document
 
 
 def shipped_tables(module: str) -> dict[str, Any]:
-    """Tables of the TOML file beside a module of the same name, from the module's ``__file__``."""
+    """Tables of the TOML file beside a module of the same name, from the module's
+    ``__file__``.
+    """
     return tomllib.loads(Path(module).with_suffix(".toml").read_text("utf-8"))
 
 
 def _require_bounded(document: dict[str, Entry], deep: str) -> None:
-    """Raise an error for tables nested too deeply and for integers too large for any field."""
+    """Raise an error for tables nested too deeply and for integers too large for any
+    field.
+    """
     waiting: list[tuple[dict[str, Entry] | list[Entry], str, int]] = [(document, "", 1)]
     while waiting:
         value, at, depth = waiting.pop()
         if depth > DEEPEST:
             raise ValueError(deep)
-        for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
+        for key, inner in (
+            value.items() if isinstance(value, dict) else enumerate(value)
+        ):
             if isinstance(inner, (dict, list)):
                 waiting.append((inner, _below(at, key), depth + 1))
             elif isinstance(inner, int) and inner.bit_length() > LARGEST_BITS:
-                raise ValueError(one_line(f"{_below(at, key)}: must be at most 1.8e308 in size"))
+                raise ValueError(
+                    one_line(f"{_below(at, key)}: must be at most 1.8e308 in size")
+                )
 
 
 def _below(at: str, key: str | int) -> str:
@@ -85,7 +116,15 @@ def _below(at: str, key: str | int) -> str:
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
-_ESCAPES = {"\\": "\\\\", '"': '\\"', "\b": "\\b", "\t": "\\t", "\n": "\\n", "\f": "\\f", "\r": "\\r"}
+_ESCAPES = {
+    "\\": "\\\\",
+    '"': '\\"',
+    "\b": "\\b",
+    "\t": "\\t",
+    "\n": "\\n",
+    "\f": "\\f",
+    "\r": "\\r",
+}
 
 
 def toml_value(value: object) -> str:
@@ -104,7 +143,9 @@ def toml_value(value: object) -> str:
     if isinstance(value, str):
         return f'"{"".join(map(_character, value))}"'
     if isinstance(value, Mapping):
-        inner = ", ".join(f"{toml_key(name)} = {toml_value(each)}" for name, each in value.items())
+        inner = ", ".join(
+            f"{toml_key(name)} = {toml_value(each)}" for name, each in value.items()
+        )
         return f"{{ {inner} }}" if inner else "{}"
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(toml_value, value))}]"

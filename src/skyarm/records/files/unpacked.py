@@ -1,4 +1,6 @@
-"""Compressed files, with a check of their unpacked size: a small file may unpack to gigabytes."""
+"""Compressed files, with a check of their unpacked size: a small file may unpack to
+gigabytes.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ LARGEST = 1e9
 """Largest unpacked size (bytes) of a file of any packed size."""
 
 RATIO = 20
-"""Largest ratio of unpacked to packed size above that limit; arrays of a flight shrink to a half or a tenth."""
+"""Largest ratio of unpacked to packed size above that limit; arrays of a flight shrink
+to a half or a tenth."""
 
 
 class TooLargeError(ValueError):
@@ -32,7 +35,10 @@ def require_size(unpacked: float, content: bytes) -> None:
     """
     most = max(LARGEST, RATIO * len(content))
     if not unpacked <= most:
-        raise TooLargeError(f"must unpack to at most {most / 1e6:.0f} MB, and would to {unpacked / 1e6:.3g} MB")
+        raise TooLargeError(
+            f"must unpack to at most {most / 1e6:.0f} MB, and would to"
+            f" {unpacked / 1e6:.3g} MB"
+        )
 
 
 def npz_arrays(content: bytes) -> dict[str, AnyArray]:
@@ -44,8 +50,12 @@ def npz_arrays(content: bytes) -> dict[str, AnyArray]:
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             members = archive.infolist()
-        # zipfile unpacks whole blocks of other methods, which savez does not write; of these no more than it is asked
-        if any(each.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for each in members):
+        # zipfile unpacks whole blocks of other methods, which savez does not write; of
+        # these no more than it is asked
+        if any(
+            each.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+            for each in members
+        ):
             raise ValueError("members must be stored or deflated")
         # a member yields no more than its entry says; entries may overlap in the file
         require_size(sum(each.file_size for each in members), content)

@@ -1,4 +1,6 @@
-"""User code: source file and line of a function, an error or the first number that is not finite; digests of files."""
+"""User code: source file and line of a function, an error or the first number that is
+not finite; digests of files.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +23,28 @@ from skyarm.records.files.messages import one_line, shown
 PACKAGE = f"{os.path.dirname(os.path.dirname(os.path.dirname(__file__)))}{os.sep}"
 """Folder of the library's own code."""
 
-PYTHON, INSTALLED = f"{os.path.dirname(os.__file__)}{os.sep}", f"{os.sep}site-packages{os.sep}"
-"""Folder of Python's standard library, and the folder of installed packages within it."""
+PYTHON, INSTALLED = (
+    f"{os.path.dirname(os.__file__)}{os.sep}",
+    f"{os.sep}site-packages{os.sep}",
+)
+"""Folder of Python's standard library, and the folder of installed packages within
+it."""
 
 Result = TypeVar("Result")
 
-LIBRARIES = frozenset(["numpy", "scipy", "jax", "jaxlib", "llvmlite", "mujoco", "pyarrow", "typer", "click"])
+LIBRARIES = frozenset(
+    [
+        "numpy",
+        "scipy",
+        "jax",
+        "jaxlib",
+        "llvmlite",
+        "mujoco",
+        "pyarrow",
+        "typer",
+        "click",
+    ]
+)
 """Installed libraries whose errors are reported at the user's line that called them."""
 
 DEPTH = 8
@@ -34,17 +52,26 @@ DEPTH = 8
 
 
 def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
-    """Code object of the first user-written function in an object; None if the library wrote them all.
+    """Code object of the first user-written function in an object; None if the library
+    wrote them all.
 
     Args:
-        thing: a function, a method, a partial one, an object that can be called, or a class.
+        thing: a function, a method, a partial one, an object that can be called, or a
+            class.
         depth: how far functions that it was closed over are followed.
     """
     if depth == 0:
         return None
     if isinstance(thing, functools.partial):
         parts = (thing.func, *thing.args, *thing.keywords.values())
-        return next((code for part in parts if callable(part) and (code := own_code(part, depth - 1))), None)
+        return next(
+            (
+                code
+                for part in parts
+                if callable(part) and (code := own_code(part, depth - 1))
+            ),
+            None,
+        )
     thing = getattr(thing, "__func__", thing)
     if not hasattr(thing, "__code__") and hasattr(thing, "__wrapped__"):
         return own_code(thing.__wrapped__, depth - 1)
@@ -69,14 +96,21 @@ def closed_over(function: object) -> Iterator[object]:
 def codes_of(methods: Iterable[object]) -> Iterator[types.CodeType]:
     """Code objects of methods, properties and functions of a class."""
     for method in methods:
-        # of the methods that dataclasses write some have no file, others are Python's own
-        code = getattr(getattr(method, "fget", None) or getattr(method, "__func__", method), "__code__", None)
+        # of the methods that dataclasses write some have no file, others are Python's
+        # own
+        code = getattr(
+            getattr(method, "fget", None) or getattr(method, "__func__", method),
+            "__code__",
+            None,
+        )
         if isinstance(code, types.CodeType):
             yield code
 
 
 def _code_of_class(kind: type) -> types.CodeType | None:
-    """Code object of the first method of a class or its bases that a user wrote; None without any."""
+    """Code object of the first method of a class or its bases that a user wrote; None
+    without any.
+    """
     for each in kind.__mro__:
         methods = vars(each)
         for code in codes_of((methods.get("__call__"), *methods.values())):
@@ -86,7 +120,9 @@ def _code_of_class(kind: type) -> types.CodeType | None:
 
 
 def is_own(code: types.CodeType, module: str) -> bool:
-    """True if code was written by the user: not by the library, Python or an installed package, nor generated."""
+    """True if code was written by the user: not by the library, Python or an installed
+    package, nor generated.
+    """
     file = code.co_filename
     if file.startswith("<string"):
         # what python -c runs has no file, as the methods that dataclasses write
@@ -95,8 +131,12 @@ def is_own(code: types.CodeType, module: str) -> bool:
 
 
 def is_own_file(file: str, module: str) -> bool:
-    """True if a module's file was written by the user: not by the library, Python or an installed package."""
-    if file.startswith((PACKAGE, "<frozen")) or (file.startswith(PYTHON) and INSTALLED not in file):
+    """True if a module's file was written by the user: not by the library, Python or an
+    installed package.
+    """
+    if file.startswith((PACKAGE, "<frozen")) or (
+        file.startswith(PYTHON) and INSTALLED not in file
+    ):
         return False
     return module.partition(".")[0] not in LIBRARIES
 
@@ -109,7 +149,9 @@ def is_beside(file: str, folder: str) -> bool:
 
 
 def place_of(thing: object) -> str:
-    """File and line where a function, or the first method of a class, begins; its name if they are unknown."""
+    """File and line where a function, or the first method of a class, begins; its name
+    if they are unknown.
+    """
     code = own_code(thing) or getattr(thing, "__code__", None)
     if code is None:
         return str(getattr(thing, "__qualname__", type(thing).__qualname__))
@@ -117,7 +159,8 @@ def place_of(thing: object) -> str:
 
 
 def require_result(function: object, value: Result, fine: bool, allowed: str) -> Result:
-    """Return the result of a user-defined function that is not traced; raise an error unless the result is allowed.
+    """Return the result of a user-defined function that is not traced; raise an error
+    unless the result is allowed.
 
     Args:
         function: user's function, or one of the library's in its place.
@@ -129,27 +172,36 @@ def require_result(function: object, value: Result, fine: bool, allowed: str) ->
         ValueError: it is not; one line with file, function, value and what is allowed.
     """
     if not fine:
-        named = f"{place_of(function)}: {getattr(function, '__qualname__', type(function).__name__)}"
+        named = (
+            f"{place_of(function)}:"
+            f" {getattr(function, '__qualname__', type(function).__name__)}"
+        )
         raise ValueError(f"{named} gives {shown(value)}: must be {allowed}")
     return value
 
 
 class OwnCodeError(ValueError):
-    """Error raised by user code in another process, as one line with file and line number."""
+    """Error raised by user code in another process, as one line with file and line
+    number.
+    """
 
 
 def failure(error: BaseException) -> str:
-    """One line about an error in user code: file, line, class and text; empty for an error of the library."""
+    """One line about an error in user code: file, line, class and text; empty for an
+    error of the library.
+    """
     place = place_of_error(error)
     return one_line(f"{place}: {type(error).__name__}: {error}") if place else ""
 
 
 def own_failure(error: BaseException) -> str:
-    """One-line text of an error raised directly by user code; empty if the library raised it.
+    """One-line text of an error raised directly by user code; empty if the library
+    raised it.
 
-    A ValueError, an OSError or an exit is of the code that raises it: the library's refusals pass through code of
-    someone's own too. Of an error that the library tells on in words of its own, the first one counts; but what a
-    record's own check says of a file's number stays the file's. A user's command may exit as it likes.
+    A ValueError, an OSError or an exit is of the code that raises it: the library's
+    refusals pass through code of someone's own too. Of an error that the library tells
+    on in words of its own, the first one counts; but what a record's own check says of
+    a file's number stays the file's. A user's command may exit as it likes.
     """
     inner: BaseException | None = error
     while inner is not None:
@@ -160,8 +212,12 @@ def own_failure(error: BaseException) -> str:
         frames = _frames(inner)
         own = [k for k, frame in enumerate(frames) if frame.own]
         if own and own[-1] == len(frames) - 1:
-            checks_record = inner is not error and frames[own[0]].function == "__post_init__"
-            commanded = isinstance(inner, SystemExit) and frames[own[0] - 1].module.startswith(COMMAND_LINE)
+            checks_record = (
+                inner is not error and frames[own[0]].function == "__post_init__"
+            )
+            commanded = isinstance(inner, SystemExit) and frames[
+                own[0] - 1
+            ].module.startswith(COMMAND_LINE)
             return "" if checks_record or commanded else failure(inner)
         inner = inner.__cause__ or inner.__context__
     return ""
@@ -172,10 +228,12 @@ COMMAND_LINE = f"{os.path.basename(os.path.dirname(PACKAGE))}.cli."
 
 
 def is_deliberate(error: BaseException) -> bool:
-    """True if an error was raised to tell a user something, not by a mistake of the library's own code.
+    """True if an error was raised to tell a user something, not by a mistake of the
+    library's own code.
 
-    It is a mistake where an installed package raised it, such as one that draws, or an operation of a line of the
-    library without ``raise``. Python's own library tells of files and texts.
+    It is a mistake where an installed package raised it, such as one that draws, or an
+    operation of a line of the library without ``raise``. Python's own library tells of
+    files and texts.
     """
     frames = traceback.extract_tb(error.__traceback__)
     if not frames:
@@ -187,7 +245,9 @@ def is_deliberate(error: BaseException) -> bool:
 
 
 class StackFrame(NamedTuple):
-    """Frame of an error's stack, of the user's code or of the library: function, module, file and line."""
+    """Frame of an error's stack, of the user's code or of the library: function,
+    module, file and line.
+    """
 
     own: bool
     function: str
@@ -196,23 +256,30 @@ class StackFrame(NamedTuple):
 
 
 def _frames(error: BaseException) -> list[StackFrame]:
-    """Stack frames of an error in the user's code and in the library, the outermost first."""
+    """Stack frames of an error in the user's code and in the library, the outermost
+    first.
+    """
     frames = []
     for frame, line in walk_tb(error.__traceback__):
         code, module = frame.f_code, str(frame.f_globals.get("__name__", ""))
         own = is_own(code, module)
         if own or code.co_filename.startswith(PACKAGE):
-            frames.append(StackFrame(own, code.co_name, module, f"{code.co_filename}:{line}"))
+            frames.append(
+                StackFrame(own, code.co_name, module, f"{code.co_filename}:{line}")
+            )
     return frames
 
 
 def place_of_error(error: BaseException) -> str:
-    """File and line of the innermost user code in an error's stack trace; empty without any."""
+    """File and line of the innermost user code in an error's stack trace; empty without
+    any.
+    """
     return next((frame.place for frame in reversed(_frames(error)) if frame.own), "")
 
 
 CONSTANTS = "self", "par"
-"""Arguments whose numbers a period does not change; limits among them may be infinite."""
+"""Arguments whose numbers a period does not change; limits among them may be
+infinite."""
 
 
 Trace: TypeAlias = Callable[[types.FrameType, str, Any], "Trace | None"]
@@ -220,13 +287,15 @@ Trace: TypeAlias = Callable[[types.FrameType, str, Any], "Trace | None"]
 
 
 def first_not_finite(period: Callable[[], object]) -> str:
-    """First line of user code in a function called with floats that gives inf or NaN from finite arguments.
+    """First line of user code in a function called with floats that gives inf or NaN
+    from finite arguments.
 
     Args:
         period: function that may raise; the user's own 1 / 0 is such a line.
 
     Returns:
-        ``file.py:12 (law): name is nan``, with the variable where there is one; empty without such a line.
+        ``file.py:12 (law): name is nan``, with the variable where there is one; empty
+        without such a line.
     """
     # a command begins before it is loaded (own_sources)
     from skyarm.algebra import Vec3
@@ -234,17 +303,26 @@ def first_not_finite(period: Callable[[], object]) -> str:
     lines, debugger = list[str](), sys.gettrace()
 
     def enter(frame: types.FrameType, _event: str, _value: object) -> Trace | None:
-        given = (value for name, value in frame.f_locals.items() if name not in CONSTANTS)
-        if not is_own(frame.f_code, frame.f_globals.get("__name__", "")) or any(map(_not_finite, given)):
+        given = (
+            value for name, value in frame.f_locals.items() if name not in CONSTANTS
+        )
+        if not is_own(frame.f_code, frame.f_globals.get("__name__", "")) or any(
+            map(_not_finite, given)
+        ):
             return None
         line, last, begun, first = frame.f_lineno, "", len(lines), dict[str, str]()
 
         def step(frame: types.FrameType, event: str, value: Any) -> Trace:
             nonlocal line, last
             code = frame.f_code
-            place = f"{Path(code.co_filename).name}:{line} ({code.co_qualname.replace('<locals>.', '')})"
+            place = (
+                f"{Path(code.co_filename).name}:{line}"
+                f" ({code.co_qualname.replace('<locals>.', '')})"
+            )
             for name, each in frame.f_locals.items():
-                if (isinstance(each, (float, Vec3)) or hasattr(each, "tolist")) and (kind := _not_finite(each)):
+                if (isinstance(each, (float, Vec3)) or hasattr(each, "tolist")) and (
+                    kind := _not_finite(each)
+                ):
                     first.setdefault(kind, f"{place}: {name} is {kind}")
             if event == "exception" and issubclass(value[0], ArithmeticError):
                 lines.append(f"{place}: {value[1]}")
@@ -269,9 +347,13 @@ def first_not_finite(period: Callable[[], object]) -> str:
 
 
 def _not_finite(value: object) -> str:
-    """Worst non-finite number in a value: "nan", else "inf"; empty if all numbers are finite."""
+    """Worst non-finite number in a value: "nan", else "inf"; empty if all numbers are
+    finite.
+    """
     # of a motion
-    value = value.tolist() if hasattr(value, "tolist") else getattr(value, "state", value)
+    value = (
+        value.tolist() if hasattr(value, "tolist") else getattr(value, "state", value)
+    )
     if isinstance(value, float):
         return "" if math.isfinite(value) else str(abs(value))
     from skyarm.records.leaves import leaves
@@ -285,7 +367,9 @@ MISSING = "missing"
 
 
 def number_duplicates(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
-    """Table of digests by file name; a second digest of one name is stored under a numbered name."""
+    """Table of digests by file name; a second digest of one name is stored under a
+    numbered name.
+    """
     digests: dict[str, str] = {}
     for plain, identity in pairs:
         name, number = plain, len(digests)
@@ -316,7 +400,9 @@ def identity_of_file(file: str) -> str:
 
 
 def source_of(code: types.CodeType) -> tuple[str, str]:
-    """File name and digest of the source of some code; for interactively typed code a digest of its lines."""
+    """File name and digest of the source of some code; for interactively typed code a
+    digest of its lines.
+    """
     file = code.co_filename
     identity = identity_of_file(file)
     if identity != MISSING:
@@ -326,12 +412,20 @@ def source_of(code: types.CodeType) -> tuple[str, str]:
 
 
 def _bytecode_text(code: types.CodeType) -> str:
-    """Text of a code object's bytecode, names and constants for a digest, equal in every process."""
+    """Text of a code object's bytecode, names and constants for a digest, equal in
+    every process.
+    """
     constants = [
-        _bytecode_text(each) if isinstance(each, types.CodeType) else _constant(each) for each in code.co_consts
+        _bytecode_text(each) if isinstance(each, types.CodeType) else _constant(each)
+        for each in code.co_consts
     ]
-    return f"{code.co_name} {code.co_code.hex()} {code.co_names} {code.co_varnames} {code.co_freevars} {constants}"
+    return (
+        f"{code.co_name} {code.co_code.hex()} {code.co_names} {code.co_varnames}"
+        f" {code.co_freevars} {constants}"
+    )
 
 
 def _constant(value: object) -> str:
-    return repr(sorted(map(repr, value))) if isinstance(value, frozenset) else repr(value)
+    return (
+        repr(sorted(map(repr, value))) if isinstance(value, frozenset) else repr(value)
+    )

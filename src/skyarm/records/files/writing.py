@@ -1,4 +1,6 @@
-"""Atomic writing of files, folders with a single writer, and the clean-up after a failed run."""
+"""Atomic writing of files, folders with a single writer, and the clean-up after a
+failed run.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ def write_atomically(path: PathLike, content: bytes, *, entry: bool = True) -> P
     Args:
         path: path of the file.
         content: complete content.
-        entry: True if the name is forced to disk as well; who writes many files calls :func:`sync_folder` once instead.
+        entry: True if the name is forced to disk as well; who writes many files calls
+            :func:`sync_folder` once instead.
 
     Raises:
         OSError: with one line that names the file.
@@ -40,11 +43,12 @@ def write_atomically(path: PathLike, content: bytes, *, entry: bool = True) -> P
 
 @contextmanager
 def writing_atomically(path: PathLike, *, entry: bool = True) -> Iterator[IO[bytes]]:
-    """Context that writes a file atomically, piece by piece: yields a temporary file and renames it at the end.
+    """Context that writes a file atomically, piece by piece: yields a temporary file
+    and renames it at the end.
 
-    The content is on disk before the file has its name, so that no power failure leaves an empty file under it.
-    A link is followed. A device or a pipe, such as /dev/stdout, is written into, never replaced. If what is done
-    inside fails, no file appears.
+    The content is on disk before the file has its name, so that no power failure leaves
+    an empty file under it. A link is followed. A device or a pipe, such as /dev/stdout,
+    is written into, never replaced. If what is done inside fails, no file appears.
 
     Args:
         path: path of the file.
@@ -80,21 +84,26 @@ def writing_atomically(path: PathLike, *, entry: bool = True) -> Iterator[IO[byt
             sync_folder(target.parent)
     except OSError as error:
         _forget(temporary)
-        raise OSError(f"file = {shown(str(path))}: must be writable ({error.strerror})") from error
+        raise OSError(
+            f"file = {shown(str(path))}: must be writable ({error.strerror})"
+        ) from error
     except BaseException:
         _forget(temporary)
         raise
 
 
 PART = re.compile(r"\..+\.[0-9a-f]{12}\.part", re.DOTALL)
-"""Pattern of the names of temporary files next to their targets; a running writer holds a lock on its file."""
+"""Pattern of the names of temporary files next to their targets; a running writer holds
+a lock on its file."""
 
 _cleared: set[Path] = set()
 """Folders from which this process has removed temporary files of killed processes."""
 
 
 def _new_part(target: Path) -> tuple[Path, IO[bytes]]:
-    """Create and lock the temporary file of a target, after removing those that killed processes left next to it."""
+    """Create and lock the temporary file of a target, after removing those that killed
+    processes left next to it.
+    """
     if target.parent not in _cleared:
         _cleared.add(target.parent)
         for path in target.parent.glob(".*.part"):
@@ -102,7 +111,8 @@ def _new_part(target: Path) -> tuple[Path, IO[bytes]]:
                 with suppress(OSError):
                     _remove_unlocked(path)
     while True:
-        # a name of its own for every writer; opened as an ordinary new file, so that the usual rights apply
+        # a name of its own for every writer; opened as an ordinary new file, so that
+        # the usual rights apply
         path = target.with_name(f".{target.name}.{os.urandom(6).hex()}.part")
         stream = path.open("xb")
         try:
@@ -118,7 +128,9 @@ def _new_part(target: Path) -> tuple[Path, IO[bytes]]:
 
 
 def _remove_unlocked(path: Path) -> None:
-    """Remove a temporary file unless a process holds its lock or, on Windows, has it open."""
+    """Remove a temporary file unless a process holds its lock or, on Windows, has it
+    open.
+    """
     if os.name == "nt":
         path.unlink()
         return
@@ -139,7 +151,8 @@ def sync_folder(folder: Path) -> None:
     try:
         handle = os.open(folder, os.O_RDONLY)
     except OSError:
-        # Windows opens no folders; one may also be allowed to write into a folder but not to read it
+        # Windows opens no folders; one may also be allowed to write into a folder but
+        # not to read it
         return
     try:
         _sync(handle)
@@ -164,7 +177,8 @@ def _forget(temporary: Path | None) -> None:
 
 
 def require_writable(folder: PathLike) -> Path:
-    """Create an output folder and check that a file can be written there, before any computation.
+    """Create an output folder and check that a file can be written there, before any
+    computation.
 
     Raises:
         ValueError: no name at all.
@@ -179,31 +193,41 @@ def require_writable(folder: PathLike) -> Path:
             pass
     except (OSError, ValueError) as error:  # a NUL in its name is a ValueError
         reason = getattr(error, "strerror", None) or error
-        raise OSError(f"output folder = {shown(str(target))}: must be writable ({reason})") from None
+        raise OSError(
+            f"output folder = {shown(str(target))}: must be writable ({reason})"
+        ) from None
     return target
 
 
 def output_file(name: str, field: str, *suffixes: str, force: bool = False) -> Path:
     """Path of an output file, checked before any computation.
 
-    A TOML file, which people edit, is not replaced unless they say so; what a command makes again is.
+    A TOML file, which people edit, is not replaced unless they say so; what a command
+    makes again is.
 
     Args:
         name: path as the user typed it.
         field: option or argument with the path, for the message.
-        suffixes: suffixes of the files that are written there; none for any. A device or a pipe may have another.
+        suffixes: suffixes of the files that are written there; none for any. A device
+            or a pipe may have another.
         force: True if a TOML file that is there may be replaced.
 
     Raises:
-        ValueError: no name at all, another suffix, a file that the running command has read, or a TOML file that is
-            there.
+        ValueError: no name at all, another suffix, a file that the running command has
+            read, or a TOML file that is there.
         OSError: it is a folder, or its own folder cannot be written.
     """
     if not name:
         raise ValueError(f"{field} = '': must be the path of a file")
     file = Path(name)
-    if suffixes and file.suffix not in suffixes and (os.path.isfile(file) or not os.path.exists(file)):
-        raise ValueError(f"{field} = {shown(name)}: must end in {' or '.join(suffixes)}")
+    if (
+        suffixes
+        and file.suffix not in suffixes
+        and (os.path.isfile(file) or not os.path.exists(file))
+    ):
+        raise ValueError(
+            f"{field} = {shown(name)}: must end in {' or '.join(suffixes)}"
+        )
     require_no_input(file, field)
     if file.suffix == EDITED and not force:
         require_new(file, field)
@@ -223,15 +247,19 @@ def require_new(file: Path, field: str = "file") -> None:
         ValueError: one line.
     """
     if os.path.isfile(file) or os.path.islink(file):
-        raise ValueError(f"{field} = {shown(str(file))}: must not be there yet; --force replaces it")
+        raise ValueError(
+            f"{field} = {shown(str(file))}: must not be there yet; --force replaces it"
+        )
 
 
 def require_replaceable(*files: Path, renames: bool = False) -> None:
-    """Raise an error if an output file has the name of a folder, or is an input of the running command.
+    """Raise an error if an output file has the name of a folder, or is an input of the
+    running command.
 
     Args:
         files: files that are written.
-        renames: an earlier file gets another name, so that an input may have that of an output.
+        renames: an earlier file gets another name, so that an input may have that of an
+            output.
 
     Raises:
         OSError: with one line that names the first of them.
@@ -241,7 +269,10 @@ def require_replaceable(*files: Path, renames: bool = False) -> None:
         if not renames:
             require_no_input(file)
         if os.path.isdir(file):
-            raise OSError(f"file = {shown(str(file))}: must be writable (there is a folder of this name)")
+            raise OSError(
+                f"file = {shown(str(file))}: must be writable (there is a folder of"
+                " this name)"
+            )
 
 
 LONGEST_NAME = 80
@@ -249,7 +280,8 @@ LONGEST_NAME = 80
 
 
 def file_names(labels: Iterable[str], before: str, after: str) -> dict[str, str]:
-    """Make unique, portable file names for labels; letters, digits, ``.``, ``_`` and ``-`` are kept.
+    """Make unique, portable file names for labels; letters, digits, ``.``, ``_`` and
+    ``-`` are kept.
 
     Args:
         labels: any texts, each once.
@@ -257,7 +289,8 @@ def file_names(labels: Iterable[str], before: str, after: str) -> dict[str, str]
         after: its end.
 
     Returns:
-        Label -> name; names differ also where a file system takes capitals and small letters for the same.
+        Label -> name; names differ also where a file system takes capitals and small
+        letters for the same.
     """
     names: dict[str, str] = {}
     taken: set[str] = set()
@@ -273,7 +306,8 @@ def file_names(labels: Iterable[str], before: str, after: str) -> dict[str, str]
 
 
 def require_no_link(path: Path) -> Path:
-    """Raise an error if an output file or folder is a symbolic link, which may lead anywhere.
+    """Raise an error if an output file or folder is a symbolic link, which may lead
+    anywhere.
 
     Raises:
         OSError: with one line that names it.
@@ -284,24 +318,30 @@ def require_no_link(path: Path) -> Path:
 
 
 def write_inside(path: Path, content: bytes, *, entry: bool = True) -> Path:
-    """Write a file atomically, like :func:`write_atomically`, but never through a link, pipe or device.
+    """Write a file atomically, like :func:`write_atomically`, but never through a link,
+    pipe or device.
 
     Raises:
         OSError: with one line that names the file.
     """
     require_no_link(path)
     if path.exists() and not path.is_file():
-        raise OSError(f"file = {shown(str(path))}: must be writable (there is something else of this name)")
+        raise OSError(
+            f"file = {shown(str(path))}: must be writable (there is something else of"
+            " this name)"
+        )
     return write_atomically(path, content, entry=entry)
 
 
 @contextmanager
 def taken_back(*paths: PathLike | None) -> Iterator[None]:
-    """Context manager that removes new output files if the work inside fails before it has a result.
+    """Context manager that removes new output files if the work inside fails before it
+    has a result.
 
     Args:
-        paths: folders that the work makes, outermost first (with those above them), and files that mean nothing
-            without what the folders behind them hold. Those that were there before stay as they are. None is no path.
+        paths: folders that the work makes, outermost first (with those above them), and
+            files that mean nothing without what the folders behind them hold. Those
+            that were there before stay as they are. None is no path.
     """
     made = [path for path in _with_parents(paths) if not os.path.lexists(path)]
     try:
@@ -321,7 +361,12 @@ def taken_back(*paths: PathLike | None) -> Iterator[None]:
 
 def _with_parents(paths: tuple[PathLike | None, ...]) -> list[Path]:
     """Each path and all its parent folders, parents first, without duplicates."""
-    every = [each for path in paths if path is not None for each in (*reversed(Path(path).parents), Path(path))]
+    every = [
+        each
+        for path in paths
+        if path is not None
+        for each in (*reversed(Path(path).parents), Path(path))
+    ]
     return list(dict.fromkeys(every))
 
 
@@ -332,9 +377,14 @@ POLL = 0.02
 """Time (s) between two attempts to take a lock."""
 
 TAKEN = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)
-"""Error numbers of a file that another process has locked; any other number means that locks are not supported."""
+"""Error numbers of a file that another process has locked; any other number means that
+locks are not supported."""
 
-_OPEN = os.O_RDWR | os.O_CREAT | sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_CLOEXEC", "O_NONBLOCK"))
+_OPEN = (
+    os.O_RDWR
+    | os.O_CREAT
+    | sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_CLOEXEC", "O_NONBLOCK"))
+)
 
 
 class TakenError(ValueError):
@@ -342,19 +392,25 @@ class TakenError(ValueError):
 
 
 @contextmanager
-def one_writer(folder: Path, *, name: str = LOCK, patience: float = 0.0) -> Iterator[None]:
-    """Context manager that locks a folder, so that only one process at a time writes there.
+def one_writer(
+    folder: Path, *, name: str = LOCK, patience: float = 0.0
+) -> Iterator[None]:
+    """Context manager that locks a folder, so that only one process at a time writes
+    there.
 
-    The lock is the system's (flock, on Windows a locked byte), not the file's being there: it goes when the process
-    ends, so a kill leaves nothing to clear away. On a file system without locks everyone may write, as before.
+    The lock is the system's (flock, on Windows a locked byte), not the file's being
+    there: it goes when the process ends, so a kill leaves nothing to clear away. On a
+    file system without locks everyone may write, as before.
 
     Args:
         folder: folder that is there.
-        name: name of the lock's file: who holds one name does not keep others from another.
+        name: name of the lock's file: who holds one name does not keep others from
+            another.
         patience: s to wait for another process's end.
 
     Raises:
-        TakenError: another process holds it; one line that names the folder and the process.
+        TakenError: another process holds it; one line that names the folder and the
+            process.
         OSError: the lock's file cannot be made, or is something else.
     """
     path, handle, last = folder / name, None, time.monotonic() + patience
@@ -371,7 +427,8 @@ def one_writer(folder: Path, *, name: str = LOCK, patience: float = 0.0) -> Iter
             os.write(handle, str(os.getpid()).encode())
         yield
     finally:
-        # removed while it is held: nobody takes a file that is about to go; Windows removes closed files only
+        # removed while it is held: nobody takes a file that is about to go; Windows
+        # removes closed files only
         if os.name != "nt":
             _forget(path)
         os.close(handle)
@@ -380,7 +437,9 @@ def one_writer(folder: Path, *, name: str = LOCK, patience: float = 0.0) -> Iter
 
 
 def _lock_file(path: Path, folder: Path) -> int | None:
-    """Open and lock a folder's lock file; None if another file has replaced it at the path."""
+    """Open and lock a folder's lock file; None if another file has replaced it at the
+    path.
+    """
     try:
         try:
             handle = os.open(path, _OPEN, 0o666)
@@ -388,10 +447,15 @@ def _lock_file(path: Path, folder: Path) -> int | None:
             # what another user's process left can be locked without being written
             handle = os.open(path, _OPEN & ~(os.O_RDWR | os.O_CREAT))
     except OSError as error:
-        raise OSError(f"file = {shown(str(path))}: must be writable ({error.strerror})") from None
+        raise OSError(
+            f"file = {shown(str(path))}: must be writable ({error.strerror})"
+        ) from None
     if not stat.S_ISREG(os.fstat(handle).st_mode):
         os.close(handle)
-        raise OSError(f"file = {shown(str(path))}: must be writable (there is something else of this name)")
+        raise OSError(
+            f"file = {shown(str(path))}: must be writable (there is something else of"
+            " this name)"
+        )
     try:
         _lock(handle)
     except OSError as error:
@@ -400,8 +464,8 @@ def _lock_file(path: Path, folder: Path) -> int | None:
         words = _process(handle)
         os.close(handle)
         raise TakenError(
-            f"folder = {shown(str(folder))}: must be written by one process at a time; another one{words} does; "
-            f"wait for its end, or choose another folder"
+            f"folder = {shown(str(folder))}: must be written by one process at a time;"
+            f" another one{words} does; wait for its end, or choose another folder"
         ) from None
     with suppress(FileNotFoundError):
         if os.path.samestat(os.fstat(handle), os.stat(path)):
@@ -430,7 +494,9 @@ FAR = 4096
 
 
 def _process(handle: int) -> str:
-    """Text with the number of the process that holds a lock, from the lock file; empty if unknown."""
+    """Text with the number of the process that holds a lock, from the lock file; empty
+    if unknown.
+    """
     with suppress(OSError):
         os.lseek(handle, 0, os.SEEK_SET)
         number = os.read(handle, 20).decode("ascii", "replace")

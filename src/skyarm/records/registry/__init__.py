@@ -1,4 +1,6 @@
-"""Registry of extensions: names and locations of laws, sensors, forces and other objects that users can add."""
+"""Registry of extensions: names and locations of laws, sensors, forces and other
+objects that users can add.
+"""
 
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.records.registry.registrations import (
@@ -11,4 +13,13 @@ from skyarm.records.registry.registrations import (
     registrations,
 )
 
-__all__ = ["KINDS", "Registration", "RegistryError", "find", "load_plugin", "names", "register", "registrations"]
+__all__ = [
+    "KINDS",
+    "Registration",
+    "RegistryError",
+    "find",
+    "load_plugin",
+    "names",
+    "register",
+    "registrations",
+]

@@ -1,8 +1,10 @@
-"""Registry: names of wind fields, forces, sensors, control laws and other extensions, with their locations.
+"""Registry: names of wind fields, forces, sensors, control laws and other extensions,
+with their locations.
 
-Names of the library are listed in :mod:`skyarm.records.registry.shipped`; users add names in the same way: by a
-decorator of this module, an entry point of an installed package, or ``--plugin FILE.py``
-(:mod:`skyarm.records.registry.plugins`). The registry imports nothing until a name is used.
+Names of the library are listed in :mod:`skyarm.records.registry.shipped`; users add
+names in the same way: by a decorator of this module, an entry point of an installed
+package, or ``--plugin FILE.py`` (:mod:`skyarm.records.registry.plugins`). The registry
+imports nothing until a name is used.
 """
 
 from __future__ import annotations
@@ -25,29 +27,50 @@ KINDS: Mapping[str, str] = {
     "air": "motion of the air: a subclass of skyarm.Air",
     "force": "forces on bodies: a subclass of skyarm.Force",
     "fault": "an actuator that loses force: a subclass of skyarm.Fault",
-    "payload": "a load that is picked up and set down: a subclass of skyarm.TimedPayload",
+    "payload": (
+        "a load that is picked up and set down: a subclass of skyarm.TimedPayload"
+    ),
     "world": "what the vehicle may touch: a subclass of skyarm.Contact",
     "team": "a law that shares a body's load among vehicles: a subclass of skyarm.Team",
-    "signal": "a function of time: a subclass of skyarm.reference.Signal, or a function of its table (Fields)",
+    "signal": (
+        "a function of time: a subclass of skyarm.reference.Signal, or a function of"
+        " its table (Fields)"
+    ),
     "sensor": "a reading of the true state: a subclass of skyarm.Sensor",
     "estimator": "from readings to a measurement: a subclass of skyarm.Estimator",
     "drive": "a joint's actuator: a subclass of skyarm.Drive",
     "law": "a maker of controllers: function (model, **options) -> Controller",
-    "autopilot": "a program that flies the base: function (model, **options) -> Controller with an Autopilot",
-    "rotor_source": "rotors of another program's file: function (RotorFile of skyarm.vehicle.stated_rotors) -> rotors",
+    "autopilot": (
+        "a program that flies the base: function (model, **options) -> Controller with"
+        " an Autopilot"
+    ),
+    "rotor_source": (
+        "rotors of another program's file: function (RotorFile of"
+        " skyarm.vehicle.stated_rotors) -> rotors"
+    ),
     "plant": "a simulated vehicle: class (world, around, integrator, physics_step)",
-    "metric": "a number of a flight: a subclass of skyarm.Metric whose fields all have defaults",
+    "metric": (
+        "a number of a flight: a subclass of skyarm.Metric whose fields all have"
+        " defaults"
+    ),
     "ending": "what ends an episode: a subclass of skyarm.Ending",
     "motion": "a motion of the base: function (**options) -> Trajectory",
-    "log_format": "a log's file by its suffix: an object with write(log, path) and read(path)",
-    "vehicle_format": "a file that a vehicle is exported to: function (vehicle, **options) -> its text",
+    "log_format": (
+        "a log's file by its suffix: an object with write(log, path) and read(path)"
+    ),
+    "vehicle_format": (
+        "a file that a vehicle is exported to: function (vehicle, **options) -> its"
+        " text"
+    ),
     "flight_format": "a file of measured flights: an object with read(path, columns)",
     "command": "a command of the command line: a function with typed parameters",
 }
-"""Kinds of extensions that can be registered, each with the requirements on the registered object."""
+"""Kinds of extensions that can be registered, each with the requirements on the
+registered object."""
 
 API = 1
-"""Version of the extension interface; a plugin may state the version that it was written for as ``SKYARM_API``."""
+"""Version of the extension interface; a plugin may state the version that it was
+written for as ``SKYARM_API``."""
 
 
 LOADED_BY = "--plugin {0} or skyarm.load_plugin('{0}')"
@@ -60,11 +83,13 @@ class RegistryError(ValueError):
 
 @positional
 class Registration:
-    """Registry entry of a user's or the library's object: kind, name, object or its location, title and source.
+    """Registry entry of a user's or the library's object: kind, name, object or its
+    location, title and source.
 
     Attributes:
         kind: a key of ``KINDS``. name: name in files and on the command line.
-        target: the object, or its location "module:attribute", which is imported at the first use.
+        target: the object, or its location "module:attribute", which is imported at the
+            first use.
         title: one-line description. source: library or plugin that registered it.
     """
 
@@ -84,11 +109,16 @@ class Registration:
             return self.target
         module, _, attribute = self.target.partition(":")
         try:
-            if "mujoco" in module and (rival := rival_of_mujoco(installed_versions([RIVAL]))):
+            if "mujoco" in module and (
+                rival := rival_of_mujoco(installed_versions([RIVAL]))
+            ):
                 raise ImportError(rival)
             return getattr(import_module(module), attribute)
         except (ImportError, AttributeError) as error:
-            raise RegistryError(f"{self.kind} {self.name!r} of {self.source}: cannot be loaded ({error})") from error
+            raise RegistryError(
+                f"{self.kind} {self.name!r} of {self.source}: cannot be loaded"
+                f" ({error})"
+            ) from error
 
 
 _FOUND: dict[str, dict[str, Registration]] = {kind: {} for kind in KINDS}
@@ -96,29 +126,51 @@ _SOURCE = ["this process"]
 _READY: list[bool] = []
 
 AT_FIRST_USE: list[Callable[[], None]] = []
-"""Functions called once the shipped names are registered: plugins of installed packages are loaded by one of them."""
+"""Functions called once the shipped names are registered: plugins of installed packages
+are loaded by one of them."""
 
 
 LETTERS = "_-.+"
 """Characters allowed in registered names besides letters and digits."""
 
 
-def add(kind: str, name: str, target: object, title: str = "", source: str = "", letters: str = LETTERS) -> None:
-    """Register a name; ``letters`` are the characters allowed besides letters and digits.
+def add(
+    kind: str,
+    name: str,
+    target: object,
+    title: str = "",
+    source: str = "",
+    letters: str = LETTERS,
+) -> None:
+    """Register a name; ``letters`` are the characters allowed besides letters and
+    digits.
 
     Raises:
-        RegistryError: an unknown kind, no name, or a name that another source has taken.
+        RegistryError: an unknown kind, no name, or a name that another source has
+            taken.
     """
     if kind not in KINDS:
         raise RegistryError(f"kind = {shown(kind)}: must be one of {', '.join(KINDS)}")
-    if not isinstance(name, str) or not name or not all(c.isalnum() or c in letters for c in name):
-        raise RegistryError(f"{kind}: name = {shown(name)}: must be letters, digits, '_', '-' or '.'")
+    if (
+        not isinstance(name, str)
+        or not name
+        or not all(c.isalnum() or c in letters for c in name)
+    ):
+        raise RegistryError(
+            f"{kind}: name = {shown(name)}: must be letters, digits, '_', '-' or '.'"
+        )
     new = Registration(kind, name, target, title, source or _SOURCE[-1])
     if new.source != SHIPPED and (taken := reserved_for(kind, name)):
-        raise RegistryError(f"{kind} {name!r}: is {taken} of {SHIPPED} and is registered by {new.source}; rename it")
+        raise RegistryError(
+            f"{kind} {name!r}: is {taken} of {SHIPPED} and is registered by"
+            f" {new.source}; rename it"
+        )
     old = _ready()[kind].get(name) if source != SHIPPED else _FOUND[kind].get(name)
     if old is not None and old != new:
-        raise RegistryError(f"{kind} {name!r}: is registered by {old.source} and by {new.source}; rename one of them")
+        raise RegistryError(
+            f"{kind} {name!r}: is registered by {old.source} and by {new.source};"
+            " rename one of them"
+        )
     _FOUND[kind][name] = new
 
 
@@ -127,12 +179,16 @@ SHIPPED = "skyarm"
 
 
 def take_over(row: Registration) -> None:
-    """Register an entry of another process, unless its name is already registered here."""
+    """Register an entry of another process, unless its name is already registered
+    here.
+    """
     _ready()[row.kind].setdefault(row.name, row)
 
 
 def _ready() -> dict[str, dict[str, Registration]]:
-    """Registry entries of all kinds, after the library and installed packages have registered theirs."""
+    """Registry entries of all kinds, after the library and installed packages have
+    registered theirs.
+    """
     if not _READY:
         _READY.append(True)
         for kind, rows in SHIPPED_NAMES.items():
@@ -149,8 +205,14 @@ def registrations(kind: str) -> Mapping[str, Registration]:
 
 
 def names(kind: str, *, shipped: bool = True) -> tuple[str, ...]:
-    """Registered names of a kind; without those that the library ships unless ``shipped``."""
-    return tuple(name for name, each in registrations(kind).items() if shipped or each.source != SHIPPED)
+    """Registered names of a kind; without those that the library ships unless
+    ``shipped``.
+    """
+    return tuple(
+        name
+        for name, each in registrations(kind).items()
+        if shipped or each.source != SHIPPED
+    )
 
 
 def find(kind: str, name: object, field: str = "") -> Any:
@@ -164,30 +226,51 @@ def find(kind: str, name: object, field: str = "") -> Any:
     Raises:
         RegistryError: no such name, with what there is and what was perhaps meant.
     """
-    rows = {name: row for each in kind.split() for name, row in registrations(each).items()}
+    rows = {
+        name: row for each in kind.split() for name, row in registrations(each).items()
+    }
     if not isinstance(name, str) or name not in rows:
-        more = f"; names of one's own come by {LOADED_BY.format('FILE.py')}" if field else ""
-        raise RegistryError(f"{field or kind} = {shown(name)}: {must_be_one_of(rows, name)}{more}")
+        more = (
+            f"; names of one's own come by {LOADED_BY.format('FILE.py')}"
+            if field
+            else ""
+        )
+        raise RegistryError(
+            f"{field or kind} = {shown(name)}: {must_be_one_of(rows, name)}{more}"
+        )
     return rows[name].load()
 
 
 def function_of_option(option: str) -> Any:
-    """Function or class by which a leaf performs an option, such as ``run --ros``, or a task of the engine."""
+    """Function or class by which a leaf performs an option, such as ``run --ros``, or a
+    task of the engine.
+    """
     module, _, name = OPTIONS[option].partition(":")
     return getattr(import_module(module), name)
 
 
 def name_of(kind: str, thing: object) -> str | None:
-    """Name under which a class is registered, without importing modules; None if there is none."""
+    """Name under which a class is registered, without importing modules; None if there
+    is none.
+    """
     if not hasattr(thing, "__qualname__"):
         return None
     ours = f"{thing.__module__}:{thing.__qualname__}"
-    return next((name for name, row in registrations(kind).items() if row.target is thing or row.target == ours), None)
+    return next(
+        (
+            name
+            for name, row in registrations(kind).items()
+            if row.target is thing or row.target == ours
+        ),
+        None,
+    )
 
 
 @contextmanager
 def registering_for(source: str) -> Iterator[None]:
-    """Context manager that credits registrations to a source, such as a plugin, and drops them after an error."""
+    """Context manager that credits registrations to a source, such as a plugin, and
+    drops them after an error.
+    """
     before = {kind: dict(rows) for kind, rows in _ready().items()}
     _SOURCE.append(source)
     try:
@@ -200,7 +283,9 @@ def registering_for(source: str) -> Iterator[None]:
 
 
 class Register:
-    """Decorators that register a class or function: ``@register.force("ground_effect", title="...")``."""
+    """Decorators that register a class or function: ``@register.force("ground_effect",
+    title="...")``.
+    """
 
     def __getattr__(self, kind: str) -> Callable[..., Callable[[Thing], Thing]]:
         """Decorator that registers objects of one kind, as ``register.force`` does."""
@@ -211,10 +296,14 @@ class Register:
             # the object itself: a decorator without brackets registers nothing
             if callable(name):
                 words = f'must be a text, as @skyarm.register.{kind}("name")'
-                raise RegistryError(f"{place_of(name)}: register.{kind}: name = {shown(name)}: {words}")
+                raise RegistryError(
+                    f"{place_of(name)}: register.{kind}: name = {shown(name)}: {words}"
+                )
 
             def decorate(thing: Thing) -> Thing:
-                summary = " ".join((thing.__doc__ or "").strip().partition("\n\n")[0].split())
+                summary = " ".join(
+                    (thing.__doc__ or "").strip().partition("\n\n")[0].split()
+                )
                 add(kind, name, thing, title or summary.rstrip("."))
                 return thing
 

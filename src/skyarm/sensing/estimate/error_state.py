@@ -1,13 +1,16 @@
 """Error-state Kalman filter over scalars: covariance, inertial navigation, innovations.
 
-The error has fifteen components: position (m), velocity (m/s), attitude (rotation vector, rad, world axes: the truth is
-exp(error) times the estimate), bias of the gyroscope (rad/s) and of the accelerometer (m/s^2), base axes; three more
-where the force is modelled: what the model lacks (m/s^2, world axes). A covariance is the lower triangle, row by row:
-P[i][j] for j <= i. Between two inertial readings angular rate and specific force are taken as the mean of both, which
-also holds the noise of each reading once in the sum.
+The error has fifteen components: position (m), velocity (m/s), attitude (rotation
+vector, rad, world axes: the truth is exp(error) times the estimate), bias of the
+gyroscope (rad/s) and of the accelerometer (m/s^2), base axes; three more where the
+force is modelled: what the model lacks (m/s^2, world axes). A covariance is the lower
+triangle, row by row: P[i][j] for j <= i. Between two inertial readings angular rate and
+specific force are taken as the mean of both, which also holds the noise of each reading
+once in the sum.
 
-Sources: Sola 2017, "Quaternion kinematics for the error-state Kalman filter", equation 260 and section 7 (errors in
-world axes); Bierman 1977 (update by independent scalars one by one); Titterton, Weston 2004, chapter 11.
+Sources: Sola 2017, "Quaternion kinematics for the error-state Kalman filter", equation
+260 and section 7 (errors in world axes); Bierman 1977 (update by independent scalars
+one by one); Titterton, Weston 2004, chapter 11.
 """
 
 from __future__ import annotations
@@ -17,10 +20,29 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, atan2, cos, data, divide, mul, neg, same, sin, sqrt, sub, total, where
+from skyarm.algebra.scalars import (
+    add,
+    atan2,
+    cos,
+    data,
+    divide,
+    mul,
+    neg,
+    same,
+    sin,
+    sqrt,
+    sub,
+    total,
+    where,
+)
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.sensing.sensor_kinds import HeadingReading, ImuReading, PoseReading, PositionReading
+from skyarm.sensing.sensor_kinds import (
+    HeadingReading,
+    ImuReading,
+    PoseReading,
+    PositionReading,
+)
 
 Aid = PoseReading | PositionReading | HeadingReading
 """Reading that corrects the inertial unit."""
@@ -35,7 +57,10 @@ Row = Mapping[int, Scalar]
 
 def diagonal(variances: Sequence[Scalar]) -> Covariance:
     """Diagonal covariance matrix as a lower triangle, from the variances."""
-    return tuple(tuple(data(v) if i == j else 0.0 for j in range(i + 1)) for i, v in enumerate(variances))
+    return tuple(
+        tuple(data(v) if i == j else 0.0 for j in range(i + 1))
+        for i, v in enumerate(variances)
+    )
 
 
 def entry(P: Covariance, i: int, j: int) -> Scalar:
@@ -43,11 +68,14 @@ def entry(P: Covariance, i: int, j: int) -> Scalar:
     return P[i][j] if j <= i else P[j][i]
 
 
-def transition(R_WB: Mat3, force_W: Vec3, dt: Scalar, *, modelled: bool = False) -> list[Row]:
+def transition(
+    R_WB: Mat3, force_W: Vec3, dt: Scalar, *, modelled: bool = False
+) -> list[Row]:
     """Sparse rows of the error-state transition matrix over ``dt`` (s), to first order.
 
-    position + velocity dt; velocity - (R f) x attitude dt - R accelerometer bias dt; attitude - R gyroscope bias dt.
-    Where the force is modelled the velocity takes the push in place of the accelerometer's bias.
+    position + velocity dt; velocity - (R f) x attitude dt - R accelerometer bias dt;
+    attitude - R gyroscope bias dt. Where the force is modelled the velocity takes the
+    push in place of the accelerometer's bias.
 
     Args:
         R_WB: attitude.
@@ -55,29 +83,45 @@ def transition(R_WB: Mat3, force_W: Vec3, dt: Scalar, *, modelled: bool = False)
         dt: s.
         modelled: True if the force comes from a model.
 
-    Source: Sola 2017, equation 311 with the attitude's error in world axes (section 7.1).
+    Source: Sola 2017, equation 311 with the attitude's error in world axes (section
+    7.1).
     """
     rows: list[Row] = [{i: 1, i + 3: dt} for i in range(3)]
     turning, turned = Mat3.cross(force_W).rows, R_WB.rows
     step = neg(dt)
     for i in range(3):
-        row = {VELOCITY + i: 1, **{ATTITUDE + j: mul(turning[i][j], step) for j in range(3) if j != i}}
+        row = {
+            VELOCITY + i: 1,
+            **{ATTITUDE + j: mul(turning[i][j], step) for j in range(3) if j != i},
+        }
         if modelled:
             row[PUSH + i] = dt
         else:
             row |= {ACCELEROMETER_BIAS + j: turned[i][j] * step for j in range(3)}
         rows.append(row)
-    rows += [{ATTITUDE + i: 1, **{GYRO_BIAS + j: turned[i][j] * step for j in range(3)}} for i in range(3)]
+    rows += [
+        {ATTITUDE + i: 1, **{GYRO_BIAS + j: turned[i][j] * step for j in range(3)}}
+        for i in range(3)
+    ]
     return rows + [{i: 1} for i in range(GYRO_BIAS, PUSH + 3 if modelled else PUSH)]
 
 
-def predict_covariance(P: Covariance, F: Sequence[Row], variances: Sequence[Scalar]) -> Covariance:
+def predict_covariance(
+    P: Covariance, F: Sequence[Row], variances: Sequence[Scalar]
+) -> Covariance:
     """Predicted covariance F P F^T + diag(variances)."""
     size = len(P)
-    FP = [[total(mul(c, entry(P, k, j)) for k, c in F[i].items()) for j in range(size)] for i in range(size)]
+    FP = [
+        [total(mul(c, entry(P, k, j)) for k, c in F[i].items()) for j in range(size)]
+        for i in range(size)
+    ]
     return tuple(
         tuple(
-            add(total(mul(FP[i][k], c) for k, c in F[j].items()), variances[i] if i == j else 0) for j in range(i + 1)
+            add(
+                total(mul(FP[i][k], c) for k, c in F[j].items()),
+                variances[i] if i == j else 0,
+            )
+            for j in range(i + 1)
         )
         for i in range(size)
     )
@@ -86,11 +130,13 @@ def predict_covariance(P: Covariance, F: Sequence[Row], variances: Sequence[Scal
 def update_by_scalar(
     P: Covariance, error: Sequence[Scalar], H: Row, innovation: Scalar, variance: Scalar
 ) -> tuple[Covariance, list[Scalar], Scalar]:
-    """Kalman update by one scalar measurement: covariance, mean error and normalised squared innovation.
+    """Kalman update by one scalar measurement: covariance, mean error and normalised
+    squared innovation.
 
     Args:
         P: covariance before the update.
-        error: mean of the error, as measurements of the same instant have made it so far.
+        error: mean of the error, as measurements of the same instant have made it so
+            far.
         H: derivative of the measurement by the error.
         innovation: measurement minus its prediction by the nominal state.
         variance: variance of the measurement's noise.
@@ -100,8 +146,14 @@ def update_by_scalar(
     left = sub(innovation, total(mul(error[i], c) for i, c in H.items()))
     inverse = divide(1.0, spread)
     K = [each * inverse for each in PH]
-    after = tuple(tuple(P[i][j] - K[i] * PH[j] for j in range(i + 1)) for i in range(len(P)))
-    return after, [add(e, k * left) for e, k in zip(error, K, strict=True)], left * left * inverse
+    after = tuple(
+        tuple(P[i][j] - K[i] * PH[j] for j in range(i + 1)) for i in range(len(P))
+    )
+    return (
+        after,
+        [add(e, k * left) for e, k in zip(error, K, strict=True)],
+        left * left * inverse,
+    )
 
 
 def scaled_covariance(P: Covariance, factor: Scalar) -> Covariance:
@@ -110,10 +162,12 @@ def scaled_covariance(P: Covariance, factor: Scalar) -> Covariance:
 
 
 def gate_of(deviations: Scalar, count: int) -> Scalar:
-    """Innovation gate: largest accepted normalised squared innovation of ``count`` scalars.
+    """Innovation gate: largest accepted normalised squared innovation of ``count``
+    scalars.
 
-    The quantile of chi-square with ``count`` degrees of freedom whose probability is that of a normal number below
-    ``deviations``: of 3 to 4.5 deviations to 15 % for one scalar, 7 % for three, 4 % for six, and too large.
+    The quantile of chi-square with ``count`` degrees of freedom whose probability is
+    that of a normal number below ``deviations``: of 3 to 4.5 deviations to 15 % for one
+    scalar, 7 % for three, 4 % for six, and too large.
 
     Source: Wilson, Hilferty 1931.
     """
@@ -124,23 +178,43 @@ def gate_of(deviations: Scalar, count: int) -> Scalar:
 
 @immutable
 class Navigated:
-    """Nominal state of the error-state filter: position, velocity, attitude, biases, unmodelled acceleration.
+    """Nominal state of the error-state filter: position, velocity, attitude, biases,
+    unmodelled acceleration.
 
-    Position and velocity are those of the inertial unit, at the base origin unless it has a place of its own.
+    Position and velocity are those of the inertial unit, at the base origin unless it
+    has a place of its own.
     """
 
-    position: Annotated[Vec3, Unit("m", "estimated position of the inertial unit, world axes")]
-    velocity: Annotated[Vec3, Unit("m/s", "estimated velocity of the inertial unit, world axes")]
-    quaternion: Annotated[Quaternion, Unit("", "estimated attitude w x y z, base to world")]
-    gyro_bias: Annotated[Vec3, Unit("rad/s", "estimated bias of the gyroscope, base axes")]
-    accelerometer_bias: Annotated[Vec3, Unit("m/s^2", "estimated bias of the accelerometer, base axes")]
-    push: Annotated[Vec3, Unit("m/s^2", "estimated specific force beyond the model, world axes")] = ZERO3
+    position: Annotated[
+        Vec3, Unit("m", "estimated position of the inertial unit, world axes")
+    ]
+    velocity: Annotated[
+        Vec3, Unit("m/s", "estimated velocity of the inertial unit, world axes")
+    ]
+    quaternion: Annotated[
+        Quaternion, Unit("", "estimated attitude w x y z, base to world")
+    ]
+    gyro_bias: Annotated[
+        Vec3, Unit("rad/s", "estimated bias of the gyroscope, base axes")
+    ]
+    accelerometer_bias: Annotated[
+        Vec3, Unit("m/s^2", "estimated bias of the accelerometer, base axes")
+    ]
+    push: Annotated[
+        Vec3, Unit("m/s^2", "estimated specific force beyond the model, world axes")
+    ] = ZERO3
 
 
 def navigate(
-    now: Navigated, before: ImuReading, after: ImuReading, gravity: Any, dt: Scalar, modelled: Vec3 | None = None
+    now: Navigated,
+    before: ImuReading,
+    after: ImuReading,
+    gravity: Any,
+    dt: Scalar,
+    modelled: Vec3 | None = None,
 ) -> tuple[Navigated, Vec3]:
-    """Inertial navigation step: next nominal state, and mean specific force without bias (world axes, m/s^2).
+    """Inertial navigation step: next nominal state, and mean specific force without
+    bias (world axes, m/s^2).
 
     Args:
         now: nominal state at the earlier.
@@ -148,13 +222,18 @@ def navigate(
         after: reading at the later.
         gravity: m/s^2.
         dt: s between them.
-        modelled: mean specific force between them by a model, base axes, in place of the accelerometer's.
+        modelled: mean specific force between them by a model, base axes, in place of
+            the accelerometer's.
     """
     rate = (before.rate + after.rate) * 0.5 - now.gyro_bias
     turned = (now.quaternion * Quaternion.of_small_rotation(rate, dt)).renormalized()
     old, new = now.quaternion.rotation(), turned.rotation()
     bias = now.accelerometer_bias
-    pair = (before.specific_force - bias, after.specific_force - bias) if modelled is None else (modelled, modelled)
+    pair = (
+        (before.specific_force - bias, after.specific_force - bias)
+        if modelled is None
+        else (modelled, modelled)
+    )
     force = (old.apply(pair[0]) + new.apply(pair[1])) * 0.5
     up = force + now.push
     acceleration = Vec3(up.x, up.y, up.z - gravity)
@@ -169,11 +248,15 @@ def navigate(
 
 def correct_state(now: Navigated, error: Sequence[Scalar]) -> Navigated:
     """Nominal state corrected by the mean error (error injection)."""
-    p, v, turn, gyro, accelerometer, *push = (Vec3(*error[i : i + 3]) for i in range(0, len(error), 3))
+    p, v, turn, gyro, accelerometer, *push = (
+        Vec3(*error[i : i + 3]) for i in range(0, len(error), 3)
+    )
     return Navigated(
         position=now.position + p,
         velocity=now.velocity + v,
-        quaternion=(Quaternion.of_rotation_vector(turn) * now.quaternion).renormalized(),
+        quaternion=(
+            Quaternion.of_rotation_vector(turn) * now.quaternion
+        ).renormalized(),
         gyro_bias=now.gyro_bias + gyro,
         accelerometer_bias=now.accelerometer_bias + accelerometer,
         push=now.push + push[0] if push else now.push,
@@ -181,17 +264,26 @@ def correct_state(now: Navigated, error: Sequence[Scalar]) -> Navigated:
 
 
 def level_attitude(specific_force: Vec3, heading: Scalar) -> Quaternion:
-    """Attitude of a base at rest, from its specific force (which points up) and its heading (rad)."""
+    """Attitude of a base at rest, from its specific force (which points up) and its
+    heading (rad).
+    """
     f = specific_force
-    roll, pitch = 0.5 * atan2(f.y, f.z), 0.5 * atan2(neg(f.x), sqrt(f.y * f.y + f.z * f.z))
+    roll, pitch = (
+        0.5 * atan2(f.y, f.z),
+        0.5 * atan2(neg(f.x), sqrt(f.y * f.y + f.z * f.z)),
+    )
     yaw = 0.5 * heading
-    level = Quaternion(cos(yaw), 0.0, 0.0, sin(yaw)) * Quaternion(cos(pitch), 0.0, sin(pitch), 0.0)
+    level = Quaternion(cos(yaw), 0.0, 0.0, sin(yaw)) * Quaternion(
+        cos(pitch), 0.0, sin(pitch), 0.0
+    )
     return level * Quaternion(cos(roll), sin(roll), 0.0, 0.0)
 
 
 @immutable
 class ScalarInnovation:
-    """Innovation of one scalar measurement: Jacobian row, innovation and noise variance."""
+    """Innovation of one scalar measurement: Jacobian row, innovation and noise
+    variance.
+    """
 
     H: Row
     value: Scalar
@@ -199,36 +291,64 @@ class ScalarInnovation:
 
 
 def innovations(
-    belief: Navigated, reading: Aid, position: Scalar, attitude: Scalar, heading: Scalar, place: Vec3 = ZERO3
+    belief: Navigated,
+    reading: Aid,
+    position: Scalar,
+    attitude: Scalar,
+    heading: Scalar,
+    place: Vec3 = ZERO3,
 ) -> list[ScalarInnovation]:
-    """Innovations of a pose, position or heading reading, with given standard deviations of the sensors' noise.
+    """Innovations of a pose, position or heading reading, with given standard
+    deviations of the sensors' noise.
 
-    Of an inertial unit at a place r (m, base axes) from the base origin, the position is read R r away from the
-    believed one, and an attitude's error e moves it by (R r) x e.
+    Of an inertial unit at a place r (m, base axes) from the base origin, the position
+    is read R r away from the believed one, and an attitude's error e moves it by (R r)
+    x e.
     """
     if isinstance(reading, HeadingReading):
-        return [_of_heading(belief.quaternion.rotation(), reading.heading, heading * heading)]
+        return [
+            _of_heading(
+                belief.quaternion.rotation(), reading.heading, heading * heading
+            )
+        ]
     arm = belief.quaternion.rotation().apply(place)
-    turned = [{ATTITUDE + j: c for j, c in enumerate(row) if not same(c, 0)} for row in Mat3.cross(arm).rows]
+    turned = [
+        {ATTITUDE + j: c for j, c in enumerate(row) if not same(c, 0)}
+        for row in Mat3.cross(arm).rows
+    ]
     off = enumerate(reading.position - (belief.position - arm))
-    rows = [ScalarInnovation(H={POSITION + i: 1, **turned[i]}, value=c, variance=position * position) for i, c in off]
+    rows = [
+        ScalarInnovation(
+            H={POSITION + i: 1, **turned[i]}, value=c, variance=position * position
+        )
+        for i, c in off
+    ]
     if isinstance(reading, PoseReading):
         turns = enumerate(turn_between(belief.quaternion, reading.quaternion))
-        rows += [ScalarInnovation(H={ATTITUDE + i: 1}, value=c, variance=attitude * attitude) for i, c in turns]
+        rows += [
+            ScalarInnovation(H={ATTITUDE + i: 1}, value=c, variance=attitude * attitude)
+            for i, c in turns
+        ]
     return rows
 
 
-def turn_between(believed: Quaternion, read: Quaternion) -> tuple[Scalar, Scalar, Scalar]:
-    """Rotation vector (rad, world axes, to second order) from the estimated to the measured attitude."""
+def turn_between(
+    believed: Quaternion, read: Quaternion
+) -> tuple[Scalar, Scalar, Scalar]:
+    """Rotation vector (rad, world axes, to second order) from the estimated to the
+    measured attitude.
+    """
     turn = read * believed.conjugate()
     factor = where(turn.w < 0.0, -2.0, 2.0)
     return turn.x * factor, turn.y * factor, turn.z * factor
 
 
 def _of_heading(R: Mat3, heading: Scalar, variance: Scalar) -> ScalarInnovation:
-    """Innovation (rad, between -pi and pi) of a measured heading, the yaw of the base's x axis.
+    """Innovation (rad, between -pi and pi) of a measured heading, the yaw of the base's
+    x axis.
 
-    A small rotation e (world axes) moves the axis by e x axis: its yaw by e_z - z (x e_x + y e_y) / (x^2 + y^2).
+    A small rotation e (world axes) moves the axis by e x axis: its yaw by e_z - z (x
+    e_x + y e_y) / (x^2 + y^2).
     """
     x, y, z = R.column(0)
     level = divide(z, x * x + y * y)
@@ -237,8 +357,11 @@ def _of_heading(R: Mat3, heading: Scalar, variance: Scalar) -> ScalarInnovation:
     return ScalarInnovation(H=H, value=atan2(sin(off), cos(off)), variance=variance)
 
 
-def of_specific_force(belief: Navigated, measured: Vec3, modelled: Vec3, variance: Scalar) -> list[ScalarInnovation]:
-    """Innovations of the accelerometer against the specific force that the vehicle model predicts.
+def of_specific_force(
+    belief: Navigated, measured: Vec3, modelled: Vec3, variance: Scalar
+) -> list[ScalarInnovation]:
+    """Innovations of the accelerometer against the specific force that the vehicle
+    model predicts.
 
     The push d stands in world axes: an attitude's error e turns R^T d by R^T (d x e).
     """

@@ -1,15 +1,20 @@
-"""Error-state Kalman filter: inertial unit aided by pose, or by position and heading; joints from encoders.
+"""Error-state Kalman filter: inertial unit aided by pose, or by position and heading;
+joints from encoders.
 
-The inertial unit is integrated at every reading; what is estimated is the error of that: position, velocity, attitude
-(a rotation, composed with the estimate), biases. A reading that is old when it arrives is compared with the belief of
-its own instant: the filter lags ``delay_periods`` behind the present, and the inertial readings since then carry its
-belief to the present, which is the law's measurement. No delay is approximated.
+The inertial unit is integrated at every reading; what is estimated is the error of
+that: position, velocity, attitude (a rotation, composed with the estimate), biases. A
+reading that is old when it arrives is compared with the belief of its own instant: the
+filter lags ``delay_periods`` behind the present, and the inertial readings since then
+carry its belief to the present, which is the law's measurement. No delay is
+approximated.
 
-With ``force = "modelled"`` the believed vehicle's dynamics say the specific force, and the accelerometer tells what
-they lack: a push by the wind or by what is wrong in the model, which is estimated as a random walk.
+With ``force = "modelled"`` the believed vehicle's dynamics say the specific force, and
+the accelerometer tells what they lack: a push by the wind or by what is wrong in the
+model, which is estimated as a random walk.
 
-Sources: Sola 2017, "Quaternion kinematics for the error-state Kalman filter"; Lefferts, Markley, Shuster 1982
-(multiplicative attitude error); Khosravian, Trumpf, Mahony, Hamel 2015 (delayed filter with forward prediction).
+Sources: Sola 2017, "Quaternion kinematics for the error-state Kalman filter"; Lefferts,
+Markley, Shuster 1982 (multiplicative attitude error); Khosravian, Trumpf, Mahony, Hamel
+2015 (delayed filter with forward prediction).
 """
 
 from __future__ import annotations
@@ -50,7 +55,11 @@ from skyarm.sensing.estimate.filter_constants import (
     in_turn,
     only,
 )
-from skyarm.sensing.estimate.filter_models import FilteredJoints, filter_joints, modelled_force
+from skyarm.sensing.estimate.filter_models import (
+    FilteredJoints,
+    filter_joints,
+    modelled_force,
+)
 from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import Sensor, at_origin, specific_force_at
 from skyarm.sensing.sensor_kinds import EncoderReading, ImuReading, reads
@@ -59,7 +68,9 @@ from skyarm.vehicle import Vehicle
 
 @immutable
 class ErrorStateFilter(FilterNumbers):
-    """Error-state Kalman filter of position, velocity, attitude and biases from inertial and aiding sensors."""
+    """Error-state Kalman filter of position, velocity, attitude and biases from
+    inertial and aiding sensors.
+    """
 
     reads_state: ClassVar[bool] = False
 
@@ -69,26 +80,46 @@ class ErrorStateFilter(FilterNumbers):
         return self
 
     def believing(self, vehicle: Vehicle, gravity: Scalar) -> ErrorStateFilter:
-        """Filter that uses the given nominal vehicle and gravity (m/s^2) as its model."""
-        return replace(self, vehicle=vehicle, gravity=gravity if self.gravity is None else self.gravity)
+        """Filter that uses the given nominal vehicle and gravity (m/s^2) as its
+        model.
+        """
+        return replace(
+            self,
+            vehicle=vehicle,
+            gravity=gravity if self.gravity is None else self.gravity,
+        )
 
     def placing(self, sensors: Mapping[str, Sensor]) -> ErrorStateFilter:
-        """Filter that takes place and angles of the inertial unit from the sensor, unless its own fields state them."""
-        imu = next((each for each in sensors.values() if reads(each, ImuReading)), Sensor())
+        """Filter that takes place and angles of the inertial unit from the sensor,
+        unless its own fields state them.
+        """
+        imu = next(
+            (each for each in sensors.values() if reads(each, ImuReading)), Sensor()
+        )
         position = imu.mounted_at if self.imu_position is None else self.imu_position
         rpy = imu.turned_by if self.imu_rpy is None else self.imu_rpy
-        return self if at_origin(position) and at_origin(rpy) else replace(self, imu_position=position, imu_rpy=rpy)
+        return (
+            self
+            if at_origin(position) and at_origin(rpy)
+            else replace(self, imu_position=position, imu_rpy=rpy)
+        )
 
     def start(self, vehicle: Vehicle) -> FilterMemory:
-        """Initial filter state with the initial covariance; the first readings initialise the estimate."""
+        """Initial filter state with the initial covariance; the first readings
+        initialise the estimate.
+        """
         still, waiting = (0.0,) * vehicle.n, self.delay_periods + 1
         zero = Vec3(0.0, 0.0, 0.0)
         return FilterMemory(
             started=0.0,
-            belief=replace(BLANK_BELIEF, push=zero) if self.uses_model else BLANK_BELIEF,
+            belief=(
+                replace(BLANK_BELIEF, push=zero) if self.uses_model else BLANK_BELIEF
+            ),
             covariance=self.first_covariance(),
             inertial=(BLANK_INERTIAL,) * waiting,
-            aiding=tuple((BLANK_READINGS[kind],) * waiting for kind in AIDS[self.aiding]),
+            aiding=tuple(
+                (BLANK_READINGS[kind],) * waiting for kind in AIDS[self.aiding]
+            ),
             joints=FilteredJoints(joints=still, rates=still, read=0.0),
             modelled=(zero,) * waiting if self.uses_model else (),
             rotor_speeds=(0.0,) * len(vehicle.rotors),
@@ -99,17 +130,30 @@ class ErrorStateFilter(FilterNumbers):
         )
 
     def step(
-        self, memory: FilterMemory, readings: Mapping[str, Any], command: Command, dt: float
+        self,
+        memory: FilterMemory,
+        readings: Mapping[str, Any],
+        command: Command,
+        dt: float,
     ) -> tuple[FilterMemory, Measurement]:
-        """Process the sensor readings that arrived; return the next filter state and the present state estimate."""
+        """Process the sensor readings that arrived; return the next filter state and
+        the present state estimate.
+        """
         started = memory.started > 0.5
-        imu, encoders = self.in_base_axes(only(ImuReading, readings)), only(EncoderReading, readings)
+        imu, encoders = (
+            self.in_base_axes(only(ImuReading, readings)),
+            only(EncoderReading, readings),
+        )
         arrived = [only(kind, readings) for kind in AIDS[self.aiding]]
         before = tuple(blend(started, old, imu) for old in memory.inertial)
-        belief = blend(started, memory.belief, self.first_belief(memory.belief, imu, arrived))
+        belief = blend(
+            started, memory.belief, self.first_belief(memory.belief, imu, arrived)
+        )
         joints = memory.joints
         if joints.joints:
-            joints = filter_joints(joints, encoders, started, self.joint_bandwidth, imu.time, dt)
+            joints = filter_joints(
+                joints, encoders, started, self.joint_bandwidth, imu.time, dt
+            )
         present = replace(memory, belief=belief, joints=joints)
         now = replace(
             self._advance_rotors(present, imu, command, started, dt),
@@ -131,67 +175,134 @@ class ErrorStateFilter(FilterNumbers):
         return replace(following, slow_rate=slow + off * share), placed
 
     def _advance_rotors(
-        self, memory: FilterMemory, imu: ImuReading, command: Command, started: Scalar, dt: Scalar
+        self,
+        memory: FilterMemory,
+        imu: ImuReading,
+        command: Command,
+        started: Scalar,
+        dt: Scalar,
     ) -> FilterMemory:
-        """Advance the modelled rotor speeds, and the modelled specific force if used, by a period."""
+        """Advance the modelled rotor speeds, and the modelled specific force if used,
+        by a period.
+        """
         if self.vehicle is None:
             raise RecordError("vehicle: must be given, by believing(vehicle, gravity)")
-        turned = speeds_after(self.vehicle.rotors, memory.rotor_speeds, command.rotor_speeds, dt)
-        speeds = tuple(data(where(started, a, b)) for a, b in zip(turned, command.rotor_speeds, strict=True))
+        turned = speeds_after(
+            self.vehicle.rotors, memory.rotor_speeds, command.rotor_speeds, dt
+        )
+        speeds = tuple(
+            data(where(started, a, b))
+            for a, b in zip(turned, command.rotor_speeds, strict=True)
+        )
         if not self.uses_model:
             return replace(memory, rotor_speeds=speeds)
         belief, joints = memory.belief, memory.joints
-        old = tuple(where(started, a, b) for a, b in zip(memory.rotor_speeds, speeds, strict=True))
+        old = tuple(
+            where(started, a, b)
+            for a, b in zip(memory.rotor_speeds, speeds, strict=True)
+        )
         rate = imu.rate - belief.gyro_bias
-        velocity = belief.quaternion.rotation().apply_T(belief.velocity) - rate.cross(self.lever)
+        velocity = belief.quaternion.rotation().apply_T(belief.velocity) - rate.cross(
+            self.lever
+        )
         # servos of tilting rotors count as at their commanded angles
-        leaning = tilting.turn_rotors(self.vehicle, command.tilts) if command.tilts else self.vehicle
+        leaning = (
+            tilting.turn_rotors(self.vehicle, command.tilts)
+            if command.tilts
+            else self.vehicle
+        )
         moving = joints.joints, joints.rates
-        force = modelled_force(leaning, velocity, rate, *moving, (old, speeds), command.efforts, self.lever)
+        force = modelled_force(
+            leaning, velocity, rate, *moving, (old, speeds), command.efforts, self.lever
+        )
         queue = tuple(blend(started, each, force) for each in memory.modelled[1:])
         return replace(memory, rotor_speeds=speeds, modelled=(*queue, force))
 
     def _predict(self, memory: FilterMemory, before: ImuReading) -> FilterMemory:
-        """Predict estimate and covariance over one inertial reading, to the filter's delayed instant."""
+        """Predict estimate and covariance over one inertial reading, to the filter's
+        delayed instant.
+        """
         reading, belief = memory.inertial[0], memory.belief
         dt = reading.time - before.time
         R = belief.quaternion.rotation()
         given = memory.modelled[0] if self.uses_model else None
         following, force = navigate(belief, before, reading, self.gravity, dt, given)
         F = transition(R, force, dt, modelled=self.uses_model)
-        P = predict_covariance(memory.covariance, F, self.added_variances(belief, reading, dt))
+        P = predict_covariance(
+            memory.covariance, F, self.added_variances(belief, reading, dt)
+        )
         if self.uses_model:
-            variance = self.accelerometer * self.accelerometer / where(dt > 0.0, dt, 1.0)
-            rows = of_specific_force(following, reading.specific_force, memory.modelled[0], variance)
-            following, P, _ = _apply_innovations(following, P, rows, dt > 0.0, float("inf"))
+            variance = (
+                self.accelerometer * self.accelerometer / where(dt > 0.0, dt, 1.0)
+            )
+            rows = of_specific_force(
+                following, reading.specific_force, memory.modelled[0], variance
+            )
+            following, P, _ = _apply_innovations(
+                following, P, rows, dt > 0.0, float("inf")
+            )
         return replace(memory, belief=following, covariance=P)
 
     def _apply_aiding(self, memory: FilterMemory, after: Scalar) -> FilterMemory:
-        """Kalman update by the pose, position or heading readings of the filter's delayed instant."""
+        """Kalman update by the pose, position or heading readings of the filter's
+        delayed instant.
+        """
         belief, P = memory.belief, memory.covariance
         taken, refused, surprise = memory.taken, memory.refused, memory.surprise
         for queue in memory.aiding:
             due, reading = in_turn(queue, after, memory.inertial[0].time)
-            rows = innovations(belief, reading, self.position, self.attitude, self.heading, self.lever)
-            allowed = where(self.gate > 0.0, gate_of(self.gate, len(rows)), float("inf"))
-            belief, updated, test_value = _apply_innovations(belief, P, rows, due, allowed)
-            passed, failed = logical_and(due, test_value < allowed), logical_and(due, logical_not(test_value < allowed))
+            rows = innovations(
+                belief, reading, self.position, self.attitude, self.heading, self.lever
+            )
+            allowed = where(
+                self.gate > 0.0, gate_of(self.gate, len(rows)), float("inf")
+            )
+            belief, updated, test_value = _apply_innovations(
+                belief, P, rows, due, allowed
+            )
+            passed, failed = (
+                logical_and(due, test_value < allowed),
+                logical_and(due, logical_not(test_value < allowed)),
+            )
             P = scaled_covariance(updated, where(failed, self.inflation, 1.0))
-            taken, refused = taken + where(passed, 1.0, 0.0), refused + where(failed, 1.0, 0.0)
+            taken, refused = (
+                taken + where(passed, 1.0, 0.0),
+                refused + where(failed, 1.0, 0.0),
+            )
             surprise = where(due, test_value, surprise)
-        return replace(memory, belief=belief, covariance=P, taken=taken, refused=refused, surprise=surprise)
+        return replace(
+            memory,
+            belief=belief,
+            covariance=P,
+            taken=taken,
+            refused=refused,
+            surprise=surprise,
+        )
 
-    def _measurement(self, memory: FilterMemory, imu: ImuReading, encoders: EncoderReading) -> Measurement:
-        """Estimate of the present state, extrapolated from the filter's delayed instant."""
+    def _measurement(
+        self, memory: FilterMemory, imu: ImuReading, encoders: EncoderReading
+    ) -> Measurement:
+        """Estimate of the present state, extrapolated from the filter's delayed
+        instant.
+        """
         present = memory.belief
-        for i, (old, new) in enumerate(zip(memory.inertial, memory.inertial[1:], strict=False)):
+        for i, (old, new) in enumerate(
+            zip(memory.inertial, memory.inertial[1:], strict=False)
+        ):
             given = memory.modelled[i + 1] if self.uses_model else None
-            present, _ = navigate(present, old, new, self.gravity, new.time - old.time, given)
+            present, _ = navigate(
+                present, old, new, self.gravity, new.time - old.time, given
+            )
         joints, rates = memory.joints.joints, memory.joints.rates
         if joints:
             read = self.joint_bandwidth <= 0.0
-            joints = tuple(where(read, a, b) for a, b in zip(encoders.joints, joints, strict=True))
-            rates = tuple(where(read, a, b) for a, b in zip(encoders.joint_rates, rates, strict=True))
+            joints = tuple(
+                where(read, a, b) for a, b in zip(encoders.joints, joints, strict=True)
+            )
+            rates = tuple(
+                where(read, a, b)
+                for a, b in zip(encoders.joint_rates, rates, strict=True)
+            )
         return Measurement(
             time=data(imu.time),
             position=present.position,
@@ -224,14 +335,26 @@ def _at_base_origin(at_imu: Measurement, place: Vec3, turning: Vec3) -> Measurem
 
 
 def _apply_innovations(
-    belief: Navigated, P: Covariance, rows: Sequence[ScalarInnovation], due: Scalar, allowed: Scalar
+    belief: Navigated,
+    P: Covariance,
+    rows: Sequence[ScalarInnovation],
+    due: Scalar,
+    allowed: Scalar,
 ) -> tuple[Navigated, Covariance, Scalar]:
-    """Kalman update by a reading's innovations, if the reading is due and within the gate; also the test value."""
+    """Kalman update by a reading's innovations, if the reading is due and within the
+    gate; also the test value.
+    """
     error: list[Scalar] = [0] * len(P)
     surprise: Scalar = 0
     after = P
     for row in rows:
-        after, error, part = update_by_scalar(after, error, row.H, row.value, row.variance)
+        after, error, part = update_by_scalar(
+            after, error, row.H, row.value, row.variance
+        )
         surprise = surprise + part
     passed = logical_and(due, surprise < allowed)
-    return blend(passed, with_error(belief, error), belief), blend(passed, after, P), surprise
+    return (
+        blend(passed, with_error(belief, error), belief),
+        blend(passed, after, P),
+        surprise,
+    )

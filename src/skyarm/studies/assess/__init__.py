@@ -1,1 +1,3 @@
-"""Feasibility checks of ``skyarm check`` for a vehicle or a scenario, one module per topic."""
+"""Feasibility checks of ``skyarm check`` for a vehicle or a scenario, one module per
+topic.
+"""

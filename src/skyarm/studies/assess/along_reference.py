@@ -1,4 +1,6 @@
-"""Feasibility along a scenario's reference: demand on rotors and joints against their limits, with all loads."""
+"""Feasibility along a scenario's reference: demand on rotors and joints against their
+limits, with all loads.
+"""
 
 from __future__ import annotations
 
@@ -11,23 +13,43 @@ import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics.actuators.hover import ROUNDING
-from skyarm.dynamics.actuators.motion_demand import ActuatorDemand, demand_of_motion, motion_of
+from skyarm.dynamics.actuators.motion_demand import (
+    ActuatorDemand,
+    demand_of_motion,
+    motion_of,
+)
 from skyarm.records.arrays import Array, Mask, stack_values
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import field_names
 from skyarm.scenario.endings import clearances_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import Allocation, ArmPoses
-from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Concern, Finding, at_least, at_most
-from skyarm.studies.assess.flight_loads import FlightPart, Load, flight_parts, reference_at
+from skyarm.studies.assess.finding import (
+    FAULT,
+    LEVELS,
+    OK,
+    WARNING,
+    Concern,
+    Finding,
+    at_least,
+    at_most,
+)
+from skyarm.studies.assess.flight_loads import (
+    FlightPart,
+    Load,
+    flight_parts,
+    reference_at,
+)
 from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, servos
 from skyarm.studies.assess.thrust import thrust_margin
 
 CLEARANCES = {"clearance from surfaces": True, "clearance of the arm": False}
-"""Questions about distances of the vehicle's bodies -> whether from surfaces, or from each other."""
+"""Questions about distances of the vehicle's bodies -> whether from surfaces, or from
+each other."""
 
 INSTANTS, FEWEST = 2000, 9
-"""Number of instants of a flight, and least number between two jumps of the reference."""
+"""Number of instants of a flight, and least number between two jumps of the
+reference."""
 
 SHORTEST = 1e-3
 """Shortest interval (s) between two jumps of the reference that is examined."""
@@ -36,21 +58,26 @@ FINE = 1e-3
 """Time (s) between two instants of a plan, as the planner looks at its clearance."""
 
 AROUND, BLOW = 1e-6, 0.5
-"""Time (s) before and after a step of the reference; step of its speed (m/s) that is warned of. Of 40 drawn vehicles
-that can fly, two err by 3 and 14 m after steps of 0.92 and 1.26 m/s from rest, and simpler laws fall."""
+"""Time (s) before and after a step of the reference; step of its speed (m/s) that is
+warned of. Of 40 drawn vehicles that can fly, two err by 3 and 14 m after steps of 0.92
+and 1.26 m/s from rest, and simpler laws fall."""
 
 POSES_HELD = 100
-"""Number of poses of the reference, while a load is held, whose static hover is examined."""
+"""Number of poses of the reference, while a load is held, whose static hover is
+examined."""
 
 
 @positional
 class Followed:
-    """Rotor speeds and joint torques of a flight with exact tracking of its reference, as fractions of their limits.
+    """Rotor speeds and joint torques of a flight with exact tracking of its reference,
+    as fractions of their limits.
 
     Attributes:
-        demand: demand of rotors and joints. rotors, joints: shares (rotors or n, K) of their limits.
+        demand: demand of rotors and joints. rotors, joints: shares (rotors or n, K) of
+            their limits.
         position: (3, K) of the base, m, world axes.
-        seconds: (K,) time that each instant stands for, s: instants of a short interval stand for less.
+        seconds: (K,) time that each instant stands for, s: instants of a short interval
+            stand for less.
     """
 
     demand: ActuatorDemand
@@ -64,16 +91,21 @@ class Followed:
         return float(np.average(at, weights=self.seconds))
 
 
-def along_reference(scenario: Scenario, *, clearance: bool = False, carried: Sequence[Load] = ()) -> list[Finding]:
-    """Check the reference against joint limits, and find when rotors or joints would saturate.
+def along_reference(
+    scenario: Scenario, *, clearance: bool = False, carried: Sequence[Load] = ()
+) -> list[Finding]:
+    """Check the reference against joint limits, and find when rotors or joints would
+    saturate.
 
-    The plant follows its reference exactly, with the loads that it holds, in still air; what the control adds is left
-    out. A reference that is a plan says itself how its base turns and what it asks of rotors and joints; other
-    references follow by differential flatness.
+    The plant follows its reference exactly, with the loads that it holds, in still air;
+    what the control adds is left out. A reference that is a plan says itself how its
+    base turns and what it asks of rotors and joints; other references follow by
+    differential flatness.
 
     Args:
         scenario: scenario of one vehicle.
-        clearance: whether distances of its bodies from surfaces and from each other are found, too.
+        clearance: whether distances of its bodies from surfaces and from each other are
+            found, too.
         carried: its shares of bodies that several vehicles carry.
     """
     parts = flight_parts(scenario, carried)
@@ -82,26 +114,47 @@ def along_reference(scenario: Scenario, *, clearance: bool = False, carried: Seq
     findings = _joint_limits(scenario, demand)
     fields = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
     pulls = demand.squared < -ROUNDING * np.max(demand.squared, axis=0)
-    findings.append(_saturation("rotors along the reference", followed, followed.rotors, fields, pulls))
+    findings.append(
+        _saturation(
+            "rotors along the reference", followed, followed.rotors, fields, pulls
+        )
+    )
     if vehicle.n:
         fields = [(f"joints[{joint.name}]", "effort_limit") for joint in vehicle.joints]
-        findings.append(_saturation("joints along the reference", followed, followed.joints, fields))
+        findings.append(
+            _saturation("joints along the reference", followed, followed.joints, fields)
+        )
         findings += servo_speeds(scenario, demand.time, demand.rates, followed.share)
     findings += _speed_steps(scenario)
     if clearance:
         findings += _clearance(scenario, followed)
-    return [*findings, *_planned_force(scenario), *_hovers_with_loads(flight_parts(scenario) if carried else parts)]
+    return [
+        *findings,
+        *_planned_force(scenario),
+        *_hovers_with_loads(flight_parts(scenario) if carried else parts),
+    ]
 
 
 def follow(parts: Sequence[FlightPart]) -> Followed:
-    """Rotor speeds and joint efforts for exact tracking of a scenario's reference, as fractions of their limits."""
+    """Rotor speeds and joint efforts for exact tracking of a scenario's reference, as
+    fractions of their limits.
+    """
     # a demand that is no number becomes a fault, not a warning
     with np.errstate(over="ignore", invalid="ignore"):
-        pieces = [_stretch(part, time) for part in parts for time in _sample_times(part, parts[-1].stop)]
+        pieces = [
+            _stretch(part, time)
+            for part in parts
+            for time in _sample_times(part, parts[-1].stop)
+        ]
     names = field_names(ActuatorDemand) or ()
     demands = [piece.demand for piece in pieces]
     return Followed(
-        ActuatorDemand(*(np.concatenate([getattr(piece, name) for piece in demands], axis=-1) for name in names)),
+        ActuatorDemand(
+            *(
+                np.concatenate([getattr(piece, name) for piece in demands], axis=-1)
+                for name in names
+            )
+        ),
         np.concatenate([piece.rotors for piece in pieces], axis=1),
         np.concatenate([piece.joints for piece in pieces], axis=1),
         np.concatenate([piece.position for piece in pieces], axis=1),
@@ -113,10 +166,21 @@ def _clearance(scenario: Scenario, followed: Followed) -> list[Finding]:
     """Smallest distances of the vehicle's bodies, from surfaces and from each other."""
     planned, demand, findings = scenario.agent.reference.planned, followed.demand, []
     # the arm of a plan without contact keeps off as the other bodies do
-    every = clearances_of(scenario, touching=planned is None or bool(np.any(np.array(planned.force))))
-    place = Vec3(*followed.position), Mat3(*(Vec3(*row) for row in demand.rotation)), tuple(demand.joints)
+    every = clearances_of(
+        scenario, touching=planned is None or bool(np.any(np.array(planned.force)))
+    )
+    place = (
+        Vec3(*followed.position),
+        Mat3(*(Vec3(*row) for row in demand.rotation)),
+        tuple(demand.joints),
+    )
     for question, surfaces in CLEARANCES.items():
-        some = replace(every, pairs=tuple(each for each in every.pairs if (each.surface is not None) == surfaces))
+        some = replace(
+            every,
+            pairs=tuple(
+                each for each in every.pairs if (each.surface is not None) == surfaces
+            ),
+        )
         if not some.pairs:
             continue
         rows = stack_values(len(demand.time), some.distances(*place, time=demand.time))
@@ -126,36 +190,58 @@ def _clearance(scenario: Scenario, followed: Followed) -> list[Finding]:
         text += f", with an overlap for {often:.1%} of the flight" if often else ""
         remedy = "a path farther from it, or another arm pose"
         words = (question, float(rows[i, k]), text, "reference", remedy)
-        findings.append(at_least(*words, warning=0.0, unit="m", concerns=Concern.CLEARANCE))
+        findings.append(
+            at_least(*words, warning=0.0, unit="m", concerns=Concern.CLEARANCE)
+        )
     return findings
 
 
 def _speed_steps(scenario: Scenario) -> list[Finding]:
     """Alarm of a reference whose velocity steps, which for the vehicle is as a blow.
 
-    At the start of tracking the step is from the velocity of the vehicle: its initial one, or rest.
+    At the start of tracking the step is from the velocity of the vehicle: its initial
+    one, or rest.
     """
     start, initial = float(scenario.agent.tracking_start), scenario.agent.initial
-    times = np.array([start, *(t for t in _jump_times(scenario) if start < t < scenario.duration)])
+    times = np.array(
+        [start, *(t for t in _jump_times(scenario) if start < t < scenario.duration)]
+    )
     before, after = (
-        stack_values(len(times), reference_at(scenario, np.maximum(times + side, 0.0)).velocity)
+        stack_values(
+            len(times), reference_at(scenario, np.maximum(times + side, 0.0)).velocity
+        )
         for side in (-AROUND, AROUND)
     )
-    before[:, 0] = np.zeros(3) if initial is None or start else np.array(list(initial.velocity), dtype=float)
+    before[:, 0] = (
+        np.zeros(3)
+        if initial is None or start
+        else np.array(list(initial.velocity), dtype=float)
+    )
     steps = np.linalg.norm(after - before, axis=0)
     # a vehicle that is to brake at first is meant to
     steps[0] = min(steps[0], np.linalg.norm(after[:, 0]))
     k = int(np.argmax(steps))
     if not steps[k] > BLOW:
         return []
-    text = f"the velocity steps by {steps[k]:.3g} m/s at {times[k]:.3g} s, which for the vehicle is a blow"
-    remedy = "a motion that begins at rest (as quintic ramps do), or an [initial] velocity"
+    text = (
+        f"the velocity steps by {steps[k]:.3g} m/s at {times[k]:.3g} s, which for the"
+        " vehicle is a blow"
+    )
+    remedy = (
+        "a motion that begins at rest (as quintic ramps do), or an [initial] velocity"
+    )
     words = text, "reference.base", remedy
-    return [at_most("steps of the reference", float(steps[k]), *words, warning=BLOW, unit="m/s")]
+    return [
+        at_most(
+            "steps of the reference", float(steps[k]), *words, warning=BLOW, unit="m/s"
+        )
+    ]
 
 
 def _planned_force(scenario: Scenario) -> list[Finding]:
-    """Alarm of a plan that counts on a contact of the tip in a world without any: a fault where it hangs from it."""
+    """Alarm of a plan that counts on a contact of the tip in a world without any: a
+    fault where it hangs from it.
+    """
     planned = scenario.agent.reference.planned
     if planned is None or scenario.world is not None:
         return []
@@ -163,33 +249,61 @@ def _planned_force(scenario: Scenario) -> list[Finding]:
     if not force.any():
         return []
     k = int(force.argmax())
-    text = f"the plan counts on {force[k]:.3g} N on the tip at {planned.times[k]:.3g} s; the world has no surface"
+    text = (
+        f"the plan counts on {force[k]:.3g} N on the tip at {planned.times[k]:.3g} s;"
+        " the world has no surface"
+    )
     weight = float(scenario.agent.vehicle.mass * scenario.agent.plant.gravity)
     words = text, "world.surfaces", "what the tip touches in the plan"
     question, concerns = "contact along the reference", Concern.CONTACT
-    return [at_most(question, float(force[k]), *words, warning=0.0, fault=weight, unit="N", concerns=concerns)]
+    return [
+        at_most(
+            question,
+            float(force[k]),
+            *words,
+            warning=0.0,
+            fault=weight,
+            unit="N",
+            concerns=concerns,
+        )
+    ]
 
 
 def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
-    """Check the thrust margin in level hover with each payload, in the arm poses commanded while it is carried.
+    """Check the thrust margin in level hover with each payload, in the arm poses
+    commanded while it is carried.
 
-    Of several loads each question is answered for the worst, of equal ones for the heaviest.
+    Of several loads each question is answered for the worst, of equal ones for the
+    heaviest.
     """
     answers: dict[str, list[Finding]] = {}
     loaded = [part for part in parts if part.words]
     for part in sorted(loaded, key=lambda each: -float(each.vehicle.mass)):
-        reference = reference_at(part.scenario, np.linspace(part.start, part.stop, POSES_HELD, endpoint=False))
-        joints, gravity = stack_values(POSES_HELD, reference.joints).T, float(part.scenario.agent.plant.gravity)
+        reference = reference_at(
+            part.scenario,
+            np.linspace(part.start, part.stop, POSES_HELD, endpoint=False),
+        )
+        joints, gravity = (
+            stack_values(POSES_HELD, reference.joints).T,
+            float(part.scenario.agent.plant.gravity),
+        )
         poses = ArmPoses.only(part.vehicle, joints, gravity, part.words)
         for each in thrust_margin(poses):
             answers.setdefault(each.question.removesuffix(part.words), []).append(each)
-    return [max(each, key=lambda finding: LEVELS.index(finding.level)) for each in answers.values()]
+    return [
+        max(each, key=lambda finding: LEVELS.index(finding.level))
+        for each in answers.values()
+    ]
 
 
 def _effort_shares(part: FlightPart, demand: ActuatorDemand) -> Array:
-    """Joint efforts (n, K) as shares of the limits of joints and servos at the reference's joint rates."""
+    """Joint efforts (n, K) as shares of the limits of joints and servos at the
+    reference's joint rates.
+    """
     vehicle = part.scenario.agent.vehicle
-    return np.abs(demand.efforts) / demand.effort_limits(effort_limits(vehicle)[:, None], servos(part.scenario))
+    return np.abs(demand.efforts) / demand.effort_limits(
+        effort_limits(vehicle)[:, None], servos(part.scenario)
+    )
 
 
 def _sample_times(part: FlightPart, end: float) -> list[Array]:
@@ -199,8 +313,15 @@ def _sample_times(part: FlightPart, end: float) -> list[Array]:
         part: part of a flight.
         end: end of the flight, s.
     """
-    cuts = [part.start, *(t for t in _jump_times(part.scenario) if part.start < t < part.stop), part.stop]
-    every, intervals = max(INSTANTS, end / FINE if part.scenario.agent.reference.planned else 0), []
+    cuts = [
+        part.start,
+        *(t for t in _jump_times(part.scenario) if part.start < t < part.stop),
+        part.stop,
+    ]
+    every, intervals = (
+        max(INSTANTS, end / FINE if part.scenario.agent.reference.planned else 0),
+        [],
+    )
     for a, b in pairwise(cuts):
         if b - a < SHORTEST and end > SHORTEST:
             continue  # no rates can be had of it
@@ -212,14 +333,18 @@ def _sample_times(part: FlightPart, end: float) -> list[Array]:
 def _jump_times(scenario: Scenario) -> list[float]:
     """Times (s) at which the reference may jump, in order."""
     path, times = scenario.agent.path_time, scenario.agent.reference.switch_times()
-    return list(times) if path is None else [path.instant_of(t) for t in times if t > 0.0]
+    return (
+        list(times) if path is None else [path.instant_of(t) for t in times if t > 0.0]
+    )
 
 
 def _stretch(part: FlightPart, time: Array) -> Followed:
     vehicle, scenario = part.vehicle, part.scenario
     reference = reference_at(scenario, time)
     motion = motion_of(reference, time)
-    asked = partial(demand_of_motion, gravity=float(scenario.agent.plant.gravity), motion=motion)
+    asked = partial(
+        demand_of_motion, gravity=float(scenario.agent.plant.gravity), motion=motion
+    )
     planned = scenario.agent.reference.planned
     if planned is None or not planned.attitude:
         demand = asked(vehicle)
@@ -228,12 +353,18 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
         demand = asked(vehicle, rotation=rotation)
         # what the plan states is of the law's model: loads come on top
         bare = asked(scenario.agent.model.vehicle, rotation=rotation)
-        efforts = efforts + demand.efforts - bare.efforts if len(efforts) else demand.efforts
-        demand = replace(demand, squared=speeds**2 + demand.squared - bare.squared, efforts=efforts)
+        efforts = (
+            efforts + demand.efforts - bare.efforts if len(efforts) else demand.efforts
+        )
+        demand = replace(
+            demand, squared=speeds**2 + demand.squared - bare.squared, efforts=efforts
+        )
     top = Allocation.of(vehicle).highest[:, None]
     position = stack_values(len(time), reference.position)
     seconds = np.full(len(time), time[1] - time[0])
-    return Followed(demand, demand.squared / top, _effort_shares(part, demand), position, seconds)
+    return Followed(
+        demand, demand.squared / top, _effort_shares(part, demand), position, seconds
+    )
 
 
 def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
@@ -249,7 +380,8 @@ def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
                 Finding(
                     "reference within joint limits",
                     FAULT,
-                    f"joints[{joint.name}] is to reach {worst:.3g}, beyond {low:g} ... {high:g}, first at {t:.3g} s",
+                    f"joints[{joint.name}] is to reach {worst:.3g}, beyond {low:g} ..."
+                    f" {high:g}, first at {t:.3g} s",
                     f"reference.joints[{i}]",
                     "a smaller motion, or joint limits as they are (rad, not degrees?)",
                     worst,
@@ -261,9 +393,15 @@ def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
 
 
 def _saturation(
-    question: str, followed: Followed, share: Array, parts: list[tuple[str, str]], reversed_: Mask | None = None
+    question: str,
+    followed: Followed,
+    share: Array,
+    parts: list[tuple[str, str]],
+    reversed_: Mask | None = None,
 ) -> Finding:
-    """Check result for all rotors or all joints: which saturates first, when, and for what share of the flight."""
+    """Check result for all rotors or all joints: which saturates first, when, and for
+    what share of the flight.
+    """
     time, within = followed.demand.time, share <= 1.0  # false for what is no number
     outside = ~within if reversed_ is None else ~within | reversed_
     at_any = np.any(outside, axis=0)
@@ -272,14 +410,27 @@ def _saturation(
     i, k = np.unravel_index(int(np.argmax(share)), share.shape)
     name, field = parts[int(i)]
     finite = bool(np.isfinite(share[i, k]))
-    most = f"at most {share[i, k]:.3g} of the limit" if finite else "a demand that is no finite number"
+    most = (
+        f"at most {share[i, k]:.3g} of the limit"
+        if finite
+        else "a demand that is no finite number"
+    )
     text = f"{most} ({name}, at {time[k]:.3g} s)"
     if not often:
-        return Finding(question, OK, text, f"{name}.{field}", value=float(share[i, k]), limit=1.0)
+        return Finding(
+            question, OK, text, f"{name}.{field}", value=float(share[i, k]), limit=1.0
+        )
     first = int(np.argmax(at_any))
     who = parts[int(np.argmax(outside[:, first]))][0]
-    lowest = "" if reversed_ is None or not reversed_[:, first].any() else " at its lowest thrust"
-    text = f"saturates first{lowest} at {time[first]:.3g} s ({who}), for {often:.1%} of the flight; {text}"
+    lowest = (
+        ""
+        if reversed_ is None or not reversed_[:, first].any()
+        else " at its lowest thrust"
+    )
+    text = (
+        f"saturates first{lowest} at {time[first]:.3g} s ({who}), for {often:.1%} of"
+        f" the flight; {text}"
+    )
     return Finding(
         question,
         FAULT if often > OFTEN or not finite else WARNING,
@@ -288,5 +439,7 @@ def _saturation(
         "a slower or smaller reference, less load, or stronger rotors and drives",
         float(share[i, k]),
         1.0,
-        concerns=Concern.JOINTS_IN_FLIGHT if reversed_ is None else Concern.ROTORS_IN_FLIGHT,
+        concerns=(
+            Concern.JOINTS_IN_FLIGHT if reversed_ is None else Concern.ROTORS_IN_FLIGHT
+        ),
     )

@@ -1,4 +1,6 @@
-"""Static hover in arm poses sampled over the joint space, and a search for the worst pose."""
+"""Static hover in arm poses sampled over the joint space, and a search for the worst
+pose.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +20,13 @@ from skyarm.vehicle import Joint, Vehicle
 from skyarm.vehicle.vehicle_records import undriven_joints
 
 WRENCH = 4
-"""Number of rows of a wrench that the mixer reads: torque x, y, z (N m, about the base origin) and force along z
-(N)."""
+"""Number of rows of a wrench that the mixer reads: torque x, y, z (N m, about the base
+origin) and force along z (N)."""
 
 
 def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
-    """Generalized forces (4 + n, poses) of a static level hover: base torque and thrust, then joint efforts.
+    """Generalized forces (4 + n, poses) of a static level hover: base torque and
+    thrust, then joint efforts.
 
     Args:
         vehicle: the rigid bodies.
@@ -32,7 +35,9 @@ def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
     """
     still = vehicle.zeros
     level = Motion(ZERO3, E_Z * gravity)
-    force, efforts = dynamics.inverse_dynamics(vehicle, tuple(joints.T), ZERO3, still, level, still)
+    force, efforts = dynamics.inverse_dynamics(
+        vehicle, tuple(joints.T), ZERO3, still, level, still
+    )
     return stack_values(len(joints), (*force.torque, force.force.z, *efforts))
 
 
@@ -41,7 +46,8 @@ class Allocation:
     """Control allocation as arrays: wrench to squared rotor speeds, with their limits.
 
     Attributes:
-        inverse: (rotors, 4) squared speed per wrench. highest: (rotors,) largest squared speed, (rad/s)^2.
+        inverse: (rotors, 4) squared speed per wrench. highest: (rotors,) largest
+            squared speed, (rad/s)^2.
         lowest: (rotors,) least one, which counts negative backwards.
     """
 
@@ -51,35 +57,47 @@ class Allocation:
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> Allocation:
-        """Create the allocation arrays of a vehicle whose numbers are plain; AllocationError if it has none."""
+        """Create the allocation arrays of a vehicle whose numbers are plain;
+        AllocationError if it has none.
+        """
         mixer = make_mixer(vehicle)
         highest = np.array(mixer.highest, dtype=float)
         lowest = np.where([rotor.reversible for rotor in vehicle.rotors], -highest, 0.0)
         return cls(np.array(mixer.inverse, dtype=float), highest, lowest)
 
     def sizes(self, squared: Array) -> Array:
-        """Squared speeds (rotors, poses) without the sign of rotors that may turn backwards."""
+        """Squared speeds (rotors, poses) without the sign of rotors that may turn
+        backwards.
+        """
         return np.where(self.lowest[:, None] < 0.0, np.abs(squared), squared)
 
     def squared_speeds(self, efforts: Array) -> Array:
-        """Squared rotor speeds (rotors, poses), not limited, for base torque and thrust: ``efforts[:4]``."""
+        """Squared rotor speeds (rotors, poses), not limited, for base torque and
+        thrust: ``efforts[:4]``.
+        """
         return self.inverse @ efforts[:WRENCH]
 
     def headroom(self, squared: Array, change: Array) -> Array:
-        """Factor (rotors, poses) on a change of squared rotor speeds at which each rotor reaches a limit; inf if never.
+        """Factor (rotors, poses) on a change of squared rotor speeds at which each
+        rotor reaches a limit; inf if never.
 
         Args:
             squared: (rotors, poses) squared speeds, (rad/s)^2.
             change: (rotors, poses or 1) of them.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
-            up, down = (self.highest[:, None] - squared) / change, (self.lowest[:, None] - squared) / change
+            up, down = (
+                (self.highest[:, None] - squared) / change,
+                (self.lowest[:, None] - squared) / change,
+            )
         return np.where(change > 0.0, up, np.where(change < 0.0, down, np.inf))
 
     def room(self, squared: Array, direction: Array) -> Array:
-        """Largest multiple (poses,) of a wrench (4,) that can be added to a hover within the rotor speed limits.
+        """Largest multiple (poses,) of a wrench (4,) that can be added to a hover
+        within the rotor speed limits.
 
-        Negative where a rotor is outside its limits already and the direction takes it further out.
+        Negative where a rotor is outside its limits already and the direction takes it
+        further out.
         """
         far = self.headroom(squared, (self.inverse @ direction)[:, None])
         return doubles(np.min(far, axis=0))
@@ -89,25 +107,33 @@ GRAVITY = 9.81
 """Gravity (m/s^2) of a static pose; a pose under weight alone is the same under any."""
 
 RESTS, SETTLED = 50, 1e-9
-"""Largest number of passes that bring every joint to rest while the others stay, and change (rad or m) that ends
-them."""
+"""Largest number of passes that bring every joint to rest while the others stay, and
+change (rad or m) that ends them."""
 
 NOTHING = 1e-9
 """Effort (N m or N) below which the weight does not move a joint."""
 
 
 def hanging_joints(vehicle: Vehicle) -> tuple[int, ...]:
-    """Indices of undriven joints, which hang under gravity; joints that drive a coupled joint are not included."""
+    """Indices of undriven joints, which hang under gravity; joints that drive a coupled
+    joint are not included.
+    """
     leaders = {each.leader for each in vehicle.followers}
     free = undriven_joints(vehicle)
-    return tuple(i for i, joint in enumerate(vehicle.joints) if joint.name in free and i not in leaders)
+    return tuple(
+        i
+        for i, joint in enumerate(vehicle.joints)
+        if joint.name in free and i not in leaders
+    )
 
 
 def rest_of_hanging(vehicle: Vehicle, joints: Array) -> Array:
-    """Joint values (poses, n) with undriven joints at their lowest potential energy within limits, base level.
+    """Joint values (poses, n) with undriven joints at their lowest potential energy
+    within limits, base level.
 
-    The energy of weight is a single sine of each joint that turns while the others stay, so that two torques give its
-    lowest point exactly; the joints take turns until none moves.
+    The energy of weight is a single sine of each joint that turns while the others
+    stay, so that two torques give its lowest point exactly; the joints take turns until
+    none moves.
     """
     hanging = hanging_joints(vehicle)
     rest = np.array(joints, dtype=float)
@@ -121,7 +147,9 @@ def rest_of_hanging(vehicle: Vehicle, joints: Array) -> Array:
 
 
 def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
-    """Values (poses,) of joint i that minimize the potential energy with all other joints fixed."""
+    """Values (poses,) of joint i that minimize the potential energy with all other
+    joints fixed.
+    """
     joint = vehicle.links[i].joint
     low, high = joint.ends
 
@@ -133,7 +161,9 @@ def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
     at_zero = torque(0.0)
     if not joint.turns:  # slides down as far as it can
         end = np.where(at_zero > 0.0, low, high)
-        return np.where((np.abs(at_zero) > NOTHING) & np.isfinite(end), end, joints[:, i])
+        return np.where(
+            (np.abs(at_zero) > NOTHING) & np.isfinite(end), end, joints[:, i]
+        )
     # the energy is b sin q - a cos q, its slope b cos q + a sin q
     at_quarter = torque(0.5 * math.pi)
     lowest = np.arctan2(-at_zero, at_quarter)
@@ -142,8 +172,12 @@ def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
     elif math.isfinite(high):
         lowest = lowest + math.tau * np.floor((high - lowest) / math.tau)
     if math.isfinite(high - low):
-        ends = [at_zero * math.sin(end) - at_quarter * math.cos(end) for end in (low, high)]
-        lowest = np.where(lowest <= high, lowest, np.where(ends[0] < ends[1], low, high))
+        ends = [
+            at_zero * math.sin(end) - at_quarter * math.cos(end) for end in (low, high)
+        ]
+        lowest = np.where(
+            lowest <= high, lowest, np.where(ends[0] < ends[1], low, high)
+        )
     return np.where(np.hypot(at_zero, at_quarter) > NOTHING, lowest, joints[:, i])
 
 
@@ -160,11 +194,13 @@ CORNERS = 6
 """Largest number of joints for which every corner of the joint ranges is evaluated."""
 
 HUNG = 8
-"""Sampled poses of more joints than these if all of them hang, at one rest but for joints that no weight turns. To find
-the rest from each sample took minutes for ropes of 30 joints."""
+"""Sampled poses of more joints than these if all of them hang, at one rest but for
+joints that no weight turns. To find the rest from each sample took minutes for ropes of
+30 joints."""
 
 ROUNDS, AROUND, CLOSER = 16, 24, 0.65
-"""Local search around the worst pose: number of rounds, trials of each round, and factor on their steps per round."""
+"""Local search around the worst pose: number of rounds, trials of each round, and
+factor on their steps per round."""
 
 
 @immutable(slots=False)
@@ -172,12 +208,16 @@ class ArmPoses:
     """Level hovers of a vehicle in sampled arm poses; undriven joints hang at rest.
 
     Attributes:
-        vehicle: vehicle with its load. held: text of the load, as " with 0.3 kg"; empty without a load.
-        low, high: (n,) rad or m: the limits; at most one turn, and 1 m to either side where there is none.
-        joints: (count, n) the poses: zero (or the nearest within limits), corners, and Sobol points.
+        vehicle: vehicle with its load. held: text of the load, as " with 0.3 kg"; empty
+            without a load.
+        low, high: (n,) rad or m: the limits; at most one turn, and 1 m to either side
+            where there is none.
+        joints: (count, n) the poses: zero (or the nearest within limits), corners, and
+            Sobol points.
         gravity: m/s^2.
         searched: whether the search may leave the sampled poses.
-        load: (4 + n, 1) generalized forces of a further load, which is the same in all poses.
+        load: (4 + n, 1) generalized forces of a further load, which is the same in all
+            poses.
     """
 
     vehicle: Vehicle
@@ -190,23 +230,45 @@ class ArmPoses:
     load: Array | float = 0.0
 
     @classmethod
-    def only(cls, vehicle: Vehicle, joints: Array, gravity: float, held: str) -> ArmPoses:
-        """Hovers of a vehicle in given arm poses (count, n) only, without a search for worse poses."""
+    def only(
+        cls, vehicle: Vehicle, joints: Array, gravity: float, held: str
+    ) -> ArmPoses:
+        """Hovers of a vehicle in given arm poses (count, n) only, without a search for
+        worse poses.
+        """
         none = np.zeros(vehicle.n)
-        poses = cls(vehicle=vehicle, low=none, high=none, joints=joints, gravity=gravity, searched=False)
+        poses = cls(
+            vehicle=vehicle,
+            low=none,
+            high=none,
+            joints=joints,
+            gravity=gravity,
+            searched=False,
+        )
         return poses.of(vehicle, held)
 
     def of(self, vehicle: Vehicle, held: str = "") -> ArmPoses:
-        """Same arm poses in hover for another vehicle, with the equilibrium of its passive joints computed anew."""
-        return replace(self, joints=rest_of_hanging(vehicle, self.joints), vehicle=vehicle, held=held)
+        """Same arm poses in hover for another vehicle, with the equilibrium of its
+        passive joints computed anew.
+        """
+        return replace(
+            self,
+            joints=rest_of_hanging(vehicle, self.joints),
+            vehicle=vehicle,
+            held=held,
+        )
 
     @cached_property
     def allocation(self) -> Allocation:
-        """Control allocation of the rotors, which must span the torque axes and thrust."""
+        """Control allocation of the rotors, which must span the torque axes and
+        thrust.
+        """
         return Allocation.of(self.vehicle)
 
     def efforts(self, joints: Array) -> Array:
-        """Generalized forces (4 + n, poses) of level hovers: base torque and thrust, then joint efforts."""
+        """Generalized forces (4 + n, poses) of level hovers: base torque and thrust,
+        then joint efforts.
+        """
         return hover_efforts(self.vehicle, self.gravity, joints) + self.load
 
     def squared_speeds(self, joints: Array) -> Array:
@@ -214,9 +276,11 @@ class ArmPoses:
         return self.allocation.squared_speeds(self.efforts(joints))
 
     def worst(self, quantities: Quantities) -> tuple[Array, Array]:
-        """Minimum over all arm poses of each checked quantity (count,), and the poses (count, n) where it occurs.
+        """Minimum over all arm poses of each checked quantity (count,), and the poses
+        (count, n) where it occurs.
 
-        A random search with shrinking steps starts from the worst sample; each quantity has lanes of its own.
+        A random search with shrinking steps starts from the worst sample; each quantity
+        has lanes of its own.
         """
         values = in_parts(quantities, self.joints)
         at = np.argmin(values, axis=1)
@@ -225,10 +289,18 @@ class ArmPoses:
             return least, best
         rng, spread, count = np.random.default_rng(0), 0.1, len(values)
         for _ in range(ROUNDS):
-            steps = spread * (self.high - self.low) * rng.normal(size=(AROUND, len(self.low)))
+            steps = (
+                spread
+                * (self.high - self.low)
+                * rng.normal(size=(AROUND, len(self.low)))
+            )
             near = np.clip(best[:, None] + steps, self.low, self.high)
-            near = rest_of_hanging(self.vehicle, near.reshape(count * AROUND, -1)).reshape(near.shape)
-            near_values = in_parts(quantities, near.reshape(count * AROUND, -1)).reshape(count, count, AROUND)
+            near = rest_of_hanging(
+                self.vehicle, near.reshape(count * AROUND, -1)
+            ).reshape(near.shape)
+            near_values = in_parts(
+                quantities, near.reshape(count * AROUND, -1)
+            ).reshape(count, count, AROUND)
             own = near_values[np.arange(count), np.arange(count)]
             at = np.argmin(own, axis=1)
             tried = own[np.arange(count), at]
@@ -240,13 +312,18 @@ class ArmPoses:
 
 
 def in_parts(quantities: Quantities, joints: Array) -> Array:
-    """Evaluate a function of arm poses for many poses, in batches of 4096 to bound memory."""
+    """Evaluate a function of arm poses for many poses, in batches of 4096 to bound
+    memory.
+    """
     parts = [quantities(joints[i : i + LANES]) for i in range(0, len(joints), LANES)]
     return np.concatenate(parts, axis=1)
 
 
-def arm_poses(vehicle: Vehicle, count: int = POSES, gravity: float = GRAVITY) -> ArmPoses:
-    """Sample the arm poses of a vehicle for a check; a vehicle without joints has a single pose.
+def arm_poses(
+    vehicle: Vehicle, count: int = POSES, gravity: float = GRAVITY
+) -> ArmPoses:
+    """Sample the arm poses of a vehicle for a check; a vehicle without joints has a
+    single pose.
 
     Args:
         vehicle: vehicle with its joints' limits.
@@ -267,23 +344,41 @@ def arm_poses(vehicle: Vehicle, count: int = POSES, gravity: float = GRAVITY) ->
     count = min(count, HUNG) if long_rope else count
     if n:
         unit = np.stack([_coordinates(count, i, rng) for i in range(n)], axis=1)
-        corners = np.array(np.meshgrid(*[(0.0, 1.0)] * n)).reshape(n, -1).T if n <= CORNERS else np.zeros((0, n))
+        corners = (
+            np.array(np.meshgrid(*[(0.0, 1.0)] * n)).reshape(n, -1).T
+            if n <= CORNERS
+            else np.zeros((0, n))
+        )
         joints = np.vstack([joints, low + (high - low) * np.vstack([corners, unit])])
     if long_rope:
         rest = rest_of_hanging(vehicle, joints[:1])
         joints = np.where(_at_rest_anywhere(vehicle, rest), joints, rest)
-    poses = ArmPoses(vehicle=vehicle, low=low, high=high, joints=joints, gravity=gravity, searched=not long_rope)
+    poses = ArmPoses(
+        vehicle=vehicle,
+        low=low,
+        high=high,
+        joints=joints,
+        gravity=gravity,
+        searched=not long_rope,
+    )
     return poses.of(vehicle)
 
 
 def _at_rest_anywhere(vehicle: Vehicle, rest: Array) -> Mask:
     """True for each joint that no weight turns in a pose (1, n) at rest."""
-    turned = [np.where(np.arange(vehicle.n) == i, rest + 1.0, rest) for i in range(vehicle.n)]
-    return np.array([_lowest(vehicle, each, i)[0] == each[0, i] for i, each in enumerate(turned)], dtype=bool)
+    turned = [
+        np.where(np.arange(vehicle.n) == i, rest + 1.0, rest) for i in range(vehicle.n)
+    ]
+    return np.array(
+        [_lowest(vehicle, each, i)[0] == each[0, i] for i, each in enumerate(turned)],
+        dtype=bool,
+    )
 
 
 def joint_range(joint: Joint) -> tuple[float, float]:
-    """Range of a joint to sample: its limits, or one turn about zero for a joint that turns further."""
+    """Range of a joint to sample: its limits, or one turn about zero for a joint that
+    turns further.
+    """
     free = math.pi if joint.turns else 1.0
     low, high = joint.ends
     if math.isinf(low):
@@ -297,7 +392,9 @@ def joint_range(joint: Joint) -> tuple[float, float]:
 
 
 def _coordinates(count: int, dimension: int, rng: np.random.Generator) -> Array:
-    """Samples (count,) in [0, 1) for one joint: coordinate of shifted Sobol points; beyond 21 joints, random."""
+    """Samples (count,) in [0, 1) for one joint: coordinate of shifted Sobol points;
+    beyond 21 joints, random.
+    """
     # brings the sweeps along
     from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol
 

@@ -31,11 +31,31 @@ from skyarm.studies.assess.along_reference import along_reference
 from skyarm.studies.assess.arm_poses import POSES, ArmPoses, arm_poses
 from skyarm.studies.assess.causes import causes_first
 from skyarm.studies.assess.endurance import aloft_for, time_aloft
-from skyarm.studies.assess.finding import FAULT, NOTE, OK, UNITS, WARNING, Finding, finding_of_line, worst_level
+from skyarm.studies.assess.finding import (
+    FAULT,
+    NOTE,
+    OK,
+    UNITS,
+    WARNING,
+    Finding,
+    finding_of_line,
+    worst_level,
+)
 from skyarm.studies.assess.flight_loads import flight_parts
 from skyarm.studies.assess.joints import arm_workspace, joint_torques
-from skyarm.studies.assess.layout import disc_loading, links_like_rotors, rotor_layout, rotors_as_joints
-from skyarm.studies.assess.load_sharing import balance_of_bodies, balances, carried_loads, load_of, losses
+from skyarm.studies.assess.layout import (
+    disc_loading,
+    links_like_rotors,
+    rotor_layout,
+    rotors_as_joints,
+)
+from skyarm.studies.assess.load_sharing import (
+    balance_of_bodies,
+    balances,
+    carried_loads,
+    load_of,
+    losses,
+)
 from skyarm.studies.assess.pressing_flights import pressing_flights
 from skyarm.studies.assess.push_limits import push_limits
 from skyarm.studies.assess.survival_limits import QUESTION as CALM
@@ -58,15 +78,24 @@ QUESTION, REFUSED = "delay margin", "simulation"
 
 
 def delay_margin(scenario: Scenario) -> list[Finding]:
-    """Check result for the delay margin in hover: tolerable delay beyond the nominal delay of the loop."""
+    """Check result for the delay margin in hover: tolerable delay beyond the nominal
+    delay of the loop.
+    """
     delay = hover_delay_if_known(scenario)
     if isinstance(delay, str):
         return [Finding(QUESTION, NOTE, f"not known: {delay}")]
     text, unit = delay.sentence(scenario.agent.controller.name), "s"
     if not delay.margin > 0.0:
-        remedy = "softer gains or another law: skyarm margins shows which loop is short of margin"
+        remedy = (
+            "softer gains or another law: skyarm margins shows which loop is short of"
+            " margin"
+        )
         return [Finding(QUESTION, FAULT, text, "controller", remedy, 0.0, 0.0, unit)]
-    numbers = (delay.margin if math.isfinite(delay.margin) else math.nan, delay.least_margin, unit)
+    numbers = (
+        delay.margin if math.isfinite(delay.margin) else math.nan,
+        delay.least_margin,
+        unit,
+    )
     if delay.enough:
         return [Finding(QUESTION, OK, text, "", "", *numbers)]
     remedy = (
@@ -81,13 +110,21 @@ PLAN, LAW, PARTS = "plan of the reference", "law for this vehicle", "environment
 
 
 def units_of_vehicle(vehicle: Vehicle) -> list[Finding]:
-    """Check results, as faults, for vehicle parameters that are probably in wrong units."""
-    faults = [finding_of_line(line, UNITS, FAULT) for line in unlikely_in_vehicle(vehicle)]
-    return faults or [Finding(UNITS, OK, "every number of the vehicle is of a likely size")]
+    """Check results, as faults, for vehicle parameters that are probably in wrong
+    units.
+    """
+    faults = [
+        finding_of_line(line, UNITS, FAULT) for line in unlikely_in_vehicle(vehicle)
+    ]
+    return faults or [
+        Finding(UNITS, OK, "every number of the vehicle is of a likely size")
+    ]
 
 
 def warnings_of_scenario(scenario: Scenario) -> list[Finding]:
-    """Warnings of a scenario's check: suspicious values, reference beyond limits, unsuitable control law."""
+    """Warnings of a scenario's check: suspicious values, reference beyond limits,
+    unsuitable control law.
+    """
     units = [finding_of_line(line, UNITS, WARNING) for line in unlikely_units(scenario)]
     good = Finding(UNITS, OK, "every number of the scenario is of a likely size")
     return [
@@ -103,9 +140,11 @@ class Assessment:
     """Results of all feasibility checks of a vehicle or of a scenario.
 
     Attributes:
-        name: name of the vehicle or scenario. vehicle: the simulated one, the first of several.
+        name: name of the vehicle or scenario. vehicle: the simulated one, the first of
+            several.
         gravity: m/s^2. payload: kg at the tip. poses: number of sampled arm poses.
-        findings: results in the order of the questions; of several vehicles those about all.
+        findings: results in the order of the questions; of several vehicles those about
+            all.
         agents: results for each of several vehicles by name; empty for one.
     """
 
@@ -128,11 +167,19 @@ class Assessment:
     @property
     def every(self) -> list[Finding]:
         """All results: those of each of several vehicles, then those about all."""
-        return [*(each for one in self.agents.values() for each in one.findings), *self.findings]
+        return [
+            *(each for one in self.agents.values() for each in one.findings),
+            *self.findings,
+        ]
 
     def alarms(self) -> list[Finding]:
         """Check results that are faults, then those that are warnings."""
-        return [each for level in (FAULT, WARNING) for each in self.every if each.level == level]
+        return [
+            each
+            for level in (FAULT, WARNING)
+            for each in self.every
+            if each.level == level
+        ]
 
     def plain(self) -> Facts:
         """Results of a feasibility check as plain data, for a JSON file."""
@@ -143,7 +190,11 @@ class Assessment:
             "gravity_m_s2": self.gravity,
             "payload_kg": self.payload,
             "arm_poses": self.poses,
-            **({"agents": {name: each.plain() for name, each in self.agents.items()}} if self.agents else {}),
+            **(
+                {"agents": {name: each.plain() for name, each in self.agents.items()}}
+                if self.agents
+                else {}
+            ),
             "findings": [each.plain() for each in self.findings],
         }
 
@@ -156,17 +207,20 @@ def check(
     gravity: float | None = None,
     flights: bool = False,
 ) -> Assessment:
-    """Check if a vehicle, or the vehicle of a scenario, can fly, and explain why not, as ``skyarm check`` does.
+    """Check if a vehicle, or the vehicle of a scenario, can fly, and explain why not,
+    as ``skyarm check`` does.
 
     Args:
         what: a vehicle or a scenario, or the name or path of one.
         payload: kg, a point mass at the tip.
         poses: sampled arm poses.
         gravity: m/s^2, for a vehicle; 9.81 if left out.
-        flights: of a scenario also fly blows, late commands and loads, and state the largest that are survived.
+        flights: of a scenario also fly blows, late commands and loads, and state the
+            largest that are survived.
 
     Raises:
-        ValueError: one line: what cannot be read, or an argument outside of what is allowed.
+        ValueError: one line: what cannot be read, or an argument outside of what is
+            allowed.
     """
     file = "" if isinstance(what, (Vehicle, Scenario)) else str(what)
     if not isinstance(what, (Vehicle, Scenario)):
@@ -174,24 +228,44 @@ def check(
             warnings.simplefilter("ignore", WithoutEffectWarning)  # a finding below
             what = load_scenario(what) if is_scenario(str(what)) else load_vehicle(what)
     if flights and (isinstance(what, Vehicle) or len(what.agents) > 1):
-        raise ValueError("--flights: must be left out unless a scenario of one vehicle states the law that flies")
+        raise ValueError(
+            "--flights: must be left out unless a scenario of one vehicle states the"
+            " law that flies"
+        )
     if isinstance(what, Vehicle):
         gravity = 9.81 if gravity is None else gravity
-        return assess_vehicle(what, gravity=gravity, payload=payload, poses=poses, file=file)
+        return assess_vehicle(
+            what, gravity=gravity, payload=payload, poses=poses, file=file
+        )
     if gravity is not None:
-        raise ValueError(f"--gravity = {gravity:g}: must be left out: the scenario states its own (plant.gravity)")
+        raise ValueError(
+            f"--gravity = {gravity:g}: must be left out: the scenario states its own"
+            " (plant.gravity)"
+        )
     require_shapes(what)
     if flights and payload:
-        raise ValueError(f"--payload = {payload:g}: must be left out beside --flights: state payloads in the scenario")
+        raise ValueError(
+            f"--payload = {payload:g}: must be left out beside --flights: state"
+            " payloads in the scenario"
+        )
     found = assess_scenario(what, payload=payload, poses=poses)
     if not flights:
         return found
-    flown = survival_limits(what) if found.flies else [Finding(CALM, NOTE, "not flown: a fault above")]
+    flown = (
+        survival_limits(what)
+        if found.flies
+        else [Finding(CALM, NOTE, "not flown: a fault above")]
+    )
     return replace(found, findings=(*found.findings, *flown))
 
 
 def assess_vehicle(
-    vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 0.0, poses: int = POSES, file: str = ""
+    vehicle: Vehicle,
+    *,
+    gravity: float = 9.81,
+    payload: float = 0.0,
+    poses: int = POSES,
+    file: str = "",
 ) -> Assessment:
     """Run all checks of a vehicle.
 
@@ -210,17 +284,26 @@ def assess_vehicle(
     if payload and not vehicle.end_effector:
         lacks = f"vehicle '{vehicle.name}' has no tip (end_effector){vehicle.tip_cure}"
         raise ValueError(f"--payload = {payload:g}: must be left out: {lacks}")
-    findings = causes_first([*_vehicle_findings(arm_poses(vehicle, poses, gravity), payload, file)])
+    findings = causes_first(
+        [*_vehicle_findings(arm_poses(vehicle, poses, gravity), payload, file)]
+    )
     return Assessment(vehicle.name, vehicle, gravity, payload, poses, findings)
 
 
-def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = POSES) -> Assessment:
-    """Run all checks of a scenario: its vehicles, their references against their limits, and the bodies that they hold.
+def assess_scenario(
+    scenario: Scenario, *, payload: float = 0.0, poses: int = POSES
+) -> Assessment:
+    """Run all checks of a scenario: its vehicles, their references against their
+    limits, and the bodies that they hold.
 
     Raises:
         ValueError: as :func:`assess_vehicle`.
     """
-    bodies, agents, margins = balances(scenario), dict[str, Assessment](), dict[str, list[Finding]]()
+    bodies, agents, margins = (
+        balances(scenario),
+        dict[str, Assessment](),
+        dict[str, list[Finding]](),
+    )
     # of vehicles that are equal
     once = cache(partial(assess_vehicle, payload=payload, poses=poses))
     for name in scenario.agents:
@@ -229,24 +312,34 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         try:
             carried = carried_loads(scenario, name, bodies)
             aloft = aloft_for(flight_parts(one, carried), payload)
-            along = [*along_reference(one, clearance=True, carried=carried), *push_limits(one)]
+            along = [
+                *along_reference(one, clearance=True, carried=carried),
+                *push_limits(one),
+            ]
             along += load_of(scenario, name, bodies, payload)
         except AllocationError:  # said by the vehicle's own findings
             aloft = along = []
         found = about.findings
         # which may turn rotors backwards
         if one.agent.controller.name not in SHIPPED["law"]:
-            found = tuple(replace(each, level=WARNING) if each.remedy == OWN_LAW else each for each in found)
+            found = tuple(
+                replace(each, level=WARNING) if each.remedy == OWN_LAW else each
+                for each in found
+            )
         findings = causes_first([*found, *warnings_of_scenario(one), *aloft, *along])
         if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about
-            # by itself: others are not there, and a body that turns freely in a grasp would count as unstable
+            # by itself: others are not there, and a body that turns freely in a grasp
+            # would count as unstable
             hovering = with_words(one, world=None) if bodies or one.others else one
             alike = hover_digest(hovering)
             if alike not in margins:
                 margins[alike] = delay_margin(hovering)
             findings = (*findings, *margins[alike], *pressing_flights(one))
         agents[name] = replace(about, name=name, findings=findings)
-    first, flies = next(iter(agents.values())), all(each.flies for each in agents.values())
+    first, flies = (
+        next(iter(agents.values())),
+        all(each.flies for each in agents.values()),
+    )
     shared = balance_of_bodies(bodies)
     if flies and len(agents) > 1 and bodies:
         shared += [*losses(scenario, bodies, payload), *flight_together(scenario)]
@@ -256,15 +349,28 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
 
 
 def _vehicle_findings(poses: ArmPoses, payload: float, file: str) -> list[Finding]:
-    """Results of all checks of a vehicle; without rotors a fault replaces those of thrust."""
+    """Results of all checks of a vehicle; without rotors a fault replaces those of
+    thrust.
+    """
     vehicle, gravity = poses.vehicle, poses.gravity
-    findings = [*units_of_vehicle(vehicle), *_refused_by_plant(vehicle), *disc_loading(vehicle, gravity)]
+    findings = [
+        *units_of_vehicle(vehicle),
+        *_refused_by_plant(vehicle),
+        *disc_loading(vehicle, gravity),
+    ]
     if vehicle.rotors:
         findings += rotor_layout(vehicle, gravity)
     else:
         findings.append(_no_rotors(vehicle, file))
     findings += rotors_as_joints(vehicle)
-    loads = [poses, *([poses.of(vehicle.with_payload(payload), f" with {payload:g} kg")] if payload else [])]
+    loads = [
+        poses,
+        *(
+            [poses.of(vehicle.with_payload(payload), f" with {payload:g} kg")]
+            if payload
+            else []
+        ),
+    ]
     turned = bool(vehicle.rotors) and _has_full_allocation(vehicle)
     for loaded in loads:
         if turned:
@@ -272,35 +378,67 @@ def _vehicle_findings(poses: ArmPoses, payload: float, file: str) -> list[Findin
         findings += joint_torques(loaded)
     if turned:
         findings += [*torque_authority(loads[-1]), *side_forces(loads[-1])]
-        findings += [*largest_payload(poses, payload), *largest_side_force(vehicle, gravity, payload)]
-    endurance = [each for loaded in loads for each in time_aloft(loaded.vehicle, gravity, loaded.held)]
+        findings += [
+            *largest_payload(poses, payload),
+            *largest_side_force(vehicle, gravity, payload),
+        ]
+    endurance = [
+        each
+        for loaded in loads
+        for each in time_aloft(loaded.vehicle, gravity, loaded.held)
+    ]
     return [*findings, *arm_workspace(poses), *endurance]
 
 
 def _refused_by_plant(vehicle: Vehicle) -> list[Finding]:
-    """Fault of a vehicle whose joints are too stiff for every plant, which refuses it."""
+    """Fault of a vehicle whose joints are too stiff for every plant, which refuses
+    it.
+    """
     try:
         joint_rate(vehicle)
     except VehicleError as error:
-        return [replace(finding_of_line(str(error), REFUSED, FAULT), remedy=str(error).rpartition("; ")[2])]
+        return [
+            replace(
+                finding_of_line(str(error), REFUSED, FAULT),
+                remedy=str(error).rpartition("; ")[2],
+            )
+        ]
     return []
 
 
 def _no_rotors(vehicle: Vehicle, file: str) -> Finding:
-    """Fault of a vehicle without rotors: there are none, or its file states some with gaps."""
+    """Fault of a vehicle without rotors: there are none, or its file states some with
+    gaps.
+    """
     place, writes = f"{file}, where they are missing", ""
     if not file.endswith(".toml"):
         place = "a vehicle file"
-        writes = "; of a .urdf, .xml or .sdf file this writes the vehicle file: skyarm new vehicle NAME --from FILE"
+        writes = (
+            "; of a .urdf, .xml or .sdf file this writes the vehicle file: skyarm new"
+            " vehicle NAME --from FILE"
+        )
     if vehicle.gaps:
-        return Finding("rotors", FAULT, "; ".join(vehicle.gaps), "rotors", f"state them in {place}{writes}")
+        return Finding(
+            "rotors",
+            FAULT,
+            "; ".join(vehicle.gaps),
+            "rotors",
+            f"state them in {place}{writes}",
+        )
     like = "".join(f', link = "{name}"' for name in links_like_rotors(vehicle)[:1])
-    add = f"add [[rotors]]{like}, or put it as an arm on a multirotor by [[attach]] in that one's file"
-    return Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", f"{add}{writes}")
+    add = (
+        f"add [[rotors]]{like}, or put it as an arm on a multirotor by [[attach]] in"
+        " that one's file"
+    )
+    return Finding(
+        "rotors", FAULT, "no rotors: nothing holds it up", "rotors", f"{add}{writes}"
+    )
 
 
 def _has_full_allocation(vehicle: Vehicle) -> bool:
-    """True if the rotors span all torque axes and thrust; otherwise :func:`rotor_layout` reports a fault."""
+    """True if the rotors span all torque axes and thrust; otherwise
+    :func:`rotor_layout` reports a fault.
+    """
     try:
         make_mixer(vehicle)
     except AllocationError:

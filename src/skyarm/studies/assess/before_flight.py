@@ -1,4 +1,6 @@
-"""Warnings before a flight that need neither simulated flights nor sampled arm poses."""
+"""Warnings before a flight that need neither simulated flights nor sampled arm
+poses.
+"""
 
 from __future__ import annotations
 
@@ -16,30 +18,60 @@ from skyarm.studies.assess.push_limits import largest_push, push_limits
 
 
 def warnings_before_flight(scenario: Scenario) -> list[str]:
-    """Warnings about suspicious values, a reference beyond limits, and a contact force that cannot be held."""
+    """Warnings about suspicious values, a reference beyond limits, and a contact force
+    that cannot be held.
+    """
     if scenario.is_team:
         bodies = balances(scenario) if scenario.team is not None else []
-        loads = {name: carried_loads(scenario, name, bodies) for name in scenario.agents}
-        found = {name: _warnings_of(scenario.of(name), carried) for name, carried in loads.items()}
+        loads = {
+            name: carried_loads(scenario, name, bodies) for name in scenario.agents
+        }
+        found = {
+            name: _warnings_of(scenario.of(name), carried)
+            for name, carried in loads.items()
+        }
         first, *others = found.values()
         # as those of the world
         shared = [line for line in first if all(line in lines for lines in others)]
-        own = [f"{name}: {line}" for name, lines in found.items() for line in lines if line not in shared]
+        own = [
+            f"{name}: {line}"
+            for name, lines in found.items()
+            for line in lines
+            if line not in shared
+        ]
         return [*shared, *own]
     return _warnings_of(scenario, ())
 
 
 def _warnings_of(scenario: Scenario, carried: Sequence[Load]) -> list[str]:
-    """Warnings about the flight of one vehicle with its shares of bodies that several carry."""
+    """Warnings about the flight of one vehicle with its shares of bodies that several
+    carry.
+    """
     lines, at = unlikely_numbers(scenario), largest_push(scenario)
-    findings, pushing = along_reference(scenario, carried=carried), push_limits(scenario)
+    findings, pushing = (
+        along_reference(scenario, carried=carried),
+        push_limits(scenario),
+    )
     if at is not None and scenario.worlds:
         # which can fly batches
         from skyarm.studies.assess.pressing_flights import contact_steps
 
         pushing += contact_steps(scenario, at)
     world = scenario.agent.plant
-    turned = [senses_of_rotation(world.vehicle, float(world.gravity))] if world.vehicle.rotors else []
+    turned = (
+        [senses_of_rotation(world.vehicle, float(world.gravity))]
+        if world.vehicle.rotors
+        else []
+    )
     findings += [each for each in (*turned, *pushing) if each.level == FAULT]
-    alarms = causes_first([*(finding_of_line(line, UNITS, WARNING) for line in lines), *findings])[len(lines) :]
-    return [*lines, *(f"{each.field}: {each.text}; {each.remedy}" for each in alarms if each.level in ALARMS)]
+    alarms = causes_first(
+        [*(finding_of_line(line, UNITS, WARNING) for line in lines), *findings]
+    )[len(lines) :]
+    return [
+        *lines,
+        *(
+            f"{each.field}: {each.text}; {each.remedy}"
+            for each in alarms
+            if each.level in ALARMS
+        ),
+    ]

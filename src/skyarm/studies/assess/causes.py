@@ -1,4 +1,6 @@
-"""Ordering of check alarms by cause: an alarm that follows from another one is downgraded to a note."""
+"""Ordering of check alarms by cause: an alarm that follows from another one is
+downgraded to a note.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,15 @@ from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
-from skyarm.studies.assess.finding import FAULT, LEVELS, NOTE, UNITS, WARNING, Concern, Finding
+from skyarm.studies.assess.finding import (
+    FAULT,
+    LEVELS,
+    NOTE,
+    UNITS,
+    WARNING,
+    Concern,
+    Finding,
+)
 
 ALARMS = (WARNING, FAULT)
 
@@ -18,10 +28,17 @@ def _numbers(table: str, *words: str) -> set[str]:
 # numbers of the vehicle, not of its model, a sensor, the start or the air
 ARM_WEIGHT = {"links[].mass", Concern.ARM_LOADING}
 WEIGHT = {"base.mass", Concern.BASE_LOADING} | ARM_WEIGHT
-PLACES = {f"{body}.{place}" for body in ("base", "links[]") for place in ("com", "position")}
+PLACES = {
+    f"{body}.{place}" for body in ("base", "links[]") for place in ("com", "position")
+}
 LOADS = WEIGHT | PLACES
 ROTORS = {"rotors.max_speed"} | _numbers(
-    "rotors[]", "position", "max_speed", "thrust_coefficient", "thrust_table", "moment_coefficient"
+    "rotors[]",
+    "position",
+    "max_speed",
+    "thrust_coefficient",
+    "thrust_table",
+    "moment_coefficient",
 )
 INERTIA = {"base.inertia", "links[].inertia"}
 MARGIN = {Concern.LIFT, Concern.LOADED_LIFT, Concern.THRUST_MARGIN}
@@ -55,24 +72,42 @@ FOLLOWS: Mapping[str, AbstractSet[str]] = {
     Concern.ROTORS_IN_FLIGHT: FOLLOWED | THRUST | MARGIN,
     Concern.JOINTS_IN_FLIGHT: FOLLOWED | {Concern.STATIC_EFFORT},
 }
-"""What an alarm concerns -> what the alarms concern from which it can follow; a word alone is a whole table."""
+"""What an alarm concerns -> what the alarms concern from which it can follow; a word
+alone is a whole table."""
 
 
 def causes_first(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Downgrade each alarm that follows from another alarm to a note that names the other one as its cause.
+    """Downgrade each alarm that follows from another alarm to a note that names the
+    other one as its cause.
 
-    A fault is so stated once; what follows from no other alarm stays one. An alarm causes none that is more severe,
-    but numbers in other units do, and then are as severe themselves.
+    A fault is so stated once; what follows from no other alarm stays one. An alarm
+    causes none that is more severe, but numbers in other units do, and then are as
+    severe themselves.
     """
     linked = list(findings)
     for i, each in enumerate(findings):
         causes = FOLLOWS.get(each.concerns, frozenset()) if each.level in ALARMS else ()
         for j, other in enumerate(findings):
-            enough = other.level in (FAULT, each.level, WARNING if other.question == UNITS else FAULT)
-            if i == j or not enough or not {other.concerns, other.concerns.partition(".")[0]} & {*causes}:
+            enough = other.level in (
+                FAULT,
+                each.level,
+                WARNING if other.question == UNITS else FAULT,
+            )
+            if (
+                i == j
+                or not enough
+                or not {other.concerns, other.concerns.partition(".")[0]} & {*causes}
+            ):
                 continue
-            linked[i] = replace(each, level=NOTE, text=f"{each.text}; follows from {other.field}", follows=other.field)
+            linked[i] = replace(
+                each,
+                level=NOTE,
+                text=f"{each.text}; follows from {other.field}",
+                follows=other.field,
+            )
             if linked[j].level != NOTE:
-                linked[j] = replace(linked[j], level=max(linked[j].level, each.level, key=LEVELS.index))
+                linked[j] = replace(
+                    linked[j], level=max(linked[j].level, each.level, key=LEVELS.index)
+                )
             break
     return tuple(linked)

@@ -1,4 +1,6 @@
-"""Data sheet of a vehicle as plain data and as tables: mass, hover, reach, static efforts, joints, rotors, battery."""
+"""Data sheet of a vehicle as plain data and as tables: mass, hover, reach, static
+efforts, joints, rotors, battery.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from skyarm.view.pages import Facts, Table, table_of
 
 
 def vehicle_facts(vehicle: Vehicle, gravity: float) -> Facts:
-    """Facts of a vehicle as plain data: mass, hover, reach, static efforts, joints, bodies and sources.
+    """Facts of a vehicle as plain data: mass, hover, reach, static efforts, joints,
+    bodies and sources.
 
     Raises:
         AllocationError: the rotors cannot be mixed.
@@ -34,10 +37,18 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> Facts:
         "frames": [frame.name for frame in vehicle.frames],
         "tip": vehicle.end_effector or None,
         "rotors": [rotor.name for rotor in vehicle.rotors],
-        "tilts": {rotor.name: record_facts(rotor.tilt) for rotor in vehicle.rotors if rotor.tilt is not None},
+        "tilts": {
+            rotor.name: record_facts(rotor.tilt)
+            for rotor in vehicle.rotors
+            if rotor.tilt is not None
+        },
         "joints": [record_facts(joint) for joint in vehicle.joints],
         "drives": [
-            {"joint": each.name, "drive": type(each.drive).__name__, **record_facts(each.drive)}
+            {
+                "joint": each.name,
+                "drive": type(each.drive).__name__,
+                **record_facts(each.drive),
+            }
             for each in vehicle.drives
         ],
         "battery": None if vehicle.battery is None else record_facts(vehicle.battery),
@@ -68,7 +79,9 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> Facts:
 
 def record_facts(record: Dataclass) -> Facts:
     """Convert a dataclass with numbers to a dictionary for JSON."""
-    return {name: _plain(getattr(record, name)) for name in field_names(type(record)) or ()}
+    return {
+        name: _plain(getattr(record, name)) for name in field_names(type(record)) or ()
+    }
 
 
 def _plain(value: Any) -> Plain:
@@ -83,21 +96,37 @@ def _hover(vehicle: Vehicle, gravity: float) -> Facts:
     trim = hover_trim(vehicle, tuple(0.0 for _ in vehicle.links), gravity)
     level = trim.needs_no_pull
     return {
-        "possible": level and all(w <= r.max_speed for w, r in zip(trim.speeds, vehicle.rotors, strict=True)),
-        "rotor_speeds_rad_s": [float(speed) for speed in trim.speeds] if level else None,
+        "possible": (
+            level
+            and all(
+                w <= r.max_speed
+                for w, r in zip(trim.speeds, vehicle.rotors, strict=True)
+            )
+        ),
+        "rotor_speeds_rad_s": (
+            [float(speed) for speed in trim.speeds] if level else None
+        ),
         "thrust_N": float(trim.thrust),
         "highest_thrust_N": float(highest_thrust(vehicle)),
     }
 
 
 def sheet(vehicle: Vehicle, known: Facts) -> list[Table]:
-    """Make the data sheet of a vehicle as tables: totals, joints, bodies, rotors, battery and sources."""
+    """Make the data sheet of a vehicle as tables: totals, joints, bodies, rotors,
+    battery and sources.
+    """
     sections: dict[str, Mapping[str, Dataclass]] = {
         "joints": {joint.name: joint for joint in vehicle.joints},
-        "drives: what the joints take in place of a torque": {each.name: each.drive for each in vehicle.drives},
-        "bodies, inertia about the centre of mass": dict(zip(_bodies(vehicle), vehicle.bodies, strict=True)),
+        "drives: what the joints take in place of a torque": {
+            each.name: each.drive for each in vehicle.drives
+        },
+        "bodies, inertia about the centre of mass": dict(
+            zip(_bodies(vehicle), vehicle.bodies, strict=True)
+        ),
         "rotors": {rotor.name: rotor for rotor in vehicle.rotors},
-        "servos that turn rotors, at rest at 0 rad": {r.name: r.tilt for r in vehicle.rotors if r.tilt is not None},
+        "servos that turn rotors, at rest at 0 rad": {
+            r.name: r.tilt for r in vehicle.rotors if r.tilt is not None
+        },
         "battery": {} if vehicle.battery is None else {"": vehicle.battery},
     }
     title = f"{vehicle.name}, g = {known['gravity_m_s2']:g} m/s^2, arm at zero"
@@ -106,12 +135,29 @@ def sheet(vehicle: Vehicle, known: Facts) -> list[Table]:
         kinds = dict.fromkeys(map(type, records.values()))
         for kind in kinds:
             heading = f"{title}: {kind.__name__}" if len(kinds) > 1 else title
-            tables += _tables(heading, {name: each for name, each in records.items() if type(each) is kind})
+            tables += _tables(
+                heading,
+                {name: each for name, each in records.items() if type(each) is kind},
+            )
     if vehicle.gaps:
-        tables.append(table_of(("",), zip(vehicle.gaps, strict=True), title="gaps: what its rotors lack to fly"))
+        tables.append(
+            table_of(
+                ("",),
+                zip(vehicle.gaps, strict=True),
+                title="gaps: what its rotors lack to fly",
+            )
+        )
     notes = "notes: what its file says that was left out, or taken in another way"
-    tables += [table_of(("",), zip(vehicle.notes, strict=True), title=notes)] if vehicle.notes else []
-    return tables + ([table_of(("", ""), vehicle.sources, left=2, title="sources")] if vehicle.sources else [])
+    tables += (
+        [table_of(("",), zip(vehicle.notes, strict=True), title=notes)]
+        if vehicle.notes
+        else []
+    )
+    return tables + (
+        [table_of(("", ""), vehicle.sources, left=2, title="sources")]
+        if vehicle.sources
+        else []
+    )
 
 
 APART = ("name", "tilt")
@@ -119,7 +165,9 @@ APART = ("name", "tilt")
 
 
 def _tables(title: str, records: Mapping[str, Dataclass]) -> Iterator[Table]:
-    """Make tables of similar vehicle parts, such as rotors: a column per differing field, then the equal fields."""
+    """Make tables of similar vehicle parts, such as rotors: a column per differing
+    field, then the equal fields.
+    """
     kind = type(next(iter(records.values())))
     differ: dict[str, list[str]] = {}
     shared: dict[str, str] = {}
@@ -133,26 +181,44 @@ def _tables(title: str, records: Mapping[str, Dataclass]) -> Iterator[Table]:
             shared[words] = cells[0]
         else:
             differ[words] = cells
-    yield table_of(("", *differ), zip(records, *differ.values(), strict=True), title=title)
+    yield table_of(
+        ("", *differ), zip(records, *differ.values(), strict=True), title=title
+    )
     if shared:
         yield table_of(("", ""), shared.items(), left=2, title="all of them")
 
 
 def _cell(value: Tree) -> str:
-    """Format the numbers of a field for a table cell; an infinite limit becomes "none"."""
+    """Format the numbers of a field for a table cell; an infinite limit becomes
+    "none".
+    """
     if isinstance(value, str):
         return value
-    numbers = [float(each) for _, each in walk(value) if each is not None and not isinstance(each, str)]
-    return " ".join("none" if math.isinf(each) else shown_number(each, 6) for each in numbers)
+    numbers = [
+        float(each)
+        for _, each in walk(value)
+        if each is not None and not isinstance(each, str)
+    ]
+    return " ".join(
+        "none" if math.isinf(each) else shown_number(each, 6) for each in numbers
+    )
 
 
 def _whole(vehicle: Vehicle, facts: Facts) -> Iterator[tuple[str, str]]:
-    """Yield name and text of each property of a whole vehicle: mass, frames, hover, reach and static efforts."""
+    """Yield name and text of each property of a whole vehicle: mass, frames, hover,
+    reach and static efforts.
+    """
     yield "mass", f"{shown_number(facts['mass_kg'], 5)} kg"
-    yield "centre of mass from base origin", ", ".join(shown_number(1e3 * c) for c in facts["centre_of_mass_m"]) + " mm"
+    yield (
+        "centre of mass from base origin",
+        ", ".join(shown_number(1e3 * c) for c in facts["centre_of_mass_m"]) + " mm",
+    )
     if vehicle.planar:
         yield "inertia", "planar model: may be the model of a controller, not flown"
-    frames = [f"{name} (end effector)" if name == vehicle.end_effector else name for name in facts["frames"]]
+    frames = [
+        f"{name} (end effector)" if name == vehicle.end_effector else name
+        for name in facts["frames"]
+    ]
     yield "frames", ", ".join(frames) or "none"
     yield "rotors", ", ".join(facts["rotors"]) or "none"
     hover = facts["hover"]
@@ -161,17 +227,32 @@ def _whole(vehicle: Vehicle, facts: Facts) -> Iterator[tuple[str, str]]:
     elif hover:
         speeds = sorted({round(w, 2) for w in hover["rotor_speeds_rad_s"]})
         shown = " ... ".join(f"{w:g}" for w in dict.fromkeys((speeds[0], speeds[-1])))
-        beyond = "" if hover["possible"] else ": not possible, a rotor would have to turn faster than its limit"
+        beyond = (
+            ""
+            if hover["possible"]
+            else ": not possible, a rotor would have to turn faster than its limit"
+        )
         yield "hover rotor speed", f"{shown} rad/s{beyond}"
         top = hover["highest_thrust_N"]
         if top < math.inf:
             ratio = shown_number(top / hover["thrust_N"])
-            yield "thrust margin", f"{ratio} times its weight ({shown_number(top, 4)} N)"
+            yield (
+                "thrust margin",
+                f"{ratio} times its weight ({shown_number(top, 4)} N)",
+            )
     if not vehicle.links:
         return
     reached, tip = facts["reach_m"], vehicle.end_effector
-    none = "none: the end effector is fixed to the base" if tip else "unknown: no end effector"
-    searched = "all joint values" if vehicle.n <= MANY else f"{samples_of(vehicle.n)} random joint values"
+    none = (
+        "none: the end effector is fixed to the base"
+        if tip
+        else "unknown: no end effector"
+    )
+    searched = (
+        "all joint values"
+        if vehicle.n <= MANY
+        else f"{samples_of(vehicle.n)} random joint values"
+    )
     yield (
         "arm reach from its first joint",
         none if reached is None else f"{shown_number(reached, 4)} m, over {searched}",
@@ -180,8 +261,13 @@ def _whole(vehicle: Vehicle, facts: Facts) -> Iterator[tuple[str, str]]:
         torque, limit = facts["static_efforts"][each["name"]], each["effort_limit"]
         unit = "N m" if each["kind"] == "revolute" else "N"
         margin = f", limit {limit:g} {unit}" if limit < math.inf else ""
-        margin += f", margin {limit / torque:.3g}" if margin and torque > NOTHING else ""
-        yield f"largest static effort of {each['name']}", f"{shown_number(torque)} {unit}{margin}"
+        margin += (
+            f", margin {limit / torque:.3g}" if margin and torque > NOTHING else ""
+        )
+        yield (
+            f"largest static effort of {each['name']}",
+            f"{shown_number(torque)} {unit}{margin}",
+        )
     yield "static efforts", f"for a level base, over {searched}"
 
 

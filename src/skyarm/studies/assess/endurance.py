@@ -18,19 +18,44 @@ SHORTEST = 120.0
 
 
 def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding]:
-    """Check result for the hover endurance with the arm at zero; a note if the vehicle has no battery."""
+    """Check result for the hover endurance with the arm at zero; a note if the vehicle
+    has no battery.
+    """
     question = f"time aloft{held}"
     if vehicle.battery is None:
-        return [Finding(question, NOTE, "not known: the vehicle's file describes no battery", "battery")]
+        return [
+            Finding(
+                question,
+                NOTE,
+                "not known: the vehicle's file describes no battery",
+                "battery",
+            )
+        ]
     if not _hovers(vehicle, gravity):
-        text = "none: the rotors hold no level hover with the arm at zero, at any voltage"
+        text = (
+            "none: the rotors hold no level hover with the arm at zero, at any voltage"
+        )
         return [Finding(question, NOTE, text, "rotors")]
     try:
         hover = hover_time(vehicle, gravity)
     except VehicleError:
-        text = "the battery holds no level hover: too little charge, voltage, or power through its resistance"
-        remedy = "more cells or charge, or check battery.resistance (ohm) and rotors.thrust_table.current (A)"
-        return [Finding(question, FAULT, text, "battery.charge, battery.cells, battery.resistance", remedy)]
+        text = (
+            "the battery holds no level hover: too little charge, voltage, or power"
+            " through its resistance"
+        )
+        remedy = (
+            "more cells or charge, or check battery.resistance (ohm) and"
+            " rotors.thrust_table.current (A)"
+        )
+        return [
+            Finding(
+                question,
+                FAULT,
+                text,
+                "battery.charge, battery.cells, battery.resistance",
+                remedy,
+            )
+        ]
     left = f", {hover.charge:.0%} of the charge left" if hover.charge > 0.01 else ""
     text = f"{hover.seconds / 60.0:.3g} min of hover at {hover.power:.3g} W{left}"
     words = (text, "battery.capacity", "more capacity, more cells, or less mass")
@@ -38,7 +63,8 @@ def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding
 
 
 def aloft_for(parts: Sequence[FlightPart], payload: float = 0.0) -> list[Finding]:
-    """Check result for the battery: a fault if hover endurance with the flight's loads is below its duration.
+    """Check result for the battery: a fault if hover endurance with the flight's loads
+    is below its duration.
 
     Args:
         parts: parts of the flight, each with its loads.
@@ -50,7 +76,10 @@ def aloft_for(parts: Sequence[FlightPart], payload: float = 0.0) -> list[Finding
     charge = float(battery.charge)
     for part in parts:
         vehicle = part.vehicle.with_payload(payload) if payload else part.vehicle
-        gravity, lasts = float(part.scenario.agent.plant.gravity), part.stop - part.start
+        gravity, lasts = (
+            float(part.scenario.agent.plant.gravity),
+            part.stop - part.start,
+        )
         if vehicle.battery is None or not _hovers(vehicle, gravity):
             return []  # a fault of the rotors, found elsewhere
         try:
@@ -68,9 +97,13 @@ def aloft_for(parts: Sequence[FlightPart], payload: float = 0.0) -> list[Finding
             break
     field = "battery.charge" if float(battery.charge) < 1.0 else "battery.capacity"
     loads = " with its loads" if payload or any(part.words for part in parts) else ""
-    text = f"holds a hover{loads} for {seconds:.3g} s, and the flight takes {duration:g} s"
+    text = (
+        f"holds a hover{loads} for {seconds:.3g} s, and the flight takes {duration:g} s"
+    )
     words = (text, field, f"more of {field}, or a shorter duration")
-    return [at_least("battery over the flight", seconds, *words, fault=duration, unit="s")]
+    return [
+        at_least("battery over the flight", seconds, *words, fault=duration, unit="s")
+    ]
 
 
 def _hovers(vehicle: Vehicle, gravity: float) -> bool:
@@ -81,7 +114,10 @@ def _hovers(vehicle: Vehicle, gravity: float) -> bool:
         return False
     if not trim.needs_no_pull:
         return False
-    return all(float(w) <= float(rotor.max_speed) for w, rotor in zip(trim.speeds, vehicle.rotors, strict=True))
+    return all(
+        float(w) <= float(rotor.max_speed)
+        for w, rotor in zip(trim.speeds, vehicle.rotors, strict=True)
+    )
 
 
 STEPS = 2000
@@ -104,34 +140,52 @@ class HoverTime:
     voltage: float
 
 
-def hover_time(vehicle: Vehicle, gravity: float = 9.81, longest: float = math.inf) -> HoverTime:
-    """Endurance of a vehicle in level, motionless hover on its battery, arm at zero, until ``longest`` (s).
+def hover_time(
+    vehicle: Vehicle, gravity: float = 9.81, longest: float = math.inf
+) -> HoverTime:
+    """Endurance of a vehicle in level, motionless hover on its battery, arm at zero,
+    until ``longest`` (s).
 
-    The load is constant power P, so that the charge q falls by dq/dt = -P / (V(q) capacity); it is summed over the
-    charge by the midpoint rule, until the battery is empty, cannot give P (V_0^2 < 4 R P), or its voltage lets a rotor
-    turn no faster than the hover takes.
+    The load is constant power P, so that the charge q falls by dq/dt = -P / (V(q)
+    capacity); it is summed over the charge by the midpoint rule, until the battery is
+    empty, cannot give P (V_0^2 < 4 R P), or its voltage lets a rotor turn no faster
+    than the hover takes.
 
     Raises:
         VehicleError: no battery, or no hover at a full one.
     """
     battery = vehicle.battery
     if battery is None:
-        raise VehicleError(f"vehicle '{vehicle.name}': battery = (missing): must be a table for a time aloft")
+        raise VehicleError(
+            f"vehicle '{vehicle.name}': battery = (missing): must be a table for a time"
+            " aloft"
+        )
     trim = hover_trim(vehicle, vehicle.zeros, gravity)
     power = float(battery.power(vehicle.rotors, trim.speeds))
-    share = max(float(w) / float(r.max_speed) for w, r in zip(trim.speeds, vehicle.rotors, strict=True))
+    share = max(
+        float(w) / float(r.max_speed)
+        for w, r in zip(trim.speeds, vehicle.rotors, strict=True)
+    )
     least = share * float(battery.reference_voltage)
 
     def voltage_at(charge: float) -> float | None:
-        """Battery voltage (V) in hover at a state of charge; None if the battery cannot supply the hover."""
-        voltage, idle = float(battery.voltage(charge, power)), float(battery.open_circuit_voltage(charge))
+        """Battery voltage (V) in hover at a state of charge; None if the battery cannot
+        supply the hover.
+        """
+        voltage, idle = (
+            float(battery.voltage(charge, power)),
+            float(battery.open_circuit_voltage(charge)),
+        )
         gives = idle * idle >= 4.0 * float(battery.resistance) * power
         return voltage if charge > 0.0 and gives and voltage >= least else None
 
     start = float(battery.charge)
     voltage = voltage_at(start)
     if not trim.needs_no_pull or voltage is None:
-        raise VehicleError(f"vehicle '{vehicle.name}': battery.charge = {start:g}: must be enough for a level hover")
+        raise VehicleError(
+            f"vehicle '{vehicle.name}': battery.charge = {start:g}: must be enough for"
+            " a level hover"
+        )
     seconds, charge, width = 0.0, start, start / STEPS
     for i in range(STEPS):
         middle = voltage_at(start - (i + 0.5) * width)

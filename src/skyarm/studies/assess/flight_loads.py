@@ -1,4 +1,6 @@
-"""Payloads carried and parameter changes over a flight, as intervals of constant load."""
+"""Payloads carried and parameter changes over a flight, as intervals of constant
+load.
+"""
 
 from __future__ import annotations
 
@@ -21,18 +23,22 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle import Body, Vehicle
 
 AT_ONCE = 1 << 14
-"""Number of control periods whose frames are computed at once, which bounds the memory of a long flight."""
+"""Number of control periods whose frames are computed at once, which bounds the memory
+of a long flight."""
 
 OF_THE_LAW = ("model", "controller", "estimator", "sensors", "endings")
-"""Prefixes of the paths of changes that do not alter plant, surroundings or reference."""
+"""Prefixes of the paths of changes that do not alter plant, surroundings or
+reference."""
 
 
 @positional
 class Load:
-    """Payload carried for part of a flight; one on a sling counts as a point mass at its attachment frame.
+    """Payload carried for part of a flight; one on a sling counts as a point mass at
+    its attachment frame.
 
     Attributes:
-        name: name of the payload. start, stop: s. mass: kg. body: (link, body) of it on a vehicle.
+        name: name of the payload. start, stop: s. mass: kg. body: (link, body) of it on
+            a vehicle.
     """
 
     name: str
@@ -44,10 +50,12 @@ class Load:
 
 @positional
 class FlightPart:
-    """Time interval of a flight during which payloads and scheduled parameters are constant.
+    """Time interval of a flight during which payloads and scheduled parameters are
+    constant.
 
     Attributes:
-        start, stop: s. scenario: scenario with the changes so far. vehicle: the plant with its loads.
+        start, stop: s. scenario: scenario with the changes so far. vehicle: the plant
+            with its loads.
         words: text of the load, as " with 0.3 kg (box)"; empty without a load.
     """
 
@@ -59,16 +67,31 @@ class FlightPart:
 
 
 def flight_parts(scenario: Scenario, carried: Sequence[Load] = ()) -> list[FlightPart]:
-    """Divide a scenario's flight into time intervals of constant payload and parameters, in order.
+    """Divide a scenario's flight into time intervals of constant payload and
+    parameters, in order.
 
-    ``carried`` are loads beside the scenario's payloads: shares of bodies that several vehicles carry.
+    ``carried`` are loads beside the scenario's payloads: shares of bodies that several
+    vehicles carry.
     """
-    of_the_world = tuple(c for c in scenario.changes if c.path.split(".", maxsplit=1)[0] not in OF_THE_LAW)
+    of_the_world = tuple(
+        c
+        for c in scenario.changes
+        if c.path.split(".", maxsplit=1)[0] not in OF_THE_LAW
+    )
     scenario = dataclasses.replace(scenario.as_begun, changes=of_the_world)
     loads = [*_payloads(scenario), *carried]
-    changed = [(each.start / scenario.rates.control, each.overrides.of(scenario)) for each in stretches(scenario)]
-    edges = {start for start, _ in changed} | {t for load in loads for t in (load.start, load.stop)}
-    cuts = [0.0, *sorted(t for t in edges if 0.0 < t < scenario.duration), scenario.duration]
+    changed = [
+        (each.start / scenario.rates.control, each.overrides.of(scenario))
+        for each in stretches(scenario)
+    ]
+    edges = {start for start, _ in changed} | {
+        t for load in loads for t in (load.start, load.stop)
+    }
+    cuts = [
+        0.0,
+        *sorted(t for t in edges if 0.0 < t < scenario.duration),
+        scenario.duration,
+    ]
     parts = []
     for start, stop in pairwise(cuts):
         now = [each for t, each in changed if t <= start][-1]
@@ -76,18 +99,32 @@ def flight_parts(scenario: Scenario, carried: Sequence[Load] = ()) -> list[Fligh
         vehicle = now.agent.vehicle
         for load in carried:
             vehicle = vehicle.with_body(*load.body(vehicle))
-        kilograms = f"{math.fsum(load.mass for load in carried):g} kg ({', '.join(load.name for load in carried)})"
-        parts.append(FlightPart(start, stop, now, vehicle, f" with {kilograms}" if carried else ""))
+        kilograms = (
+            f"{math.fsum(load.mass for load in carried):g} kg"
+            f" ({', '.join(load.name for load in carried)})"
+        )
+        parts.append(
+            FlightPart(
+                start, stop, now, vehicle, f" with {kilograms}" if carried else ""
+            )
+        )
     return parts
 
 
 def _payloads(scenario: Scenario) -> list[Load]:
-    """Payloads with pick-up and release times, each set by a time or by the reference's arrival at a position."""
+    """Payloads with pick-up and release times, each set by a time or by the reference's
+    arrival at a position.
+    """
     loads = []
     for i, payload in enumerate(scenario.agent.payloads):
         start = stop = math.inf
         for times in _control_instants(scenario):
-            pick, drop = map(np.asarray, payload.events_reached(times, Vec3(*_along(scenario, payload.frame, times))))
+            pick, drop = map(
+                np.asarray,
+                payload.events_reached(
+                    times, Vec3(*_along(scenario, payload.frame, times))
+                ),
+            )
             if math.isinf(start):
                 start = _first(times, pick)
             stop = _first(times, drop & (times > start))
@@ -115,12 +152,16 @@ def reference_at(scenario: Scenario, time: Array) -> Reference:
     """Reference trajectory of the controller at many times."""
     path = scenario.agent.path_time
     return (
-        scenario.agent.reference.at(time) if path is None else governed_reference(scenario.agent.reference, path, time)
+        scenario.agent.reference.at(time)
+        if path is None
+        else governed_reference(scenario.agent.reference, path, time)
     )
 
 
 def _along(scenario: Scenario, frame: str, time: Array) -> Array:
-    """World positions (3, K) of a vehicle frame (m) at K times, if a level base tracks the reference exactly."""
+    """World positions (3, K) of a vehicle frame (m) at K times, if a level base tracks
+    the reference exactly.
+    """
     reference, vehicle = reference_at(scenario, time), scenario.agent.vehicle
     half = 0.5 * doubles(reference.yaw)
     state = State(

@@ -12,7 +12,16 @@ from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.records.arrays import Array, Mask, stack_values
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses
-from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Concern, Details, Finding, at_most
+from skyarm.studies.assess.finding import (
+    FAULT,
+    NOTE,
+    OK,
+    WARNING,
+    Concern,
+    Details,
+    Finding,
+    at_most,
+)
 from skyarm.vehicle import BASE, Vehicle
 
 NOTHING = 1e-12
@@ -20,7 +29,9 @@ NOTHING = 1e-12
 
 
 def joint_torques(poses: ArmPoses) -> list[Finding]:
-    """Check results for each joint's largest static torque or force against its limit, over all arm poses."""
+    """Check results for each joint's largest static torque or force against its limit,
+    over all arm poses.
+    """
     vehicle, load = poses.vehicle, poses.held
     if not vehicle.n:
         return []
@@ -28,8 +39,14 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
     static = np.where(-least > NOTHING, -least, 0.0)
     findings = []
     servos = servos_of(vehicle)
-    for link, limit, value, pose in zip(vehicle.links, effort_limits(vehicle), static, at, strict=True):
-        joint, unit, name = link.joint, link.joint.units[1], f"joints[{link.joint.name}]"
+    for link, limit, value, pose in zip(
+        vehicle.links, effort_limits(vehicle), static, at, strict=True
+    ):
+        joint, unit, name = (
+            link.joint,
+            link.joint.units[1],
+            f"joints[{link.joint.name}]",
+        )
         question = f"{name} static effort{load}"
         if float(joint.effort_limit) == 0.0:
             findings.append(Finding(question, NOTE, "passive: no drive holds it", name))
@@ -37,28 +54,50 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
         field = stronger = f"{name}.effort_limit"
         if joint.name in servos and limit < float(joint.effort_limit):
             field = f"drives.{joint.name}"
-            stronger = f"{field}: gear, torque_constant, voltage over resistance, current_limit"
+            stronger = (
+                f"{field}: gear, torque_constant, voltage over resistance,"
+                " current_limit"
+            )
         stated = f" of {limit:g}" if limit < math.inf else ", no limit stated"
         words = (f"up to {value:.3g} {unit}{stated} to hold the arm", field)
         remedy = f"a stronger drive ({stronger}) or a lighter, shorter arm"
         shown = float(limit) if limit < math.inf else math.nan
-        more = Details(limit=shown, unit=unit, joints=pose, concerns=Concern.STATIC_EFFORT)
-        findings.append(at_most(question, float(value), *words, remedy, fault=float(limit), **more))
+        more = Details(
+            limit=shown, unit=unit, joints=pose, concerns=Concern.STATIC_EFFORT
+        )
+        findings.append(
+            at_most(question, float(value), *words, remedy, fault=float(limit), **more)
+        )
     return findings
 
 
 def servos_of(vehicle: Vehicle) -> dict[str, Servo]:
     """Servos of a vehicle by joint name."""
-    return {each.name: each.drive for each in vehicle.drives if isinstance(each.drive, Servo)}
+    return {
+        each.name: each.drive
+        for each in vehicle.drives
+        if isinstance(each.drive, Servo)
+    }
 
 
 def effort_limits(vehicle: Vehicle) -> Array:
-    """Effort limit (n,) of each joint, N m or N: of the joint or its servo at rest; infinite if passive."""
+    """Effort limit (n,) of each joint, N m or N: of the joint or its servo at rest;
+    infinite if passive.
+    """
     servos = servos_of(vehicle)
-    limits = {joint.name: float(joint.effort_limit) or math.inf for joint in vehicle.joints}
-    return np.array([
-        min(limit, float(servos[name].largest_effort())) if name in servos else limit for name, limit in limits.items()
-    ])
+    limits = {
+        joint.name: float(joint.effort_limit) or math.inf for joint in vehicle.joints
+    }
+    return np.array(
+        [
+            (
+                min(limit, float(servos[name].largest_effort()))
+                if name in servos
+                else limit
+            )
+            for name, limit in limits.items()
+        ]
+    )
 
 
 OFTEN = 0.05
@@ -68,12 +107,18 @@ OFTEN = 0.05
 def servos(scenario: Scenario) -> list[tuple[int, Servo]]:
     """Servos of a scenario, each with the index of the joint that it drives."""
     given = {each.joint: each.drive for each in scenario.agent.joint_drives}
-    named = [(i, given.get(joint.name)) for i, joint in enumerate(scenario.agent.vehicle.joints)]
+    named = [
+        (i, given.get(joint.name))
+        for i, joint in enumerate(scenario.agent.vehicle.joints)
+    ]
     return [(i, drive) for i, drive in named if isinstance(drive, Servo)]
 
 
-def servo_speeds(scenario: Scenario, time: Array, every_rate: Array, share: Callable[[Mask], float]) -> list[Finding]:
-    """Results of checking each servo's fastest reference rate against its rate limit and no-load speed.
+def servo_speeds(
+    scenario: Scenario, time: Array, every_rate: Array, share: Callable[[Mask], float]
+) -> list[Finding]:
+    """Results of checking each servo's fastest reference rate against its rate limit
+    and no-load speed.
 
     Args:
         scenario: scenario whose reference is followed exactly.
@@ -83,17 +128,30 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array, share: Call
     """
     findings = []
     for i, servo in servos(scenario):
-        joint, top = scenario.agent.vehicle.links[i].joint, min(float(servo.speed_limit), servo.no_load_speed)
+        joint, top = (
+            scenario.agent.vehicle.links[i].joint,
+            min(float(servo.speed_limit), servo.no_load_speed),
+        )
         if math.isinf(top):
             continue
         rates, unit = np.abs(every_rate[i]), f"{joint.units[0]}/s"
         k = int(np.argmax(rates))
         late = share(rates > top)
-        field = f"drives.{joint.name}.speed_limit" if top == servo.speed_limit else f"drives.{joint.name}.voltage"
+        field = (
+            f"drives.{joint.name}.speed_limit"
+            if top == servo.speed_limit
+            else f"drives.{joint.name}.voltage"
+        )
         level = OK if not late else FAULT if late > OFTEN else WARNING
-        text = f"the reference asks for up to {rates[k]:.3g} {unit} (at {time[k]:.3g} s), the servo turns at {top:.3g}"
+        text = (
+            f"the reference asks for up to {rates[k]:.3g} {unit} (at {time[k]:.3g} s),"
+            f" the servo turns at {top:.3g}"
+        )
         text += f": too fast for {late:.1%} of the flight" if late else ""
-        question, remedy = f"joints[{joint.name}] servo's speed", f"a slower reference, or more of {field}"
+        question, remedy = (
+            f"joints[{joint.name}] servo's speed",
+            f"a slower reference, or more of {field}",
+        )
         words = (level, text, field, remedy, rates[k], top, unit)
         findings.append(Finding(question, *words, concerns=Concern.SERVO_SPEED))
     return findings
@@ -104,14 +162,22 @@ def arm_workspace(poses: ArmPoses) -> list[Finding]:
     vehicle = poses.vehicle
     if not vehicle.end_effector or vehicle.frame().link == BASE:
         return []
-    ends, _ = poses.worst(lambda joints: np.vstack([tip_places(vehicle, joints).T, -tip_places(vehicle, joints).T]))
+    ends, _ = poses.worst(
+        lambda joints: np.vstack(
+            [tip_places(vehicle, joints).T, -tip_places(vehicle, joints).T]
+        )
+    )
     low, high = (np.round(each, 9) + 0.0 for each in (ends[:3], -ends[3:]))
-    box = ", ".join(f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True))
+    box = ", ".join(
+        f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True)
+    )
     return [Finding("workspace", OK, f"tip in base axes: {box} m", "frames")]
 
 
 def tip_places(vehicle: Vehicle, joints: Array) -> Array:
     """Tip positions (poses, 3) in base axes, m."""
     frame = vehicle.frame()
-    place = link_poses(vehicle, tuple(joints.T))[frame.link] @ Pose(frame.rotation, frame.position)
+    place = link_poses(vehicle, tuple(joints.T))[frame.link] @ Pose(
+        frame.rotation, frame.position
+    )
     return stack_values(len(joints), place.p).T

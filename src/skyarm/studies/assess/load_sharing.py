@@ -1,7 +1,9 @@
-"""Load sharing: static equilibrium of the bodies that grasps hold, and the load of each vehicle by its grasps.
+"""Load sharing: static equilibrium of the bodies that grasps hold, and the load of each
+vehicle by its grasps.
 
-A body hangs in the springs of its grasps, whose frames stay where they are at the start of the flight: the wrenches h
-balance its weight, G h = -w, with the least elastic energy, and cables only pull.
+A body hangs in the springs of its grasps, whose frames stay where they are at the start
+of the flight: the wrenches h balance its weight, G h = -w, with the least elastic
+energy, and cables only pull.
 
 Source: Murray, Li, Sastry 1994, section 5.3 (grasp map G).
 """
@@ -37,7 +39,8 @@ WITH_SHARE = " with its share"
 """Words behind the questions about a vehicle that bears its share of the bodies."""
 
 LEVER = 1e-4
-"""Lever (m) of a weight about its grasps, and slope of its cables, that count as rounding."""
+"""Lever (m) of a weight about its grasps, and slope of its cables, that count as
+rounding."""
 
 ROUNDING = 1e-9
 """Stiffness over the largest, and force over the weight, that count as zero."""
@@ -49,11 +52,16 @@ class Balance:
 
     Attributes:
         body: name of the body. weight: N. grasps: those that hold it.
-        wrenches: (grasps, 6) force (N) and torque (N m) of each on the body at its place, world axes.
-        loads: what each adds to the base torque (N m), base force (N) and joint efforts of its vehicle, (6 + n) each.
-        determined: whether geometry alone gives the vertical forces, whatever the stiffness of the grasps.
-        departure: how the body leaves its pose, after which it hangs from its grasps; empty in stable equilibrium.
-        remarks: slack cables, and surfaces that the body rests on, without which it is balanced here.
+        wrenches: (grasps, 6) force (N) and torque (N m) of each on the body at its
+            place, world axes.
+        loads: what each adds to the base torque (N m), base force (N) and joint efforts
+            of its vehicle, (6 + n) each.
+        determined: whether geometry alone gives the vertical forces, whatever the
+            stiffness of the grasps.
+        departure: how the body leaves its pose, after which it hangs from its grasps;
+            empty in stable equilibrium.
+        remarks: slack cables, and surfaces that the body rests on, without which it is
+            balanced here.
     """
 
     body: str
@@ -67,28 +75,55 @@ class Balance:
 
     def share(self, agent: str) -> float:
         """Vertical force (N) of a vehicle's grasps on the body."""
-        return float(self.wrenches[[each.agent in ("", agent) for each in self.grasps], 2].sum())
+        return float(
+            self.wrenches[[each.agent in ("", agent) for each in self.grasps], 2].sum()
+        )
 
 
 def balances(scenario: Scenario, lost: str = "") -> list[Balance]:
-    """Static equilibrium of every object that grasps hold at the start of a flight; mechanisms have their own bearings.
+    """Static equilibrium of every object that grasps hold at the start of a flight;
+    mechanisms have their own bearings.
 
     Args:
         scenario: the whole one, of all vehicles.
         lost: name of a vehicle whose grasps are open.
     """
     solved = []
-    for contact in scenario.worlds if any(each.grasps for each in scenario.worlds) else ():
+    for contact in (
+        scenario.worlds if any(each.grasps for each in scenario.worlds) else ()
+    ):
         alone = [scenario.of(name) for name in scenario.agents]
-        plants, states = [each.agent.plant for each in alone], [first_state(each) for each in alone]
-        motion, memory = motions_of(plants, states, tuple(scenario.agents))[0], contact.start(0.0, ())
-        pulls = [row for row in contact.gripping.pulls(memory, motion, 0.0) if float(row[0].release) > 0.0]
+        plants, states = (
+            [each.agent.plant for each in alone],
+            [first_state(each) for each in alone],
+        )
+        motion, memory = (
+            motions_of(plants, states, tuple(scenario.agents))[0],
+            contact.start(0.0, ()),
+        )
+        pulls = [
+            row
+            for row in contact.gripping.pulls(memory, motion, 0.0)
+            if float(row[0].release) > 0.0
+        ]
         for index, thing in enumerate(contact.objects):
-            rows = [(grasp, pull.place, frame.position) for grasp, of, pull, frame in pulls if of == index]
-            weight, middle = float(thing.mass * motion.gravity), float_array(memory.carried[index].position)
+            rows = [
+                (grasp, pull.place, frame.position)
+                for grasp, of, pull, frame in pulls
+                if of == index
+            ]
+            weight, middle = (
+                float(thing.mass * motion.gravity),
+                float_array(memory.carried[index].position),
+            )
             if rows and weight > 0.0:
-                left, remarks = [r for r in rows if not lost or r[0].agent != lost], _remarks(contact, index, motion)
-                solved.append(_balance(thing.name, weight, middle, left, motion, remarks))
+                left, remarks = (
+                    [r for r in rows if not lost or r[0].agent != lost],
+                    _remarks(contact, index, motion),
+                )
+                solved.append(
+                    _balance(thing.name, weight, middle, left, motion, remarks)
+                )
     return solved
 
 
@@ -99,13 +134,22 @@ def _remarks(contact: Contact, index: int, motion: PointMotion) -> list[str]:
     names = {
         each.surface if each.by == index else contact.carriers[each.by].name
         for each in contact.meetings(contact.start(0.0, ()), motion)
-        if index in (each.by, each.of) and each.by != NOBODY and float(each.touch.depth) > -LEVER
+        if index in (each.by, each.of)
+        and each.by != NOBODY
+        and float(each.touch.depth) > -LEVER
     }
-    return [f"touches {name} at the start: its shares are those once it is lifted" for name in sorted(names)]
+    return [
+        f"touches {name} at the start: its shares are those once it is lifted"
+        for name in sorted(names)
+    ]
 
 
 def _balance(
-    body: str, weight: float, middle: Array, rows: Sequence[tuple[Grasp, Vec3, Vec3]], motion: PointMotion,
+    body: str,
+    weight: float,
+    middle: Array,
+    rows: Sequence[tuple[Grasp, Vec3, Vec3]],
+    motion: PointMotion,
     remarks: list[str],
 ) -> Balance:
     """Static equilibrium of a body.
@@ -114,23 +158,38 @@ def _balance(
         body: name of the body.
         weight: N.
         middle: (3,) centre of mass, m, world axes.
-        rows: grasps, each with its place on the body and with the vehicle's frame, m, world axes.
+        rows: grasps, each with its place on the body and with the vehicle's frame, m,
+            world axes.
         motion: motions of the vehicles at the start.
         remarks: remarks about the body.
     """
-    grasps, places = [row[0] for row in rows], np.array([float_array(row[1]) for row in rows]).reshape(-1, 3)
+    grasps, places = (
+        [row[0] for row in rows],
+        np.array([float_array(row[1]) for row in rows]).reshape(-1, 3),
+    )
     lines = np.array([float_array(row[2] - row[1]) for row in rows]).reshape(-1, 3)
     stretch, K = np.pad(lines, ((0, 0), (0, 3))), np.zeros((len(rows), 6, 6))
     for i, grasp in enumerate(grasps):
-        k, turning, far = float(grasp.stiffness), float(grasp.radius) ** 2, norm(lines[i])
+        k, turning, far = (
+            float(grasp.stiffness),
+            float(grasp.radius) ** 2,
+            norm(lines[i]),
+        )
         K[i] = k * np.diag([1.0, 1.0, 1.0, *(3 * [turning * (grasp.kind == "fixed")])])
         if grasp.kind == "cable" and far:
             K[i, :3, :3] = k * np.outer(lines[i], lines[i]) / far**2
             stretch[i] *= 1.0 - float(grasp.length) / far
-    cables, up = np.array([each.kind == "cable" for each in grasps], dtype=bool), np.array([0.0, 0.0, weight])
+    cables, up = (
+        np.array([each.kind == "cable" for each in grasps], dtype=bool),
+        np.array([0.0, 0.0, weight]),
+    )
     while True:
-        # about a place on the axis that is free to turn: what no grasp bears is then a moment about this axis alone
-        pole, G = next(iter(places[K.any(axis=(1, 2))]), middle), np.tile(np.eye(6), (len(rows), 1, 1))
+        # about a place on the axis that is free to turn: what no grasp bears is then a
+        # moment about this axis alone
+        pole, G = (
+            next(iter(places[K.any(axis=(1, 2))]), middle),
+            np.tile(np.eye(6), (len(rows), 1, 1)),
+        )
         G[:, 3:, :3] = [np.cross(np.eye(3), arm) for arm in places - pole] or 0.0
         needed = np.array([*up, *np.cross(middle - pole, up)])
         wrenches, free = _springs(G, K, stretch, needed)
@@ -139,31 +198,61 @@ def _balance(
             break
         slack = int(np.argmax(pushes))
         K[slack] = 0.0
-        remarks = [*remarks, f"cable {grasps[slack].label} would have to push: it hangs slack"]
-    # stiffness that differs from grasp to grasp shows where it has a part in the vertical forces
-    others, _ = _springs(G, K * np.arange(1.0, len(rows) + 1.0)[:, None, None], stretch, needed)
-    left, below = needed - np.einsum("ijk,ik->j", G, wrenches), float(pole[2] - middle[2])
+        remarks = [
+            *remarks,
+            f"cable {grasps[slack].label} would have to push: it hangs slack",
+        ]
+    # stiffness that differs from grasp to grasp shows where it has a part in the
+    # vertical forces
+    others, _ = _springs(
+        G, K * np.arange(1.0, len(rows) + 1.0)[:, None, None], stretch, needed
+    )
+    left, below = (
+        needed - np.einsum("ijk,ik->j", G, wrenches),
+        float(pole[2] - middle[2]),
+    )
     lever, most, torque = norm(left[3:]) / weight, K[:, 5, 5], lengths(wrenches[:, 3:])
-    pivot = "grasp " + ", ".join(each.label for each, own in zip(grasps, K, strict=True) if own.any())
+    pivot = "grasp " + ", ".join(
+        each.label for each, own in zip(grasps, K, strict=True) if own.any()
+    )
     over = torque > most
     departure = ""
     if not K.any():
         departure = "falls: nothing holds it"
     elif np.any(over):
         i = int(np.argmax(over))
-        departure = f"turns in grasp {grasps[i].label}: its patch holds {most[i]:.3g} N m of {torque[i]:.3g} N m"
+        departure = (
+            f"turns in grasp {grasps[i].label}: its patch holds {most[i]:.3g} N m of"
+            f" {torque[i]:.3g} N m"
+        )
     elif np.linalg.norm(left[:3]) > LEVER * weight:
         departure = f"swings: {pivot} cannot pull straight up from where it begins"
     elif np.any(np.abs(free[3:5]) > LEVER) and (lever > LEVER or below < -LEVER):
-        departure = f"tips about {pivot} by {math.degrees(math.atan2(lever, below)):.0f} degrees"
+        departure = (
+            f"tips about {pivot} by {math.degrees(math.atan2(lever, below)):.0f}"
+            " degrees"
+        )
     wrenches[over, 3:] *= (most[over] / torque[over])[:, None]
-    loads = tuple(_load(motion.of(each.agent), each, wrench) for each, wrench in zip(grasps, wrenches, strict=True))
+    loads = tuple(
+        _load(motion.of(each.agent), each, wrench)
+        for each, wrench in zip(grasps, wrenches, strict=True)
+    )
     determined = np.allclose(others[:, 2], wrenches[:, 2], rtol=0.0, atol=1e-6 * weight)
-    return Balance(body, weight, tuple(grasps), wrenches, loads, determined, departure, tuple(remarks))
+    return Balance(
+        body,
+        weight,
+        tuple(grasps),
+        wrenches,
+        loads,
+        determined,
+        departure,
+        tuple(remarks),
+    )
 
 
 def _springs(G: Array, K: Array, stretch: Array, needed: Array) -> tuple[Array, Array]:
-    """Wrenches (grasps, 6) of springs that exert a needed wrench (6,) on a body, and twists (6, k) that strain none.
+    """Wrenches (grasps, 6) of springs that exert a needed wrench (6,) on a body, and
+    twists (6, k) that strain none.
 
     Args:
         G: (grasps, 6, 6) map of the wrench of each at its place to that at the pole.
@@ -174,111 +263,222 @@ def _springs(G: Array, K: Array, stretch: Array, needed: Array) -> tuple[Array, 
     GK = G @ K
     total = np.einsum("ijk,ilk->jl", GK, G)
     sizes, twists = np.linalg.eigh(total)
-    sag = np.linalg.pinv(total, ROUNDING, hermitian=True) @ (np.einsum("ijk,ik->j", GK, stretch) - needed)
-    return np.einsum("ijk,ik->ij", K, stretch - sag @ G), twists[:, sizes <= ROUNDING * sizes[-1]]
+    sag = np.linalg.pinv(total, ROUNDING, hermitian=True) @ (
+        np.einsum("ijk,ik->j", GK, stretch) - needed
+    )
+    return (
+        np.einsum("ijk,ik->ij", K, stretch - sag @ G),
+        twists[:, sizes <= ROUNDING * sizes[-1]],
+    )
 
 
 def _load(motion: PointMotion, grasp: Grasp, wrench: Array) -> Array:
-    """Base torque, base force and joint efforts (6 + n,) that a vehicle adds to exert a wrench (6,) by its grasp."""
+    """Base torque, base force and joint efforts (6 + n,) that a vehicle adds to exert a
+    wrench (6,) by its grasp.
+    """
     at = motion.vehicle.frame(grasp.frame or None)
-    base, efforts = motion.generalized_force(Vec3(*wrench[:3]), Vec3(*wrench[3:]), at.position, at.link)
+    base, efforts = motion.generalized_force(
+        Vec3(*wrench[:3]), Vec3(*wrench[3:]), at.position, at.link
+    )
     return doubles([*base.torque, *base.force, *efforts])
 
 
-def poses_with_share(scenario: Scenario, name: str, bodies: Sequence[Balance], payload: float = 0.0) -> ArmPoses:
-    """Level hover of one vehicle at the start, with its share of the bodies, and a payload (kg) at its tip.
+def poses_with_share(
+    scenario: Scenario, name: str, bodies: Sequence[Balance], payload: float = 0.0
+) -> ArmPoses:
+    """Level hover of one vehicle at the start, with its share of the bodies, and a
+    payload (kg) at its tip.
 
-    Thrust is the size of the force that the rotors give in all, for which the base tilts if grasps pull sideways.
+    Thrust is the size of the force that the rotors give in all, for which the base
+    tilts if grasps pull sideways.
     """
     one = scenario.of(name)
     vehicle, gravity = one.agent.vehicle, float(one.agent.plant.gravity)
     vehicle = vehicle.with_payload(payload) if payload else vehicle
     load, weight = np.zeros(6 + vehicle.n), float(vehicle.mass) * gravity
     for each in bodies:
-        load += sum(own for grasp, own in zip(each.grasps, each.loads, strict=True) if grasp.agent in ("", name))
+        load += sum(
+            own
+            for grasp, own in zip(each.grasps, each.loads, strict=True)
+            if grasp.agent in ("", name)
+        )
     thrust = math.hypot(*load[3:5], weight + load[5]) - weight
-    poses = ArmPoses.only(vehicle, doubles([first_state(one).joints]), gravity, WITH_SHARE)
+    poses = ArmPoses.only(
+        vehicle, doubles([first_state(one).joints]), gravity, WITH_SHARE
+    )
     return replace(poses, load=np.array([[*load[:3], thrust, *load[6:]]]).T)
 
 
-def load_of(scenario: Scenario, name: str, bodies: Sequence[Balance], payload: float = 0.0) -> list[Finding]:
-    """Check results for one vehicle with its share of the bodies: the share, then rotors and joints under it."""
-    bodies = [each for each in bodies if any(grasp.agent in ("", name) for grasp in each.grasps)]
+def load_of(
+    scenario: Scenario, name: str, bodies: Sequence[Balance], payload: float = 0.0
+) -> list[Finding]:
+    """Check results for one vehicle with its share of the bodies: the share, then
+    rotors and joints under it.
+    """
+    bodies = [
+        each
+        for each in bodies
+        if any(grasp.agent in ("", name) for grasp in each.grasps)
+    ]
     if not bodies:
         return []
     poses = poses_with_share(scenario, name, bodies, payload)
     margins, joints = thrust_margin(poses), joint_torques(poses)
     shares = (
-        f"{each.share(name):.4g} N of the {each.weight:.4g} N of {each.body} ({each.share(name) / each.weight:.0%}, by "
+        f"{each.share(name):.4g} N of the {each.weight:.4g} N of {each.body}"
+        f" ({each.share(name) / each.weight:.0%}, by "
         + ("geometry)" if each.determined else "the stiffness of the grasps)")
         for each in bodies
     )
-    thrust, share = float(poses.efforts(poses.joints)[WRENCH - 1, 0]), sum(each.share(name) for each in bodies)
-    text = f"{' and '.join(shares)}; hover takes {thrust:.4g} N of thrust{_spare(margins[0])}"
-    used = [(each.value / each.limit, each.question.removesuffix(poses.held)) for each in joints if each.limit > 0.0]
+    thrust, share = (
+        float(poses.efforts(poses.joints)[WRENCH - 1, 0]),
+        sum(each.share(name) for each in bodies),
+    )
+    text = (
+        f"{' and '.join(shares)}; hover takes {thrust:.4g} N of"
+        f" thrust{_spare(margins[0])}"
+    )
+    used = [
+        (each.value / each.limit, each.question.removesuffix(poses.held))
+        for each in joints
+        if each.limit > 0.0
+    ]
     text += "; {1} is {0:.0%} of its limit".format(*max(used)) if used else ""
-    turns = [replace(each, question=f"{each.question}{WITH_SHARE}") for each in torque_authority(poses)]
-    return [Finding("load share", NOTE, text, "world.grasps", value=share, unit="N"), *margins, *joints, *turns]
+    turns = [
+        replace(each, question=f"{each.question}{WITH_SHARE}")
+        for each in torque_authority(poses)
+    ]
+    return [
+        Finding("load share", NOTE, text, "world.grasps", value=share, unit="N"),
+        *margins,
+        *joints,
+        *turns,
+    ]
 
 
 def _spare(margin: Finding) -> str:
     """Words for a thrust margin; empty if it is not known."""
-    return "" if math.isnan(margin.value) else f", with {margin.value - 1.0:+.0%} of thrust margin"
+    return (
+        ""
+        if math.isnan(margin.value)
+        else f", with {margin.value - 1.0:+.0%} of thrust margin"
+    )
 
 
-def carried_loads(scenario: Scenario, name: str, bodies: Sequence[Balance]) -> list[Load]:
-    """Share of one vehicle in the body that its team carries, a point mass at its grasp from lift to place.
+def carried_loads(
+    scenario: Scenario, name: str, bodies: Sequence[Balance]
+) -> list[Load]:
+    """Share of one vehicle in the body that its team carries, a point mass at its grasp
+    from lift to place.
 
-    It is the share of the weight at the start, until the grasp opens. Sideways pulls of cables and internal forces are
-    not in it, nor moments of fixed grasps.
+    It is the share of the weight at the start, until the grasp opens. Sideways pulls of
+    cables and internal forces are not in it, nor moments of fixed grasps.
     """
     team, gravity = scenario.team, float(scenario.agents[name].plant.gravity)
     if team is None or team.motion is None or not gravity:
         return []
     loads = []
     for each in bodies:
-        frames = [grasp.frame or None for grasp in each.grasps if grasp.agent in ("", name)]
+        frames = [
+            grasp.frame or None for grasp in each.grasps if grasp.agent in ("", name)
+        ]
         mass = each.share(name) / gravity
         if each.body != team.object or not frames or not mass > 0.0:
             continue
 
-        def point(vehicle: Vehicle, frame: str | None = frames[0], mass: float = mass) -> tuple[int, Body]:
+        def point(
+            vehicle: Vehicle, frame: str | None = frames[0], mass: float = mass
+        ) -> tuple[int, Body]:
             at = vehicle.frame(frame)
-            return at.link, Body(mass=mass, com=at.position, inertia=Sym3(0.0, 0.0, 0.0))
+            return at.link, Body(
+                mass=mass, com=at.position, inertia=Sym3(0.0, 0.0, 0.0)
+            )
 
-        opened = min(float(grasp.release) for grasp in each.grasps if grasp.agent in ("", name))
-        loads.append(Load(each.body, float(team.motion.lift), min(float(team.motion.stop), opened), mass, point))
+        opened = min(
+            float(grasp.release) for grasp in each.grasps if grasp.agent in ("", name)
+        )
+        loads.append(
+            Load(
+                each.body,
+                float(team.motion.lift),
+                min(float(team.motion.stop), opened),
+                mass,
+                point,
+            )
+        )
     return loads
 
 
 def balance_of_bodies(bodies: Sequence[Balance]) -> list[Finding]:
-    """Check result for each body that grasps hold: whether its pose at the start is a stable equilibrium."""
+    """Check result for each body that grasps hold: whether its pose at the start is a
+    stable equilibrium.
+    """
     findings = []
     for each in bodies:
         level = WARNING if each.departure else NOTE if each.remarks else OK
-        text = "; ".join(filter(None, (each.departure, *each.remarks))) or "in stable equilibrium"
-        remedy = "grasps around the vertical through its centre of mass, or fixed ones of more radius"
-        findings.append(Finding(f"balance of {each.body}", level, text, "world.grasps", remedy, each.weight, unit="N"))
+        text = (
+            "; ".join(filter(None, (each.departure, *each.remarks)))
+            or "in stable equilibrium"
+        )
+        remedy = (
+            "grasps around the vertical through its centre of mass, or fixed ones of"
+            " more radius"
+        )
+        findings.append(
+            Finding(
+                f"balance of {each.body}",
+                level,
+                text,
+                "world.grasps",
+                remedy,
+                each.weight,
+                unit="N",
+            )
+        )
     return findings
 
 
-def losses(scenario: Scenario, bodies: Sequence[Balance], payload: float = 0.0) -> list[Finding]:
-    """Check result for the loss of each vehicle that holds a body: motion of the bodies, and shares of the others.
+def losses(
+    scenario: Scenario, bodies: Sequence[Balance], payload: float = 0.0
+) -> list[Finding]:
+    """Check result for the loss of each vehicle that holds a body: motion of the
+    bodies, and shares of the others.
 
     Its value is the least thrust margin of the others.
     """
     findings = []
     for lost in dict.fromkeys(grasp.agent for each in bodies for grasp in each.grasps):
         after, level, margins = balances(scenario, lost), NOTE, list[float]()
-        texts = [f"{each.body} is no longer in balance: it {each.departure}" for each in after if each.departure]
+        texts = [
+            f"{each.body} is no longer in balance: it {each.departure}"
+            for each in after
+            if each.departure
+        ]
         for name in scenario.agents:
             loaded = load_of(scenario, name, after, payload)
-            alarms = ", ".join(f"{each.level} in {each.question}" for each in loaded if each.level in ALARMS)
+            alarms = ", ".join(
+                f"{each.level} in {each.question}"
+                for each in loaded
+                if each.level in ALARMS
+            )
             if loaded:
-                texts.append(f"{name} carries {loaded[0].value:.4g} N{_spare(loaded[1])}{alarms and f' ({alarms})'}")
+                texts.append(
+                    f"{name} carries {loaded[0].value:.4g}"
+                    f" N{_spare(loaded[1])}{alarms and f' ({alarms})'}"
+                )
                 margins.append(loaded[1].value)
             level = WARNING if alarms else level
         remedy = "a lighter body, more thrust, or one vehicle more"
         least = min(margins, default=math.nan)
-        findings.append(Finding(f"loss of {lost}", level, "; ".join(texts), f"agents.{lost}", remedy, least, ENOUGH))
+        findings.append(
+            Finding(
+                f"loss of {lost}",
+                level,
+                "; ".join(texts),
+                f"agents.{lost}",
+                remedy,
+                least,
+                ENOUGH,
+            )
+        )
     return findings

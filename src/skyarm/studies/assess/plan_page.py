@@ -23,10 +23,15 @@ def plan_page(plan: Plan) -> str:
     first, *_, last = summary_lines(plan.task.name, found)
     phases = [
         (f"{k}", name, f"{begin:.3f}", f"{length:.3f}")
-        for k, ((name, length), begin) in enumerate(zip(found.phases, plan.t[list(plan.edges)], strict=False))
+        for k, ((name, length), begin) in enumerate(
+            zip(found.phases, plan.t[list(plan.edges)], strict=False)
+        )
     ]
     head = ["", ">largest", ">limit", ">of the limit", "where and when"]
-    body = section("What is tight", table(head, [*_rows(found, plan.task.limits)]) + paragraph(last))
+    body = section(
+        "What is tight",
+        table(head, [*_rows(found, plan.task.limits)]) + paragraph(last),
+    )
     film = image(
         "The vehicle moves along its plan, seen from the side and from above",
         "As fast as it flies. Line: the base. Dashes: the tip.",
@@ -43,7 +48,8 @@ def plan_page(plan: Plan) -> str:
     body += section(
         "Limits over time",
         image(
-            "Speed, tilt, rotor thrusts, joint torques, joint rates and joints over time",
+            "Speed, tilt, rotor thrusts, joint torques, joint rates and joints over"
+            " time",
             "Dashes: the limit. Grey lines: where a phase begins.",
             image_bytes(limits_figure(plan), dpi=110),
             wide=True,
@@ -54,12 +60,23 @@ def plan_page(plan: Plan) -> str:
 
 
 def _rows(found: Summary, limits: TaskLimits) -> Iterator[tuple[str, ...]]:
-    """Rows of the table of what is tight: quantity, largest value, limit, share of it, where and when."""
+    """Rows of the table of what is tight: quantity, largest value, limit, share of it,
+    where and when.
+    """
     for name, unit, most, limit in (
         ("speed of the base", "m/s", found.speed, limits.speed),
-        ("tilt of the base", "degrees", math.degrees(found.tilt), math.degrees(limits.tilt)),
+        (
+            "tilt of the base",
+            "degrees",
+            math.degrees(found.tilt),
+            math.degrees(limits.tilt),
+        ),
     ):
-        stated = (f"{limit:.3g} {unit}", f"{100.0 * most / limit:.0f} %") if math.isfinite(limit) else ("none", "")
+        stated = (
+            (f"{limit:.3g} {unit}", f"{100.0 * most / limit:.0f} %")
+            if math.isfinite(limit)
+            else ("none", "")
+        )
         yield name, f"{most:.2f} {unit}", *stated, ""
     for name, tight, share in (
         ("rotor thrust", found.rotor, limits.thrust_share),
@@ -67,7 +84,21 @@ def _rows(found: Summary, limits: TaskLimits) -> Iterator[tuple[str, ...]]:
         ("joint rate", found.joint_rate, 1.0),
     ):
         if tight is not None:
-            used = f"{100.0 * tight.share:.0f} % of the highest", f"{100.0 * share:.0f} %"
-            yield name, *used, f"{100.0 * tight.share / share:.0f} %", f"{tight.name} at {tight.time:.2f} s"
+            used = (
+                f"{100.0 * tight.share:.0f} % of the highest",
+                f"{100.0 * share:.0f} %",
+            )
+            yield (
+                name,
+                *used,
+                f"{100.0 * tight.share / share:.0f} %",
+                f"{tight.name} at {tight.time:.2f} s",
+            )
     if found.clearance is not None:
-        yield "smallest distance", f"{found.clearance:.3f} m", f"{limits.clearance:.3g} m", "", found.nearest
+        yield (
+            "smallest distance",
+            f"{found.clearance:.3f} m",
+            f"{limits.clearance:.3g} m",
+            "",
+            found.nearest,
+        )

@@ -1,4 +1,6 @@
-"""Checks of a contact force that the reference commands: law, joint torques, yaw torque, error of its estimate."""
+"""Checks of a contact force that the reference commands: law, joint torques, yaw
+torque, error of its estimate.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ ASSUMED = Tolerances(torques=0.1, masses=0.0)
 """Tolerances of a law that states none."""
 
 WARNS, HALF = 0.8, 0.5
-"""Fractions of a joint's limit and of the yaw torque that leave little for friction and for a tilted base."""
+"""Fractions of a joint's limit and of the yaw torque that leave little for friction and
+for a tilted base."""
 
 
 LEVEL = 0.3
@@ -36,25 +39,36 @@ LEVEL = 0.3
 
 
 def push_limits(scenario: Scenario) -> list[Finding]:
-    """Check results for the commanded contact force against joint and rotor limits; empty without such a force.
+    """Check results for the commanded contact force against joint and rotor limits;
+    empty without such a force.
 
-    The base is taken as level; friction along the surface is left out at the joints, and at the rotors it is that of
-    the roughest surface, in the direction along the surface in which it turns the vehicle most.
+    The base is taken as level; friction along the surface is left out at the joints,
+    and at the rotors it is that of the roughest surface, in the direction along the
+    surface in which it turns the vehicle most.
     """
     at = largest_push(scenario)
     if at is None:
         return []
-    findings = [*_law(scenario), *_joints(scenario, at), *_yaw(scenario, at), *_error(scenario, at)]
+    findings = [
+        *_law(scenario),
+        *_joints(scenario, at),
+        *_yaw(scenario, at),
+        *_error(scenario, at),
+    ]
     return [*findings, *_guards(scenario, float(at.push[1]))]
 
 
 def largest_push(scenario: Scenario) -> Reference | None:
-    """Reference at the instant of its largest contact force; None if it commands none, or the vehicle has no arm."""
+    """Reference at the instant of its largest contact force; None if it commands none,
+    or the vehicle has no arm.
+    """
     vehicle, push = scenario.agent.vehicle, scenario.agent.reference.push
     if push is None or not vehicle.n or not vehicle.end_effector:
         return None
     times = np.linspace(0.0, scenario.duration, INSTANTS, endpoint=False)
-    forces = np.broadcast_to(doubles(scenario.agent.reference.at(times).push[0]), times.shape)
+    forces = np.broadcast_to(
+        doubles(scenario.agent.reference.at(times).push[0]), times.shape
+    )
     k = int(np.argmax(forces))
     return scenario.agent.reference.at(float(times[k])) if forces[k] > 0.0 else None
 
@@ -62,7 +76,10 @@ def largest_push(scenario: Scenario) -> Reference | None:
 def _law(scenario: Scenario) -> list[Finding]:
     if presses(scenario.agent.controller.par):
         return []
-    text = f"law {scenario.agent.controller.name} has no force control: it ignores reference.push and tracks positions"
+    text = (
+        f"law {scenario.agent.controller.name} has no force control: it ignores"
+        " reference.push and tracks positions"
+    )
     remedy = 'law = "centroidal" with mode = "tip" and interaction'
     return [Finding("pressing", WARNING, text, "controller", remedy)]
 
@@ -75,7 +92,9 @@ def push_on_level_base(at: Reference) -> Array:
     return force * np.array([c * x + s * y, c * y - s * x, z])
 
 
-def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array) -> Array:
+def pushing_efforts(
+    scenario: Scenario, joints: tuple[float, ...], force: Array
+) -> Array:
     """Static joint efforts (N m or N) of a level base's arm against a force on its tip.
 
     Args:
@@ -84,21 +103,38 @@ def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array)
         force: on the tip, N, axes of the base.
     """
     vehicle = scenario.agent.vehicle
-    still = hover_efforts(vehicle, float(scenario.agent.plant.gravity), np.array([joints]))[WRENCH:, 0]
-    columns = np.array([float_array(each.linear) for each in jacobian_columns(vehicle, vehicle.frame(), joints)])
+    still = hover_efforts(
+        vehicle, float(scenario.agent.plant.gravity), np.array([joints])
+    )[WRENCH:, 0]
+    columns = np.array(
+        [
+            float_array(each.linear)
+            for each in jacobian_columns(vehicle, vehicle.frame(), joints)
+        ]
+    )
     return still - columns @ force
 
 
 def yaw_room(scenario: Scenario, joints: tuple[float, ...]) -> float:
-    """Yaw torque reserve of the rotors in level hover, N m: the smaller of both senses."""
+    """Yaw torque reserve of the rotors in level hover, N m: the smaller of both
+    senses.
+    """
     vehicle = scenario.agent.vehicle
     allocation = Allocation.of(vehicle)
-    hover = allocation.squared_speeds(hover_efforts(vehicle, float(scenario.agent.plant.gravity), np.array([joints])))
-    return min(float(allocation.room(hover, sign * np.eye(WRENCH)[2])[0]) for sign in (1.0, -1.0))
+    hover = allocation.squared_speeds(
+        hover_efforts(vehicle, float(scenario.agent.plant.gravity), np.array([joints]))
+    )
+    return min(
+        float(allocation.room(hover, sign * np.eye(WRENCH)[2])[0])
+        for sign in (1.0, -1.0)
+    )
 
 
-def yaw_torques(scenario: Scenario, joints: tuple[float, ...], push: Array) -> tuple[float, float]:
-    """Yaw torques (N m) of a push on the tip, and of tangential friction with coefficient 1 in the worst direction.
+def yaw_torques(
+    scenario: Scenario, joints: tuple[float, ...], push: Array
+) -> tuple[float, float]:
+    """Yaw torques (N m) of a push on the tip, and of tangential friction with
+    coefficient 1 in the worst direction.
 
     A force f at r turns about z by f.(z x r).
     """
@@ -110,50 +146,106 @@ def yaw_torques(scenario: Scenario, joints: tuple[float, ...], push: Array) -> t
 
 def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
     vehicle, joints = scenario.agent.vehicle, tuple(map(float, at.joints))
-    efforts, limits = pushing_efforts(scenario, joints, push_on_level_base(at)), effort_limits(vehicle)
+    efforts, limits = (
+        pushing_efforts(scenario, joints, push_on_level_base(at)),
+        effort_limits(vehicle),
+    )
     shares = np.abs(efforts) / limits
     i = int(np.argmax(shares))
     share, name = float(shares[i]), vehicle.links[i].joint.name
     unit = vehicle.links[i].joint.units[1]
-    text = f"{float(at.push[0]):.3g} N take {abs(efforts[i]):.3g} of {limits[i]:.3g} {unit} at joint {name}"
+    text = (
+        f"{float(at.push[0]):.3g} N take {abs(efforts[i]):.3g} of {limits[i]:.3g}"
+        f" {unit} at joint {name}"
+    )
     remedy = "less force, or a pose with the tip nearer to the joint's height"
     words = ("joints while pressing", share, text, FORCE, remedy)
     return [at_most(*words, fault=1.0, warning=WARNS, limit=1.0, joints=joints)]
 
 
 def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
-    frictions = [float(s.material.friction) for world in scenario.worlds for s in world.surfaces]
+    frictions = [
+        float(s.material.friction) for world in scenario.worlds for s in world.surfaces
+    ]
     joints = tuple(map(float, at.joints))
     if not frictions:
         return []
-    room, (pushing, sliding) = yaw_room(scenario, joints), yaw_torques(scenario, joints, push_on_level_base(at))
+    room, (pushing, sliding) = (
+        yaw_room(scenario, joints),
+        yaw_torques(scenario, joints, push_on_level_base(at)),
+    )
     torque = pushing + max(frictions) * sliding
-    text = f"pushing and sliding take {torque:.3g} of {room:.3g} N m of yaw torque at friction {max(frictions):g}"
-    remedy = "slide across the lever as little as can be, less force, a shorter reach, or stronger yaw"
+    text = (
+        f"pushing and sliding take {torque:.3g} of {room:.3g} N m of yaw torque at"
+        f" friction {max(frictions):g}"
+    )
+    remedy = (
+        "slide across the lever as little as can be, less force, a shorter reach, or"
+        " stronger yaw"
+    )
     warning = HALF * room
-    return [at_most("yaw while pressing", torque, text, FORCE, remedy, warning=warning, unit="N m", joints=joints)]
+    return [
+        at_most(
+            "yaw while pressing",
+            torque,
+            text,
+            FORCE,
+            remedy,
+            warning=warning,
+            unit="N m",
+            joints=joints,
+        )
+    ]
 
 
 def _guards(scenario: Scenario, speed: float) -> list[Finding]:
-    """Warnings for guards (contact conditions) of a reference whose horizontal force would push an object too fast."""
-    findings, surfaces = [], [surface for world in scenario.worlds for surface in world.surfaces]
-    friction = max((float(surface.material.friction) for surface in surfaces), default=0.0)
+    """Warnings for guards (contact conditions) of a reference whose horizontal force
+    would push an object too fast.
+    """
+    findings, surfaces = (
+        [],
+        [surface for world in scenario.worlds for surface in world.surfaces],
+    )
+    friction = max(
+        (float(surface.material.friction) for surface in surfaces), default=0.0
+    )
     for i, guard in enumerate(scenario.agent.reference.guards):
-        tip, n = scenario.agent.reference.at(float(guard.at)).tip, np.array(guard.direction)
+        tip, n = (
+            scenario.agent.reference.at(float(guard.at)).tip,
+            np.array(guard.direction),
+        )
         if guard.force is None or not tip or abs(n[2]) > LEVEL:
             continue
-        for thing in (each for world in scenario.worlds for each in world.objects if each.standing):
+        for thing in (
+            each for world in scenario.worlds for each in world.objects if each.standing
+        ):
             away = np.array(tip) - doubles([*thing.position])
             bears = friction * float(thing.mass) * float(scenario.agent.plant.gravity)
-            driven = (float(guard.force) - bears) / float(thing.mass) * float(guard.hold)
-            ahead = n @ away > 0.0 and np.linalg.norm(np.cross(n, away)) < 0.5 * max(thing.size)
+            driven = (
+                (float(guard.force) - bears) / float(thing.mass) * float(guard.hold)
+            )
+            ahead = n @ away > 0.0 and np.linalg.norm(np.cross(n, away)) < 0.5 * max(
+                thing.size
+            )
             if ahead and driven > speed:
                 text = (
-                    f"object {thing.name} slides away from {bears:.2g} N: {guard.force:g} N for {guard.hold:g} s "
-                    f"would drive it at {driven:.2g} m/s, above the {speed:g} m/s of the approach"
+                    f"object {thing.name} slides away from {bears:.2g} N:"
+                    f" {guard.force:g} N for {guard.hold:g} s would drive it at"
+                    f" {driven:.2g} m/s, above the {speed:g} m/s of the approach"
                 )
-                remedy = "until.force below that, a shorter hold, until.distance in its place, or more speed"
-                findings.append(Finding("force of a guard", WARNING, text, f"reference.guards.{i}.force", remedy))
+                remedy = (
+                    "until.force below that, a shorter hold, until.distance in its"
+                    " place, or more speed"
+                )
+                findings.append(
+                    Finding(
+                        "force of a guard",
+                        WARNING,
+                        text,
+                        f"reference.guards.{i}.force",
+                        remedy,
+                    )
+                )
     return findings
 
 
@@ -161,28 +253,63 @@ def _error(scenario: Scenario, at: Reference) -> list[Finding]:
     part = part_of(scenario.agent.controller.par, "interaction")
     if part is None or part.sensing is not None:
         return []
-    common, deviation = push_errors(scenario, at, ASSUMED if part.tolerances is None else part.tolerances)
+    common, deviation = push_errors(
+        scenario, at, ASSUMED if part.tolerances is None else part.tolerances
+    )
     text = (
-        f"joint torques all {100.0 * ASSUMED.torques:.2g} % off change it by {common:.2g} of {float(at.push[0]):.3g} N"
+        f"joint torques all {100.0 * ASSUMED.torques:.2g} % off change it by"
+        f" {common:.2g} of {float(at.push[0]):.3g} N"
     )
     if part.tolerances is not None:
-        text = f"standard error {deviation:.2g} of {float(at.push[0]):.3g} N by the tolerances, before any is learned"
-    remedy = "controller.tolerances lets the law learn the scale; a force sensor needs none"
-    return [Finding("force without a sensor", NOTE, text, FORCE, remedy, deviation, math.nan, "N", at.joints)]
+        text = (
+            f"standard error {deviation:.2g} of {float(at.push[0]):.3g} N by the"
+            " tolerances, before any is learned"
+        )
+    remedy = (
+        "controller.tolerances lets the law learn the scale; a force sensor needs none"
+    )
+    return [
+        Finding(
+            "force without a sensor",
+            NOTE,
+            text,
+            FORCE,
+            remedy,
+            deviation,
+            math.nan,
+            "N",
+            at.joints,
+        )
+    ]
 
 
-def push_errors(scenario: Scenario, at: Reference, by: Tolerances) -> tuple[float, float]:
-    """Errors (N) of a contact force estimated from joint torques: due to a common torque scale, and standard error.
+def push_errors(
+    scenario: Scenario, at: Reference, by: Tolerances
+) -> tuple[float, float]:
+    """Errors (N) of a contact force estimated from joint torques: due to a common
+    torque scale, and standard error.
 
     Args:
         scenario: vehicle, gravity and law.
         at: reference while it pushes; the base is taken as level.
-        by: standard deviations of scales, independent from joint to joint, and of weights.
+        by: standard deviations of scales, independent from joint to joint, and of
+            weights.
     """
-    vehicle, joints, push = scenario.agent.vehicle, tuple(map(float, at.joints)), push_on_level_base(at)
+    vehicle, joints, push = (
+        scenario.agent.vehicle,
+        tuple(map(float, at.joints)),
+        push_on_level_base(at),
+    )
     errors = part_of(scenario.agent.controller.par, "interaction").errors
     place = levers(vehicle, Mat3.identity(), joints)
-    shares = np.array(effort_shares(errors, place, Vec3(*(push / np.linalg.norm(push)))), dtype=float)
-    loads, weights = (shares * pushing_efforts(scenario, joints, force) for force in (push, 0.0 * push))
-    independent = math.hypot(by.torques * np.linalg.norm(loads), by.masses * np.linalg.norm(weights))
+    shares = np.array(
+        effort_shares(errors, place, Vec3(*(push / np.linalg.norm(push)))), dtype=float
+    )
+    loads, weights = (
+        shares * pushing_efforts(scenario, joints, force)
+        for force in (push, 0.0 * push)
+    )
+    independent = math.hypot(
+        by.torques * np.linalg.norm(loads), by.masses * np.linalg.norm(weights)
+    )
     return float(abs(by.torques * loads.sum())), independent

@@ -1,1 +1,3 @@
-"""Comparison of controllers: same cases, same noise and same perturbed plants for all."""
+"""Comparison of controllers: same cases, same noise and same perturbed plants for
+all.
+"""

@@ -25,7 +25,14 @@ from skyarm.studies.compare.team_suite import TEAM, TeamSuite
 from skyarm.studies.flights.executor import Progress
 from skyarm.view.pages import Report, section
 
-SUITES: dict[str, type[Comparison] | type[Envelope] | type[SurviveSuite] | type[ContactSuite] | type[TeamSuite]] = {
+SUITES: dict[
+    str,
+    type[Comparison]
+    | type[Envelope]
+    | type[SurviveSuite]
+    | type[ContactSuite]
+    | type[TeamSuite],
+] = {
     SUITE: Comparison,
     ENVELOPE: Envelope,
     SURVIVE: SurviveSuite,
@@ -48,7 +55,9 @@ class ComparisonResults:
     report: Report
 
     def _repr_html_(self) -> str:
-        return section(self.report.title, "".join(each.html() for each in self.report.sections))
+        return section(
+            self.report.title, "".join(each.html() for each in self.report.sections)
+        )
 
 
 def compare(
@@ -61,17 +70,20 @@ def compare(
     progress: Progress | None = None,
     **options: Any,
 ) -> ComparisonResults:
-    """Compare laws on a scenario or a suite, as ``skyarm compare`` does; a repeated call resumes a stopped comparison.
+    """Compare laws on a scenario or a suite, as ``skyarm compare`` does; a repeated
+    call resumes a stopped comparison.
 
     Args:
-        what: a scenario, the name or path of one, or "paper-suite", "envelope-suite", "survive-suite",
-            "contact-suite", "team-suite", or the file of a suite.
+        what: a scenario, the name or path of one, or "paper-suite", "envelope-suite",
+            "survive-suite", "contact-suite", "team-suite", or the file of a suite.
         laws: names of controllers; the usual ones of the suite if left out.
         out: folder of the results.
         workers: threads or processes that fly; results do not depend on it.
-        on: "local", "processes", "ray" or "ray:HOST:PORT"; for more cells than workers processes, if left out.
+        on: "local", "processes", "ray" or "ray:HOST:PORT"; for more cells than workers
+            processes, if left out.
         progress: called with (done, all, the last).
-        options: seed, plant; of a scenario seeds (noisy flights); of a suite fields of its class, such as quick.
+        options: seed, plant; of a scenario seeds (noisy flights); of a suite fields of
+            its class, such as quick.
 
     Raises:
         ValueError: one line. OSError: a file cannot be written.
@@ -79,15 +91,26 @@ def compare(
     names = [laws] if isinstance(laws, str) else laws
     suite = suite_of(what, names, "laws", **options)
     document = fly_suite(suite, out, workers=workers, on=on, progress=progress)
-    return ComparisonResults(folder=Path(out), document=document, report=suite.report(document))
+    return ComparisonResults(
+        folder=Path(out), document=document, report=suite.report(document)
+    )
 
 
-def suite_of(what: Scenario | PathLike, names: Sequence[str] | None, field: str, /, **options: Any) -> Suite[Any]:
-    """Comparison of laws on a scenario or on a suite of trials, before its flights are simulated.
+def suite_of(
+    what: Scenario | PathLike,
+    names: Sequence[str] | None,
+    field: str,
+    /,
+    **options: Any,
+) -> Suite[Any]:
+    """Comparison of laws on a scenario or on a suite of trials, before its flights are
+    simulated.
 
     Args:
-        what: a scenario, the name or path of one, a name of ``SUITES``, or the file of a suite.
-        names: names of controllers; None for the usual ones of the comparison, or those of ``options``.
+        what: a scenario, the name or path of one, a name of ``SUITES``, or the file of
+            a suite.
+        names: names of controllers; None for the usual ones of the comparison, or those
+            of ``options``.
         field: field of the names, in messages.
         options: fields of the comparison.
 
@@ -95,7 +118,11 @@ def suite_of(what: Scenario | PathLike, names: Sequence[str] | None, field: str,
         ValueError: one line: a name of no law, or two names of one.
     """
     kind = SUITES.get(str(what))
-    file = None if kind or isinstance(what, Scenario) or kind_of_file(str(what)) != "suite" else what
+    file = (
+        None
+        if kind or isinstance(what, Scenario) or kind_of_file(str(what)) != "suite"
+        else what
+    )
     if names is not None and kind is Comparison:
         options["entrants"] = chosen_entrants(names, field)
     elif names is not None:

@@ -1,4 +1,6 @@
-"""Comparison of controllers on the cases of Barakou et al. 2026 and harder ones, with tables of the results."""
+"""Comparison of controllers on the cases of Barakou et al. 2026 and harder ones, with
+tables of the results.
+"""
 
 from __future__ import annotations
 
@@ -17,18 +19,24 @@ from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import DASH, Report, Section, Table, image, table_of
 
 SUITE = "paper-suite"
-SHARE = "flights with the tip within 20 mm in the last 5 s\nperturbed plants with noise, Case 3 in wind"
+SHARE = (
+    "flights with the tip within 20 mm in the last 5 s\nperturbed plants with noise,"
+    " Case 3 in wind"
+)
 
 BRIEF, WIDEST = ("step", "part"), "case3_wind"
-"""Groups of entrants that meet perturbed plants in one case only; their tables show the effect of a part of a law."""
+"""Groups of entrants that meet perturbed plants in one case only; their tables show the
+effect of a part of a law."""
 
 
 @immutable
 class Comparison(SummarySuite[CellFlights]):
-    """Benchmark that compares all shipped controllers on the same cases and perturbed plants.
+    """Benchmark that compares all shipped controllers on the same cases and perturbed
+    plants.
 
     Attributes:
-        entrants: controllers in order. conditions: conditions in order. seed: seed of plants and noise.
+        entrants: controllers in order. conditions: conditions in order. seed: seed of
+            plants and noise.
         plant: "rigid_body" or "mujoco".
     """
 
@@ -41,14 +49,27 @@ class Comparison(SummarySuite[CellFlights]):
 
     @property
     def options(self) -> Document:
-        """Settings of the comparison as plain data: controllers, flights per condition, seed and plant."""
+        """Settings of the comparison as plain data: controllers, flights per condition,
+        seed and plant.
+        """
         flights = {name: each.episodes for name, each in self.conditions.items()}
-        return {"laws": list(self.entrants), "conditions": flights, "seed": self.seed, "plant": self.plant}
+        return {
+            "laws": list(self.entrants),
+            "conditions": flights,
+            "seed": self.seed,
+            "plant": self.plant,
+        }
 
     def flights(self) -> list[CellFlights]:
         """All flights of the comparison, grouped by controller, condition and case."""
         return [
-            CellFlights(entrant=entrant, case=CASES[case], condition=condition, seed=self.seed, plant=self.plant)
+            CellFlights(
+                entrant=entrant,
+                case=CASES[case],
+                condition=condition,
+                seed=self.seed,
+                plant=self.plant,
+            )
             for entrant in self.entrants.values()
             for condition in self.conditions.values()
             for case in condition.cases
@@ -56,16 +77,26 @@ class Comparison(SummarySuite[CellFlights]):
         ]
 
     def plan_cells(self) -> tuple[list[CellFlights], Refused]:
-        """All flights of the comparison, and an empty mapping, since no controller is excluded."""
+        """All flights of the comparison, and an empty mapping, since no controller is
+        excluded.
+        """
         return self.flights(), {}
 
     def pictures(self, found: Record) -> dict[str, bytes]:
-        """Pictures of the comparison report by file name: errors and success rates of all controllers."""
+        """Pictures of the comparison report by file name: errors and success rates of
+        all controllers.
+        """
         return {"laws.png": comparison_picture(found, list(self.entrants))}
 
-    def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
-        """Comparison report with one table for each condition, such as noisy measurements."""
-        return comparison_report(found, self.entrants, self.conditions, (pictures or {}).get("laws.png"))
+    def report(
+        self, found: Record, pictures: Mapping[str, bytes] | None = None
+    ) -> Report:
+        """Comparison report with one table for each condition, such as noisy
+        measurements.
+        """
+        return comparison_report(
+            found, self.entrants, self.conditions, (pictures or {}).get("laws.png")
+        )
 
 
 def comparison_picture(found: Record, names: Sequence[str]) -> bytes:
@@ -73,7 +104,10 @@ def comparison_picture(found: Record, names: Sequence[str]) -> bytes:
     summaries = found["summaries"]
     errors = {
         title: [wind_tip(summaries[condition], name) for name in names]
-        for title, condition in (("perfect state", "perfect"), ("noise and delay", "noisy"))
+        for title, condition in (
+            ("perfect state", "perfect"),
+            ("noise and delay", "noisy"),
+        )
         if condition in summaries
     }
     wrong = summaries.get("plants_noisy", {}).get("case3_wind", {})
@@ -88,7 +122,9 @@ def comparison_picture(found: Record, names: Sequence[str]) -> bytes:
 
 
 def wind_tip(summaries: Record, entrant: str) -> float | None:
-    """Mean tip error of a controller in the wind of case 3, mm; None if it completed no flight."""
+    """Mean tip error of a controller in the wind of case 3, mm; None if it completed no
+    flight.
+    """
     mean = WIND_TIP.statistic_of(_metrics(summaries, WIND_TIP.case, entrant))
     return None if mean is None else mean * WIND_TIP.factor
 
@@ -100,7 +136,8 @@ def _share(summary: Record | None) -> Share | None:
 
 
 TRACKING, COST = COLUMNS["tracking"], COLUMNS["cost"]
-"""Columns of tracking errors on the true plant, and of rotor jitter and saturation next to the tip error."""
+"""Columns of tracking errors on the true plant, and of rotor jitter and saturation next
+to the tip error."""
 
 MEAN, TAIL, *EFFORT = COLUMNS["plants"]
 """Columns of perturbed plants: tip error, mean and 95 %; jitter and saturation."""
@@ -110,23 +147,33 @@ WIND_TIP = next(column for column in TRACKING if column.head == "wind tip, mm")
 WHICH = "gust: of Case 2; wind, 45 deg, side, 50 g: of Case 3"
 """Text on the case to which a head without a case refers."""
 
-COST_WORDS = "Control activity (periods with a rotor at its limit; torque, motion and tilt: Case 3 in wind)"
+COST_WORDS = (
+    "Control activity (periods with a rotor at its limit; torque, motion and tilt: Case"
+    " 3 in wind)"
+)
 
 CAPTION = (
-    "Case 3 in wind. Left: mean tip error over 10 to 20 s on the true plant. Right: fraction of perturbed "
-    "plants with noise (condition plants_noisy) on which the flight succeeds, with its interval (95 %)"
+    "Case 3 in wind. Left: mean tip error over 10 to 20 s on the true plant. Right:"
+    " fraction of perturbed plants with noise (condition plants_noisy) on which the"
+    " flight succeeds, with its interval (95 %)"
 )
 
 FEW = 10
-"""Number of flights below which a fraction states its number of flights, as where others flew more."""
+"""Number of flights below which a fraction states its number of flights, as where
+others flew more."""
 
 WRONG_NOTE = (
-    "A success completes and keeps the tip within 20 mm all through the last 5 s (intervals: Wilson, 95 %). "
-    "Laws that keep the joints on their references carry the tip away with every tilt and cannot succeed in strong "
-    "wind, however exact their base. Tip: mean over 10 to 20 s; of completed flights mean and 95th percentile."
+    "A success completes and keeps the tip within 20 mm all through the last 5 s"
+    " (intervals: Wilson, 95 %). Laws that keep the joints on their references carry"
+    " the tip away with every tilt and cannot succeed in strong wind, however exact"
+    " their base. Tip: mean over 10 to 20 s; of completed flights mean and 95th"
+    " percentile."
 )
 
-TRUTH_NOTE = "Means over 10 to 20 s against the continuous reference; the gust: peaks from its start on."
+TRUTH_NOTE = (
+    "Means over 10 to 20 s against the continuous reference; the gust: peaks from its"
+    " start on."
+)
 
 GROUPS = {
     "paper": "the paper's controllers",
@@ -140,7 +187,9 @@ GROUPS = {
 
 
 def _metrics(summaries: Record, case: str, entrant: str) -> Record:
-    """Statistics of the metrics of a controller in a case; none where it does not fly."""
+    """Statistics of the metrics of a controller in a case; none where it does not
+    fly.
+    """
     flown: Record = summaries.get(case, {}).get(entrant, {"metrics": {}})
     metrics: Record = flown["metrics"]
     return metrics
@@ -171,7 +220,9 @@ def comparison_report(
     """
     sections = main_sections(found, entrants, conditions)
     cases = [(case.name, case.title) for case in CASES.values()]
-    sections.append(Section(title="Cases", tables=[Table(head=("case", "what"), rows=cases)]))
+    sections.append(
+        Section(title="Cases", tables=[Table(head=("case", "what"), rows=cases)])
+    )
     laws = [(name, GROUPS[each.group], each.title) for name, each in entrants.items()]
     count = "1 law" if len(entrants) == 1 else f"{len(entrants)} laws"
     return report_of(
@@ -179,17 +230,29 @@ def comparison_report(
         f"{count}, seed {found.get('seed')}, plant {found.get('plant')}",
         sections,
         opening=image(CAPTION, CAPTION, picture, wide=True) if picture else "",
-        page_only=[Section(title="Laws", tables=[Table(head=("law", "kind", "what"), rows=laws)])],
+        page_only=[
+            Section(
+                title="Laws", tables=[Table(head=("law", "kind", "what"), rows=laws)]
+            )
+        ],
     )
 
 
-def main_sections(found: Record, entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition]) -> list[Section]:
-    """Report sections, one for each simulated condition, with the errors of all controllers."""
+def main_sections(
+    found: Record, entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition]
+) -> list[Section]:
+    """Report sections, one for each simulated condition, with the errors of all
+    controllers.
+    """
     sections = []
     for name, condition in conditions.items():
         summaries = found["summaries"].get(name)
         if summaries:
-            flights = "One flight" if condition.episodes == 1 else f"{condition.episodes} flights"
+            flights = (
+                "One flight"
+                if condition.episodes == 1
+                else f"{condition.episodes} flights"
+            )
             sections.append(
                 Section(
                     title=f"{name}: {condition.title}",
@@ -201,36 +264,78 @@ def main_sections(found: Record, entrants: Mapping[str, Entrant], conditions: Ma
     return sections
 
 
-def _tables(summaries: Record, entrants: Mapping[str, Entrant], condition: Condition) -> list[Table]:
+def _tables(
+    summaries: Record, entrants: Mapping[str, Entrant], condition: Condition
+) -> list[Table]:
     if condition.spread:
         words = ("success", "tip, mm: mean / 95 %", "jitter, rad/s; at a limit, %")
         heads = [f"{case} {word}" for case in condition.cases for word in words]
         rows = plants_rows(summaries, entrants, condition.cases)
         return [_table_by_kind(heads, rows, entrants, "Successes, tip errors")]
     return [
-        _table_by_kind([each.head for each in columns], truth_rows(summaries, entrants, columns), entrants, caption)
+        _table_by_kind(
+            [each.head for each in columns],
+            truth_rows(summaries, entrants, columns),
+            entrants,
+            caption,
+        )
         for columns, caption in ((TRACKING, f"Errors ({WHICH})"), (COST, COST_WORDS))
     ]
 
 
-def _table_by_kind(heads: Sequence[str], rows: list[list[str]], entrants: Mapping[str, Entrant], caption: str) -> Table:
-    """Results table with its rows grouped by kind of controller, such as published ones."""
-    groups = [(title, [row for row in rows if entrants[row[0]].group == group]) for group, title in GROUPS.items()]
-    return replace(table_of(["law", *heads], rows, title=caption), groups=[each for each in groups if each[1]])
+def _table_by_kind(
+    heads: Sequence[str],
+    rows: list[list[str]],
+    entrants: Mapping[str, Entrant],
+    caption: str,
+) -> Table:
+    """Results table with its rows grouped by kind of controller, such as published
+    ones.
+    """
+    groups = [
+        (title, [row for row in rows if entrants[row[0]].group == group])
+        for group, title in GROUPS.items()
+    ]
+    return replace(
+        table_of(["law", *heads], rows, title=caption),
+        groups=[each for each in groups if each[1]],
+    )
 
 
-def truth_rows(summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[Column]) -> list[list[str]]:
-    """Table rows of errors on the unperturbed plant, one per controller with any result."""
+def truth_rows(
+    summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[Column]
+) -> list[list[str]]:
+    """Table rows of errors on the unperturbed plant, one per controller with any
+    result.
+    """
     return [
-        [name, *(column.text(_metrics(summaries, column.case, name)) for column in columns)]
+        [
+            name,
+            *(
+                column.text(_metrics(summaries, column.case, name))
+                for column in columns
+            ),
+        ]
         for name in entrants
         if any(name in summaries.get(column.case, {}) for column in columns)
     ]
 
 
-def plants_rows(summaries: Record, entrants: Mapping[str, Entrant], cases: Sequence[str]) -> list[list[str]]:
-    """Table rows for perturbed plants: success rate with interval and tip error of each controller."""
-    rows = [[name, *chain.from_iterable(_plants(summaries.get(case, {}), name) for case in cases)] for name in entrants]
+def plants_rows(
+    summaries: Record, entrants: Mapping[str, Entrant], cases: Sequence[str]
+) -> list[list[str]]:
+    """Table rows for perturbed plants: success rate with interval and tip error of each
+    controller.
+    """
+    rows = [
+        [
+            name,
+            *chain.from_iterable(
+                _plants(summaries.get(case, {}), name) for case in cases
+            ),
+        ]
+        for name in entrants
+    ]
     return [row for row in rows if set(row[1:]) - {DASH}]
 
 
@@ -239,10 +344,18 @@ def _plants(laws: Record, name: str) -> list[str]:
     if name not in laws:
         return [DASH, DASH, DASH]
     count, metrics = laws[name]["episodes"], laws[name]["metrics"]
-    few = f" of {count}" if count < max(FEW, *(each["episodes"] for each in laws.values())) else ""
+    few = (
+        f" of {count}"
+        if count < max(FEW, *(each["episodes"] for each in laws.values()))
+        else ""
+    )
     share, (low, high) = laws[name]["success_rate"], laws[name]["success_interval"]
     return [
         f"{share:.1%} [{low:.1%}, {high:.1%}]{few}",
-        f"{MEAN.text(metrics)} / {TAIL.text(metrics)}" if metrics.get(MEAN.metric) else DASH,
+        (
+            f"{MEAN.text(metrics)} / {TAIL.text(metrics)}"
+            if metrics.get(MEAN.metric)
+            else DASH
+        ),
         "; ".join(each.text(metrics) for each in EFFORT),
     ]

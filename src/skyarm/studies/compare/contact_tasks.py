@@ -1,7 +1,9 @@
-"""Tasks of the contact benchmark: bounds of their perturbations, and their scenario for each controller.
+"""Tasks of the contact benchmark: bounds of their perturbations, and their scenario for
+each controller.
 
-A law that presses flies the scenario as it is shipped. One that follows positions is led to the same places, 1 cm
-behind the nominal surface, and its press waits for no force; all else is the same.
+A law that presses flies the scenario as it is shipped. One that follows positions is
+led to the same places, 1 cm behind the nominal surface, and its press waits for no
+force; all else is the same.
 """
 
 from __future__ import annotations
@@ -38,7 +40,8 @@ MASS: Range = (0.5, 2.0)
 """Range of an object's mass over the nominal one, log-uniform."""
 
 DRAG: Range = (0.5, 2.0)
-"""Range of a mechanism's closer, damping and friction over the nominal ones, each log-uniform."""
+"""Range of a mechanism's closer, damping and friction over the nominal ones, each
+log-uniform."""
 
 THRUST: Range = (0.9, 1.0)
 """Range of the rotors' thrust over the nominal one."""
@@ -52,18 +55,23 @@ DELAY = 0.010
 
 @immutable
 class Task:
-    """Contact task of the benchmark: scenario, desired contact force, bounds of perturbations, success criteria.
+    """Contact task of the benchmark: scenario, desired contact force, bounds of
+    perturbations, success criteria.
 
     Attributes:
         name: name of the shipped scenario. title: title in a few words.
         push: desired push, N; 0 without. normal: nominal, out of the surface.
-        face: distance, m, from the tip's path to the nominal surface, against the normal.
-        friction: bounds. sideways: whether the tip slides so that friction turns the vehicle.
+        face: distance, m, from the tip's path to the nominal surface, against the
+            normal.
+        friction: bounds. sideways: whether the tip slides so that friction turns the
+            vehicle.
         wind: N, largest.
         grip: name of a gripper that holds what goes along an arc.
         object: name of an object of unknown mass.
-        numbers: path -> expression of what is drawn (:mod:`skyarm.studies.compare.contact_worlds`) and of "now".
-        success: criterion -> expression of metrics, SI, and of "weight", N; at least 0 where it is met.
+        numbers: path -> expression of what is drawn
+            (:mod:`skyarm.studies.compare.contact_worlds`) and of "now".
+        success: criterion -> expression of metrics, SI, and of "weight", N; at least 0
+            where it is met.
     """
 
     name: str
@@ -80,7 +88,9 @@ class Task:
     success: Mapping[str, str] = field(default_factory=dict)
 
 
-TASKS: Mapping[str, Task] = {row["name"]: Task(**row) for row in library_rows("contact_tasks")}
+TASKS: Mapping[str, Task] = {
+    row["name"]: Task(**row) for row in library_rows("contact_tasks")
+}
 """Tasks by name, in the order of the tables."""
 
 
@@ -96,11 +106,12 @@ RIVALS = ("hybrid_ct", "admittance_pd")
 """Published laws that also press; they fly with tuned gains on every vehicle."""
 
 LAWS = (*OWN, *RIVALS, "paper_ct", "paper_pd")
-"""Default laws: the scenario's own with and without parts of it, the paper's two, and these two with published
-contact control."""
+"""Default laws: the scenario's own with and without parts of it, the paper's two, and
+these two with published contact control."""
 
 BEHIND = 0.01
-"""Distance (m) behind the modelled surface of the path of a law that tracks positions."""
+"""Distance (m) behind the modelled surface of the path of a law that tracks
+positions."""
 
 
 def document_of(task: Task) -> dict[str, Any]:
@@ -109,14 +120,22 @@ def document_of(task: Task) -> dict[str, Any]:
 
 
 def flies_its_own(task: Task, law: str) -> bool:
-    """True if a variant of the centroidal law behaves differently from the full law in a contact task.
+    """True if a variant of the centroidal law behaves differently from the full law in
+    a contact task.
 
-    Without a push the flagship has no interaction to leave out, without an object no load to learn.
+    Without a push the flagship has no interaction to leave out, without an object no
+    load to learn.
     """
-    return task.push > 0.0 or bool(task.grip) if law == MOTION else bool(task.object) or law != LOAD
+    return (
+        task.push > 0.0 or bool(task.grip)
+        if law == MOTION
+        else bool(task.object) or law != LOAD
+    )
 
 
-def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0) -> Scenario:
+def scenario_of(
+    task: Task, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0
+) -> Scenario:
     """Shipped, unperturbed scenario of a task for one controller.
 
     Raises:
@@ -136,24 +155,51 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
     if task.push and not presses(planned.agent.controller.par):
         led = scenario_from(as_positions(task, document))
         planned = led.with_controller(planned.agent.controller)
-    noise, delays = NOISE if noisy else planned.agent.noise, Delays(longest_command=DELAY)
-    return with_words(planned, name=task.name, seed=seed, noise=noise, delays=delays, wind=force_wind(planned))
+    noise, delays = (
+        NOISE if noisy else planned.agent.noise,
+        Delays(longest_command=DELAY),
+    )
+    return with_words(
+        planned,
+        name=task.name,
+        seed=seed,
+        noise=noise,
+        delays=delays,
+        wind=force_wind(planned),
+    )
 
 
 def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
-    """Scenario for a controller without force control: desired tip path offset by ``BEHIND`` into the surface."""
+    """Scenario for a controller without force control: desired tip path offset by
+    ``BEHIND`` into the surface.
+    """
     path = document["reference"]["tip"]["path"]
     way = [-(task.face + BEHIND) * n for n in task.normal]
-    start, at, phases = list(path["position"]), list(path["position"]), list[dict[str, Any]]()
+    start, at, phases = (
+        list(path["position"]),
+        list(path["position"]),
+        list[dict[str, Any]](),
+    )
     for phase in path["phases"]:
         replacement = {**phase}
         kind = phase["kind"]
         if kind == "press":
-            phases.append({"kind": "go_to", "position": _shift(at, way), "duration": 2.0})
-            replacement["until"] = {"error": 1.0, "hold": 0.1, "timeout": 1.0, "on_timeout": "go_on"}
+            phases.append(
+                {"kind": "go_to", "position": _shift(at, way), "duration": 2.0}
+            )
+            replacement["until"] = {
+                "error": 1.0,
+                "hold": 0.1,
+                "timeout": 1.0,
+                "on_timeout": "go_on",
+            }
         elif kind == "insert":
             deeper = [-float(phase["distance"]) * n for n in task.normal]
-            replacement = {"kind": "slide", "position": _shift(_shift(at, way), deeper), "duration": 2.0}
+            replacement = {
+                "kind": "slide",
+                "position": _shift(_shift(at, way), deeper),
+                "duration": 2.0,
+            }
         elif kind == "retreat":
             replacement = {"kind": "retreat", "position": start}
         elif "points" in phase:

@@ -1,7 +1,9 @@
-"""Perturbed surroundings and plants of a contact task, drawn from a seed; infeasible ones are discarded.
+"""Perturbed surroundings and plants of a contact task, drawn from a seed; infeasible
+ones are discarded.
 
-A world is discarded where friction across the push would use half of the yaw torque or more, where a joint would need
-80 % of its torque, or where the wind is more than half of the push.
+A world is discarded where friction across the push would use half of the yaw torque or
+more, where a joint would need 80 % of its torque, or where the wind is more than half
+of the push.
 """
 
 from __future__ import annotations
@@ -17,13 +19,29 @@ from skyarm.records.arrays import Array, Mask
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.joints import effort_limits
-from skyarm.studies.assess.push_limits import HALF, WARNS, pushing_efforts, yaw_room, yaw_torques
-from skyarm.studies.compare.contact_tasks import DELAY, DRAG, MASS, NORMAL, RADIUS, STIFFNESS, THRUST, Task
+from skyarm.studies.assess.push_limits import (
+    HALF,
+    WARNS,
+    pushing_efforts,
+    yaw_room,
+    yaw_torques,
+)
+from skyarm.studies.compare.contact_tasks import (
+    DELAY,
+    DRAG,
+    MASS,
+    NORMAL,
+    RADIUS,
+    STIFFNESS,
+    THRUST,
+    Task,
+)
 from skyarm.studies.compare.perturbed_plants import on_sphere
 from skyarm.studies.trial.trial import columns_of
 
 CHANNEL = 30
-"""Channel of the random generator for worlds, separate from those of flights and perturbed plants."""
+"""Channel of the random generator for worlds, separate from those of flights and
+perturbed plants."""
 
 NUMBERS = 10
 """Number of uniform random numbers of a world."""
@@ -34,7 +52,8 @@ MOST_DISCARDED = 0.3
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Worlds:
-    """Perturbed parameters of surroundings and plant with which a contact task is feasible.
+    """Perturbed parameters of surroundings and plant with which a contact task is
+    feasible.
 
     Attributes:
         values: path -> (count,). drawn: number of worlds drawn for them.
@@ -59,12 +78,17 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
         seed: key.
 
     Raises:
-        ValueError: more than 30 % of the worlds are discarded: the task asks for more than the vehicle can do.
+        ValueError: more than 30 % of the worlds are discarded: the task asks for more
+            than the vehicle can do.
     """
     drawn = count + 16 + 2 * math.ceil(count * MOST_DISCARDED)
     share = uniforms(seed, np.arange(drawn), CHANNEL, 0, NUMBERS)
-    every = {"stiffness": _log(STIFFNESS, share[:, 0]), "friction": _uniform(task.friction, share[:, 1]),
-             "wind": task.wind * share[:, 2], "mass": _log(MASS, share[:, 3])}
+    every = {
+        "stiffness": _log(STIFFNESS, share[:, 0]),
+        "friction": _uniform(task.friction, share[:, 1]),
+        "wind": task.wind * share[:, 2],
+        "mass": _log(MASS, share[:, 3]),
+    }
     feasible = np.flatnonzero(feasible_worlds(task, scenario, every))[:count]
     last = int(feasible[-1]) + 1 if feasible.size else drawn
     # of a handful of worlds chance alone may discard a third
@@ -77,7 +101,8 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
 
 
 def feasible_worlds(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> Mask:
-    """Feasibility of a contact task: True for each perturbed scenario that the vehicle can perform.
+    """Feasibility of a contact task: True for each perturbed scenario that the vehicle
+    can perform.
 
     Args:
         task: task to do.
@@ -91,7 +116,9 @@ def feasible_worlds(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) 
     limits = effort_limits(scenario.agent.vehicle)
     if task.push:
         feasible &= drawn["wind"] <= HALF * task.push
-        feasible &= bool(np.all(np.abs(pushing_efforts(scenario, joints, push)) <= WARNS * limits))
+        feasible &= bool(
+            np.all(np.abs(pushing_efforts(scenario, joints, push)) <= WARNS * limits)
+        )
     if task.sideways:
         pushing, sliding = yaw_torques(scenario, joints, push)
         room = yaw_room(scenario, joints)
@@ -106,7 +133,9 @@ def feasible_worlds(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) 
     return feasible
 
 
-def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
+def _numbers(
+    task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array
+) -> dict[str, Array]:
     """Perturbed parameters of a contact task: parameter path -> values (scenarios,)."""
     wind = on_sphere(2.0 * share[:, 6] - 1.0, 2.0 * math.pi * share[:, 7])
     normal = _tilt(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])
@@ -117,17 +146,28 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
         "delay": DELAY * share[:, 5],
         "hinge": RADIUS * (2.0 * share[:, 8] - 1.0),
         **{f"drag_{name}": _log(DRAG, share[:, column]) for name, column in drags},
-        **{f"wind_{axis}": drawn["wind"] * part for axis, part in zip("xyz", wind, strict=True)},
+        **{
+            f"wind_{axis}": drawn["wind"] * part
+            for axis, part in zip("xyz", wind, strict=True)
+        },
         **{f"normal_{axis}": part for axis, part in zip("xyz", normal, strict=True)},
     }
     rotors = range(len(scenario.agent.vehicle.rotors))
-    every = {f"plant.vehicle.rotors.{i}.thrust_coefficient": "now * thrust" for i in rotors}
-    every |= {"delays.command": "delay"} | {f"environment.wind.force_W.{axis}": f"wind_{axis}" for axis in "xyz"}
+    every = {
+        f"plant.vehicle.rotors.{i}.thrust_coefficient": "now * thrust" for i in rotors
+    }
+    every |= {"delays.command": "delay"} | {
+        f"environment.wind.force_W.{axis}": f"wind_{axis}" for axis in "xyz"
+    }
     return columns_of(every | {**task.numbers}, scenario, draws)
 
 
-def _tilt(normal: tuple[float, float, float], angle: Array, azimuth: Array) -> list[Array]:
-    """Unit vectors obtained by tilting a normal by an angle, towards an azimuth about the normal."""
+def _tilt(
+    normal: tuple[float, float, float], angle: Array, azimuth: Array
+) -> list[Array]:
+    """Unit vectors obtained by tilting a normal by an angle, towards an azimuth about
+    the normal.
+    """
     n = np.array(normal)
     first = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
     first /= np.linalg.norm(first)

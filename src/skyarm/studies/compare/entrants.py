@@ -33,8 +33,12 @@ PAPER_GAINS: Mapping[str, Any] = {"gains": HUMMINGBIRD, "joint_gains": ACCELERAT
 """Gains of every step of the ladder: the paper's; only the law differs."""
 
 
-TUNED: Mapping[str, str] = {"paper_pd": "decoupled_pd_tuned", "paper_ct": "hybrid_computed_torque_tuned"}
-"""Law with the paper's gains -> the same law with tuned gains, for vehicles that the paper's gains do not fit."""
+TUNED: Mapping[str, str] = {
+    "paper_pd": "decoupled_pd_tuned",
+    "paper_ct": "hybrid_computed_torque_tuned",
+}
+"""Law with the paper's gains -> the same law with tuned gains, for vehicles that the
+paper's gains do not fit."""
 
 
 @immutable
@@ -42,11 +46,13 @@ class Entrant:
     """Controller that takes part in a comparison: control law, options and gains.
 
     Attributes:
-        name: short name. group: "paper", "step" (the paper's law made better), "published", "centroidal" or "part"
-            (the centroidal law without one of its blocks), and "own" of any other.
+        name: short name. group: "paper", "step" (the paper's law made better),
+            "published", "centroidal" or "part" (the centroidal law without one of its
+            blocks), and "own" of any other.
         law: a preset or a law. options: options of the law, whatever the condition.
         perfect, noisy: options for either kind.
-        tuned: whether it has the gains of :mod:`skyarm.control.catalogue`. told: whether it receives a known delay.
+        tuned: whether it has the gains of :mod:`skyarm.control.catalogue`. told:
+            whether it receives a known delay.
     """
 
     name: str
@@ -59,13 +65,19 @@ class Entrant:
     told: bool = True
 
     def controller(self, model: Model, *, noisy: bool) -> Controller:
-        """Make the controller for a nominal model, with the known measurement delay if the law has such an option."""
+        """Make the controller for a nominal model, with the known measurement delay if
+        the law has such an option.
+        """
         if self.law in PRESETS:
             return preset(self.law, model)
         options = {**self.options, **(self.noisy if noisy else self.perfect)}
         if noisy and self.told:
             options |= suitable_options(self.law, {"delay": DELAY, "delay_periods": 1})
-        return make_tuned(self.law, model, **options) if self.tuned else make_controller(self.law, model, **options)
+        return (
+            make_tuned(self.law, model, **options)
+            if self.tuned
+            else make_controller(self.law, model, **options)
+        )
 
     @property
     def title(self) -> str:
@@ -74,7 +86,9 @@ class Entrant:
 
 
 def own_entrant(law: str) -> Entrant | None:
-    """Comparison entry for a registered user-defined controller; None for any other name."""
+    """Comparison entry for a registered user-defined controller; None for any other
+    name.
+    """
     row = registrations("law").get(law)
     if row is None or row.source == SHIPPED:
         return None
@@ -85,26 +99,34 @@ def chosen_entrants(names: Sequence[str], field: str) -> dict[str, Entrant]:
     """Look up the controllers of a comparison by the names of their control laws.
 
     Raises:
-        ValueError: one line with the field: a name that is none, or two names of one law.
+        ValueError: one line with the field: a name that is none, or two names of one
+            law.
     """
     require_different(names, field)
     chosen = {name: each for name, each in ENTRANTS.items() if name in names}
     for name in names:
         entrant = ENTRANTS.get(name) or own_entrant(name)
         if entrant is None:
-            raise ValueError(f"{field} = {shown(name)}: {must_be_one_of(ENTRANTS, name)}")
+            raise ValueError(
+                f"{field} = {shown(name)}: {must_be_one_of(ENTRANTS, name)}"
+            )
         if chosen.setdefault(entrant.name, entrant) != entrant:
             raise ValueError(
-                f"{field} = {shown(','.join(names))}: must not name two files and makers of the same names"
+                f"{field} = {shown(','.join(names))}: must not name two files and"
+                " makers of the same names"
             )
     return chosen
 
 
-def chosen_laws(names: Sequence[str], field: str, own: Collection[str] = ()) -> tuple[str, ...]:
-    """Check control law names against the registered laws and the additional names ``own`` of a benchmark.
+def chosen_laws(
+    names: Sequence[str], field: str, own: Collection[str] = ()
+) -> tuple[str, ...]:
+    """Check control law names against the registered laws and the additional names
+    ``own`` of a benchmark.
 
     Raises:
-        ValueError: one line with the field: a name that is none, or two names of one law.
+        ValueError: one line with the field: a name that is none, or two names of one
+            law.
     """
     require_different(names, field)
     for name in names:
@@ -115,13 +137,20 @@ def chosen_laws(names: Sequence[str], field: str, own: Collection[str] = ()) -> 
 
 
 def _entrant(row: dict[str, Any]) -> Entrant:
-    """Create the comparison entry of a controller from its table in the shipped TOML file of controllers."""
-    options = {key: tuple(each) if isinstance(each, list) else each for key, each in row.pop("options", {}).items()}
+    """Create the comparison entry of a controller from its table in the shipped TOML
+    file of controllers.
+    """
+    options = {
+        key: tuple(each) if isinstance(each, list) else each
+        for key, each in row.pop("options", {}).items()
+    }
     if "without" in options:
         options["terms"] = Terms(**dict.fromkeys(options.pop("without"), False))
     gains = PAPER_GAINS if row.pop("paper_gains", False) else {}
     return Entrant(options={**gains, **options}, **row)
 
 
-ENTRANTS: Mapping[str, Entrant] = {row["name"]: _entrant(row) for row in library_rows("entrants")}
+ENTRANTS: Mapping[str, Entrant] = {
+    row["name"]: _entrant(row) for row in library_rows("entrants")
+}
 """Entrants by name, in the order of the tables."""

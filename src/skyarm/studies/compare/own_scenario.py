@@ -38,19 +38,29 @@ AS_GIVEN = "given"
 
 @immutable
 class GivenFlights(CellFlights):
-    """Flights of a scenario as with ``skyarm run FILE --laws LAW``, one per noise seed."""
+    """Flights of a scenario as with ``skyarm run FILE --laws LAW``, one per noise
+    seed.
+    """
 
     given: Scenario | PathLike
 
     def scenario(self) -> Scenario:
-        """Scenario of the user, in which the compared controller replaces the scenario's own controller."""
+        """Scenario of the user, in which the compared controller replaces the
+        scenario's own controller.
+        """
         law = None if self.entrant.name == OWN else self.entrant.law
-        return dataclasses.replace(as_scenario(self.given, law).with_kind(self.plant), seed=self.seed)
+        return dataclasses.replace(
+            as_scenario(self.given, law).with_kind(self.plant), seed=self.seed
+        )
 
 
 def has_chance(scenario: Scenario) -> bool:
-    """True if two flights of a scenario differ: by noise, turbulence or other random parts."""
-    return any(draws_needed(stretch.overrides.of(scenario)) for stretch in stretches(scenario))
+    """True if two flights of a scenario differ: by noise, turbulence or other random
+    parts.
+    """
+    return any(
+        draws_needed(stretch.overrides.of(scenario)) for stretch in stretches(scenario)
+    )
 
 
 @immutable
@@ -60,8 +70,8 @@ class OwnScenario(SummarySuite[GivenFlights]):
     Attributes:
         scenario: scenario, or its file, or the name of a shipped one.
         laws: controllers that fly, any controllers; "own" is the scenario's.
-        plant: kind of plant; the scenario's if left out. seeds: flights of each law, if the scenario has noise or
-            random parts; else one.
+        plant: kind of plant; the scenario's if left out. seeds: flights of each law, if
+            the scenario has noise or random parts; else one.
         seed: seed of the noise; the scenario's if left out.
     """
 
@@ -77,7 +87,10 @@ class OwnScenario(SummarySuite[GivenFlights]):
     def options(self) -> Document:
         """Kind of plant and seed of the flights."""
         own = as_scenario(self.scenario)
-        return {"seed": own.seed if self.seed is None else self.seed, "plant": self.plant or own.kind}
+        return {
+            "seed": own.seed if self.seed is None else self.seed,
+            "plant": self.plant or own.kind,
+        }
 
     @property
     def name(self) -> str:  # type: ignore[override]
@@ -85,9 +98,11 @@ class OwnScenario(SummarySuite[GivenFlights]):
         return self.plan_cells()[0][0].case.name
 
     def plan_cells(self) -> tuple[list[GivenFlights], Refused]:
-        """Flights of each controller, and reasons why usual laws do not fly; a law that is named must fly.
+        """Flights of each controller, and reasons why usual laws do not fly; a law that
+        is named must fly.
 
-        Every vehicle of several flies the law. An autopilot that is named with the file's own options flies once.
+        Every vehicle of several flies the law. An autopilot that is named with the
+        file's own options flies once.
 
         Raises:
             ScenarioError: no such scenario, or a law that is none.
@@ -107,9 +122,20 @@ class OwnScenario(SummarySuite[GivenFlights]):
         named = [name for name in named if name not in refused]
         options = self.options
         own = as_scenario(self.scenario).with_kind(options["plant"])
-        condition = Condition(name=AS_GIVEN, episodes=self.seeds if has_chance(own) else 1)
-        options |= {"case": Case(name=own.name), "condition": condition, "given": self.scenario}
-        same = [n for n in named if identity(own) == identity(as_scenario(self.scenario, n).with_kind(own.kind))]
+        condition = Condition(
+            name=AS_GIVEN, episodes=self.seeds if has_chance(own) else 1
+        )
+        options |= {
+            "case": Case(name=own.name),
+            "condition": condition,
+            "given": self.scenario,
+        }
+        same = [
+            n
+            for n in named
+            if identity(own)
+            == identity(as_scenario(self.scenario, n).with_kind(own.kind))
+        ]
         if tuple(self.laws) == LAWS:  # of these none was asked for by its name
             named = [name for name in named if name not in same]
         twice = own.autopilot is not None and own.agent.controller.name in same
@@ -117,17 +143,29 @@ class OwnScenario(SummarySuite[GivenFlights]):
         entrants = [Entrant(name=name, law=name) for name in (*own_law, *named)]
         return [GivenFlights(entrant=each, **options) for each in entrants], refused
 
-    def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
-        """Comparison report with one table: a row per controller and vehicle, means over completed flights."""
+    def report(
+        self, found: Record, pictures: Mapping[str, bytes] | None = None
+    ) -> Report:
+        """Comparison report with one table: a row per controller and vehicle, means
+        over completed flights.
+        """
         (case, laws), *_ = found["summaries"][AS_GIVEN].items()
         of_agents = {law: _of_agents(each["metrics"]) for law, each in laws.items()}
         agents = dict.fromkeys(chain.from_iterable(of_agents.values()))
         several = len(agents) > 1
         columns = [
             *COLUMNS["own"],
-            *(Column(head=f"{each.words}, {each.unit}", metric=name) for name, each in GRASPS.items() if several),
             *(
-                Column(head=", ".join(filter(None, metric_words(name))), metric=name, fine=math.inf)
+                Column(head=f"{each.words}, {each.unit}", metric=name)
+                for name, each in GRASPS.items()
+                if several
+            ),
+            *(
+                Column(
+                    head=", ".join(filter(None, metric_words(name))),
+                    metric=name,
+                    fine=math.inf,
+                )
                 for name in names("metric", shipped=False)
             ),
         ]
@@ -147,8 +185,18 @@ class OwnScenario(SummarySuite[GivenFlights]):
             if ending != "completed"
         ]
         first = ("law", "agent") if several else ("law",)
-        table = table_of([*first, "completed", *(each.head for each in columns)], rows, left=len(first))
-        notes, name = [*refusals(found), *endings], "Means over the flights that came to their end"
+        table = table_of(
+            [*first, "completed", *(each.head for each in columns)],
+            rows,
+            left=len(first),
+        )
+        notes, name = (
+            [
+                *refusals(found),
+                *endings,
+            ],
+            "Means over the flights that came to their end",
+        )
         return report_of(
             f"{title_of(list(laws))}, {case} on {found['plant']}",
             f"seed {found['seed']}",
@@ -157,7 +205,9 @@ class OwnScenario(SummarySuite[GivenFlights]):
 
 
 def _of_agents(metrics: Record) -> Mapping[str, Document]:
-    """Statistics of the metrics by the name of their vehicle, empty for the only one."""
+    """Statistics of the metrics by the name of their vehicle, empty for the only
+    one.
+    """
     agents: dict[str, Document] = {}
     for full, each in metrics.items():
         agent, _, name = full.rpartition(WITHIN)

@@ -1,4 +1,6 @@
-"""Perturbed plants for robustness tests, the same for every controller, with a spread scaled to the vehicle."""
+"""Perturbed plants for robustness tests, the same for every controller, with a spread
+scaled to the vehicle.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,16 @@ from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle import Vehicle
 
-CHANNEL_MASS, CHANNEL_COM, CHANNEL_INERTIA, CHANNEL_ROTORS, CHANNEL_WORLD, CHANNEL_WIND = range(16, 22)
-"""Channels of the random generator for perturbed plants, separate from those of a flight's noise."""
+(
+    CHANNEL_MASS,
+    CHANNEL_COM,
+    CHANNEL_INERTIA,
+    CHANNEL_ROTORS,
+    CHANNEL_WORLD,
+    CHANNEL_WIND,
+) = range(16, 22)
+"""Channels of the random generator for perturbed plants, separate from those of a
+flight's noise."""
 
 
 @immutable
@@ -27,12 +37,14 @@ class Spread:
     """Bounds of the model mismatch from which perturbed plants are drawn uniformly.
 
     Attributes:
-        mass: share of each body's mass. com: m, each axis of each body. inertia: share of each body's inertia tensor
-            and mass moments, one factor a body, so that the tensor stays one of a body.
-        thrust: lowest and highest share of the thrust coefficient, one factor for all rotors (supply, air density).
+        mass: share of each body's mass. com: m, each axis of each body. inertia: share
+            of each body's inertia tensor and mass moments, one factor a body, so that
+            the tensor stays one of a body.
+        thrust: lowest and highest share of the thrust coefficient, one factor for all
+            rotors (supply, air density).
         damping: damping of every joint, N m s/rad. payload: point mass at the tip, kg.
-        wind: force on the base, N, direction uniform on the sphere; it blows in place of the case's own mean
-            force, whose air speed and gust stay.
+        wind: force on the base, N, direction uniform on the sphere; it blows in place
+            of the case's own mean force, whose air speed and gust stay.
         delay: delay of the commands, s.
     """
 
@@ -46,8 +58,11 @@ class Spread:
     delay: float = 0.010
 
 
-def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[str, Array]:
-    """Draw perturbed plants: parameter path -> values (plants,), the same for all compared controllers.
+def draw(
+    scenario: Scenario, spread: Spread, count: int, *, seed: int
+) -> dict[str, Array]:
+    """Draw perturbed plants: parameter path -> values (plants,), the same for all
+    compared controllers.
 
     Args:
         scenario: scenario whose plant is the middle of the spread.
@@ -61,8 +76,14 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
     def draw_signed(channel: int, numbers: int) -> Array:
         return 2.0 * uniforms(seed, np.arange(count), channel, 0, numbers) - 1.0
 
-    mass, com = draw_signed(CHANNEL_MASS, len(bodies)), draw_signed(CHANNEL_COM, 3 * len(bodies))
-    inertia, world = draw_signed(CHANNEL_INERTIA, len(bodies)), draw_signed(CHANNEL_WORLD, 4)
+    mass, com = (
+        draw_signed(CHANNEL_MASS, len(bodies)),
+        draw_signed(CHANNEL_COM, 3 * len(bodies)),
+    )
+    inertia, world = (
+        draw_signed(CHANNEL_INERTIA, len(bodies)),
+        draw_signed(CHANNEL_WORLD, 4),
+    )
     values: dict[str, Array] = {}
 
     def scale(path: str, factor: Array) -> None:
@@ -72,15 +93,21 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
         at = f"plant.vehicle.{body}"
         scale(f"{at}.mass", 1.0 + spread.mass * mass[:, i])
         for k, axis in enumerate("xyz"):
-            values[f"{at}.com.{axis}"] = number_at(scenario, f"{at}.com.{axis}") + spread.com * com[:, 3 * i + k]
+            values[f"{at}.com.{axis}"] = (
+                number_at(scenario, f"{at}.com.{axis}") + spread.com * com[:, 3 * i + k]
+            )
         for moment in ("xx", "yy", "zz", "xy", "xz", "yz"):
             scale(f"{at}.inertia.{moment}", 1.0 + spread.inertia * inertia[:, i])
     low, high = spread.thrust
-    thrust = 1.0 + low + 0.5 * (high - low) * (1.0 + draw_signed(CHANNEL_ROTORS, 1)[:, 0])
+    thrust = (
+        1.0 + low + 0.5 * (high - low) * (1.0 + draw_signed(CHANNEL_ROTORS, 1)[:, 0])
+    )
     for i in range(len(truth.rotors)):
         scale(f"plant.vehicle.rotors.{i}.thrust_coefficient", thrust)
     for i in range(truth.n):
-        values[f"plant.vehicle.links.{i}.joint.damping"] = 0.5 * spread.damping * (1.0 + world[:, 0])
+        values[f"plant.vehicle.links.{i}.joint.damping"] = (
+            0.5 * spread.damping * (1.0 + world[:, 0])
+        )
     values["plant.payload.mass"] = 0.5 * spread.payload * (1.0 + world[:, 1])
     if spread.delay:
         values["delays.command"] = 0.5 * spread.delay * (1.0 + world[:, 2])
@@ -91,15 +118,21 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
     return values
 
 
-FRICTION_PATHS, OBJECT = (".damping", ".coulomb"), re.compile(r"world\.objects\.\w+\.mass")
-"""Ends of the paths of numbers that make joints and grasps stiffer; paths of masses that touch."""
+FRICTION_PATHS, OBJECT = (
+    (".damping", ".coulomb"),
+    re.compile(r"world\.objects\.\w+\.mass"),
+)
+"""Ends of the paths of numbers that make joints and grasps stiffer; paths of masses
+that touch."""
 
 
 def hardest(scenario: Scenario, columns: Mapping[str, Array]) -> dict[str, float]:
-    """Numbers that need the shortest integration steps of all flights, by parameter path.
+    """Numbers that need the shortest integration steps of all flights, by parameter
+    path.
 
-    Stiffness k and friction mu of a surface need steps by k and by k mu. With the largest k, the mu that makes the
-    largest k mu of any flight needs the shortest step of all, and none that is shorter.
+    Stiffness k and friction mu of a surface need steps by k and by k mu. With the
+    largest k, the mu that makes the largest k mu of any flight needs the shortest step
+    of all, and none that is shorter.
 
     Args:
         scenario: what the flights have in common.
@@ -107,7 +140,9 @@ def hardest(scenario: Scenario, columns: Mapping[str, Array]) -> dict[str, float
     """
     extremes = dict[str, float]()
     for path, column in columns.items():
-        if path.endswith(FRICTION_PATHS) or (path.startswith("world.grippers.") and path.endswith(".stiffness")):
+        if path.endswith(FRICTION_PATHS) or (
+            path.startswith("world.grippers.") and path.endswith(".stiffness")
+        ):
             extremes[path] = float(column.max())
         elif path.endswith(".material.stiffness"):
             most = extremes[path] = float(column.max())
@@ -120,39 +155,47 @@ def hardest(scenario: Scenario, columns: Mapping[str, Array]) -> dict[str, float
 
 
 def on_sphere(height: Array, azimuth: Array) -> tuple[Array, Array, Array]:
-    """Coordinates of points on the unit sphere, uniformly distributed if height and azimuth (rad) are.
+    """Coordinates of points on the unit sphere, uniformly distributed if height and
+    azimuth (rad) are.
 
-    Source: Archimedes: height and azimuth of a uniform point are uniform and independent.
+    Source: Archimedes: height and azimuth of a uniform point are uniform and
+    independent.
     """
     across = np.sqrt(1.0 - height * height)
     return across * np.cos(azimuth), across * np.sin(azimuth), height
 
 
 MASS, ARM = 0.806, 0.3
-"""Mass (kg) and arm length (m) of the vehicle for which the comparison's spread was chosen; Barakou et al. 2026,
-Table 1."""
+"""Mass (kg) and arm length (m) of the vehicle for which the comparison's spread was
+chosen; Barakou et al. 2026, Table 1."""
 
 FRICTION = 40.0
-"""Largest joint damping over the joint's inertia at rest (1/s), equal to the comparison's spread for the paper's
-forearm."""
+"""Largest joint damping over the joint's inertia at rest (1/s), equal to the
+comparison's spread for the paper's forearm."""
 
 RESERVE = 0.9
-"""Largest hover load, payload and wind together, as a fraction of the weakest rotors' thrust."""
+"""Largest hover load, payload and wind together, as a fraction of the weakest rotors'
+thrust."""
 
 
 def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, float]:
-    """Scale the standard model mismatch to a vehicle; also returns the fraction of payload and wind that it can lift.
+    """Scale the standard model mismatch to a vehicle; also returns the fraction of
+    payload and wind that it can lift.
 
-    Masses, inertias, thrust and delay keep their shares; the centre of mass goes with the arm's length, payload and
-    wind with the weight, joint damping with the arm's inertia. Payload and wind shrink together where the thrust in a
-    hover would not reach for both.
+    Masses, inertias, thrust and delay keep their shares; the centre of mass goes with
+    the arm's length, payload and wind with the weight, joint damping with the arm's
+    inertia. Payload and wind shrink together where the thrust in a hover would not
+    reach for both.
     """
     usual = Spread()
     mass, length = float(vehicle.mass) / MASS, arm_length(vehicle) / ARM
     weakest = 1.0 + usual.thrust[0]
     load, wind = usual.payload * mass, usual.wind * mass
     needed = (load * gravity + wind) / (float(vehicle.mass) * gravity)
-    eased = min(1.0, max(0.0, (RESERVE * weakest * thrust_margin(vehicle, gravity) - 1.0) / needed))
+    eased = min(
+        1.0,
+        max(0.0, (RESERVE * weakest * thrust_margin(vehicle, gravity) - 1.0) / needed),
+    )
     spread = Spread(
         com=usual.com * length,
         payload=load * eased if vehicle.end_effector else 0.0,
@@ -164,9 +207,13 @@ def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, f
 
 
 def arm_length(vehicle: Vehicle) -> float:
-    """Length from base to tip of the stretched arm, m; without an arm, the largest rotor distance from the base."""
+    """Length from base to tip of the stretched arm, m; without an arm, the largest
+    rotor distance from the base.
+    """
     links = [_length(joint.position) for joint in vehicle.joints]
-    tip = next((frame for frame in vehicle.frames if frame.name == vehicle.end_effector), None)
+    tip = next(
+        (frame for frame in vehicle.frames if frame.name == vehicle.end_effector), None
+    )
     if tip is not None and links:
         return sum(links) + _length(tip.position)
     return max((_length(rotor.position) for rotor in vehicle.rotors), default=ARM)
@@ -179,23 +226,33 @@ def _length(v: Vec3) -> float:
 def thrust_margin(vehicle: Vehicle, gravity: float) -> float:
     """Smallest ratio of maximum to hover thrust over all rotors."""
     trim = hover_trim(vehicle, vehicle.zeros, gravity)
-    shares = [(float(r.max_speed) / max(float(w), 1e-9)) ** 2 for w, r in zip(trim.speeds, vehicle.rotors, strict=True)]
+    shares = [
+        (float(r.max_speed) / max(float(w), 1e-9)) ** 2
+        for w, r in zip(trim.speeds, vehicle.rotors, strict=True)
+    ]
     return min(shares, default=math.inf)
 
 
-def fitted_damping(scenario: Scenario, spread: Spread, values: dict[str, Array]) -> dict[str, Array]:
-    """Rescale the drawn joint dampings to lie between zero and a limit from joint inertia or nominal damping.
+def fitted_damping(
+    scenario: Scenario, spread: Spread, values: dict[str, Array]
+) -> dict[str, Array]:
+    """Rescale the drawn joint dampings to lie between zero and a limit from joint
+    inertia or nominal damping.
 
     Args:
         scenario: scenario whose plant is the middle of the spread.
         spread: spread that they were drawn from.
-        values: path -> (plants,), of :func:`skyarm.studies.compare.perturbed_plants.draw`.
+        values: path -> (plants,), of
+            :func:`skyarm.studies.compare.perturbed_plants.draw`.
     """
     truth = scenario.agent.vehicle
     M = dynamics.mass_matrix_at_rest(truth)
     rescaled = dict(values)
     for i in range(truth.n):
         path = f"plant.vehicle.links.{i}.joint.damping"
-        most = max(min(spread.damping, FRICTION * float(M[6 + i][6 + i])), 2.0 * number_at(scenario, path))
+        most = max(
+            min(spread.damping, FRICTION * float(M[6 + i][6 + i])),
+            2.0 * number_at(scenario, path),
+        )
         rescaled[path] = values[path] * (most / spread.damping)
     return rescaled

@@ -1,7 +1,9 @@
-"""Run a benchmark of several controllers into a folder: simulate, evaluate, write one report.
+"""Run a benchmark of several controllers into a folder: simulate, evaluate, write one
+report.
 
-A suite says what flies and how it is judged; the rest is here. Each cell has a file of rows from the moment it has
-flown, so that a suite that was killed continues; ``flights.parquet`` holds every flight of all cells in a row.
+A suite says what flies and how it is judged; the rest is here. Each cell has a file of
+rows from the moment it has flown, so that a suite that was killed continues;
+``flights.parquet`` holds every flight of all cells in a row.
 """
 
 from __future__ import annotations
@@ -15,9 +17,22 @@ from pathlib import Path
 from typing import ClassVar, Generic, TypeVar
 
 from skyarm.compile.llvm.kernel import require_machine_code
-from skyarm.records.files import PathLike, needs_extra, require_writable, taken_back, write_atomically
+from skyarm.records.files import (
+    PathLike,
+    needs_extra,
+    require_writable,
+    taken_back,
+    write_atomically,
+)
 from skyarm.records.registry.plugins import identities
-from skyarm.studies.compare.cell_flights import NAMES, Cell, CellFlights, Document, Record, table
+from skyarm.studies.compare.cell_flights import (
+    NAMES,
+    Cell,
+    CellFlights,
+    Document,
+    Record,
+    table,
+)
 from skyarm.studies.flights import Crew, Store
 from skyarm.studies.flights.executor import Progress
 from skyarm.studies.flights.store import ROWS, concatenate, files_by_label, unpack_rows
@@ -32,10 +47,12 @@ Refused = Mapping[str, str]
 
 
 class Suite(ABC, Generic[F]):
-    """Base class of controller benchmarks: the flights to simulate, their evaluation and report.
+    """Base class of controller benchmarks: the flights to simulate, their evaluation
+    and report.
 
     Attributes:
-        name: name of the suite. file: name of its results, without the suffix. folder: usual folder of its files.
+        name: name of the suite. file: name of its results, without the suffix. folder:
+            usual folder of its files.
         settings: fields that determine its report.
     """
 
@@ -54,7 +71,9 @@ class Suite(ABC, Generic[F]):
         """All flights of a benchmark, and reasons why a controller is excluded."""
 
     @abstractmethod
-    def judge(self, todo: Sequence[F], cells: Sequence[Cell], refused: Refused) -> Document:
+    def judge(
+        self, todo: Sequence[F], cells: Sequence[Cell], refused: Refused
+    ) -> Document:
         """Evaluate all flights of a benchmark; returns the results as plain data."""
 
     def pictures(self, found: Record) -> dict[str, bytes]:
@@ -62,29 +81,46 @@ class Suite(ABC, Generic[F]):
         return {}
 
     @abstractmethod
-    def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
+    def report(
+        self, found: Record, pictures: Mapping[str, bytes] | None = None
+    ) -> Report:
         """Build the report of a benchmark from its results."""
 
 
 class SummarySuite(Suite[F]):
-    """Base of benchmarks whose results are the statistics of each controller, case and condition."""
+    """Base of benchmarks whose results are the statistics of each controller, case and
+    condition.
+    """
 
-    def judge(self, todo: Sequence[F], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Statistics of the metrics for every controller, case and condition, and why others do not fly."""
+    def judge(
+        self, todo: Sequence[F], cells: Sequence[Cell], refused: Refused
+    ) -> Document:
+        """Statistics of the metrics for every controller, case and condition, and why
+        others do not fly.
+        """
         named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
-        return {"summaries": table(named)} | ({"not_flown": dict(refused)} if refused else {})
+        return {"summaries": table(named)} | (
+            {"not_flown": dict(refused)} if refused else {}
+        )
 
 
 def fly_suite(
-    suite: Suite[F], out: PathLike, *, workers: int = 1, on: str | None = None, progress: Progress | None = None
+    suite: Suite[F],
+    out: PathLike,
+    *,
+    workers: int = 1,
+    on: str | None = None,
+    progress: Progress | None = None,
 ) -> Document:
-    """Simulate the missing flights of a benchmark, write its files, and return the content of its JSON file.
+    """Simulate the missing flights of a benchmark, write its files, and return the
+    content of its JSON file.
 
     Args:
         suite: suite to fly.
         out: folder of its files; cells whose rows it holds do not fly again.
         workers: threads or processes that fly; no number depends on it.
-        on: "local", "processes", "ray" or "ray:HOST:PORT"; for more cells than workers processes, if left out.
+        on: "local", "processes", "ray" or "ray:HOST:PORT"; for more cells than workers
+            processes, if left out.
         progress: called after every cell with (cells done, all, the last).
 
     Raises:
@@ -116,14 +152,20 @@ def fly_suite(
             write_suite(suite, document, suite.pictures(document), folder)
             if store:
                 columns = [
-                    (flown[each.label], (*NAMES, "status", "trial", *cells[each.label].metrics)) for each in todo
+                    (
+                        flown[each.label],
+                        (*NAMES, "status", "trial", *cells[each.label].metrics),
+                    )
+                    for each in todo
                 ]
                 write_atomically(folder / "flights.parquet", concatenate(columns))
     return document
 
 
 def other_report(suite: Suite[F], folder: Path) -> str:
-    """Name of another benchmark whose report is in a folder, where this one's is going to replace it; else empty."""
+    """Name of another benchmark whose report is in a folder, where this one's is going
+    to replace it; else empty.
+    """
     name = there = suite.name
     with suppress(ValueError, LookupError, TypeError, OSError):  # it is no report
         there = json.loads((folder / f"{suite.file}.json").read_text("utf-8"))["suite"]
@@ -131,18 +173,38 @@ def other_report(suite: Suite[F], folder: Path) -> str:
 
 
 def open_store(folder: Path) -> Store | None:
-    """Open the store of a benchmark's results, and warn of flights to repeat; None without pyarrow."""
+    """Open the store of a benchmark's results, and warn of flights to repeat; None
+    without pyarrow.
+    """
     if not files_by_label(folder / ROWS) and any((folder / "cells").glob("*.cell")):
-        warnings.warn(f"{folder}: cells of skyarm 0.3 do not count: what they hold is flown again", stacklevel=2)
+        warnings.warn(
+            f"{folder}: cells of skyarm 0.3 do not count: what they hold is flown"
+            " again",
+            stacklevel=2,
+        )
     store = Store.if_kept(folder)
     if store is None:
-        warnings.warn(f"pyarrow: is missing: what has flown is not kept; {needs_extra('sweep')}", stacklevel=2)
+        warnings.warn(
+            f"pyarrow: is missing: what has flown is not kept; {needs_extra('sweep')}",
+            stacklevel=2,
+        )
     return store
 
 
-def write_suite(suite: Suite[F], found: Record, pictures: dict[str, bytes], folder: Path) -> None:
+def write_suite(
+    suite: Suite[F], found: Record, pictures: dict[str, bytes], folder: Path
+) -> None:
     """Write results and report of a benchmark as JSON, Markdown, HTML and pictures."""
-    report, results = suite.report(found, pictures), json.dumps(found, indent=1, allow_nan=False) + "\n"
-    texts = {f"{suite.file}.json": results, "tables.md": report.markdown(), PAGE: report.html()}
-    for name, content in (pictures | {name: text.encode() for name, text in texts.items()}).items():
+    report, results = (
+        suite.report(found, pictures),
+        json.dumps(found, indent=1, allow_nan=False) + "\n",
+    )
+    texts = {
+        f"{suite.file}.json": results,
+        "tables.md": report.markdown(),
+        PAGE: report.html(),
+    }
+    for name, content in (
+        pictures | {name: text.encode() for name, text in texts.items()}
+    ).items():
         write_atomically(folder / name, content)

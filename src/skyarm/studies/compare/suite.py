@@ -1,4 +1,6 @@
-"""Cases and conditions of the comparison: those of Barakou et al. 2026 and harder ones, perfect to perturbed."""
+"""Cases and conditions of the comparison: those of Barakou et al. 2026 and harder ones,
+perfect to perturbed.
+"""
 
 from __future__ import annotations
 
@@ -21,20 +23,27 @@ from skyarm.studies.trial.trial import DELAY, NOISE
 from skyarm.world import ForceWind
 
 GROUND = False
-"""Setting without a ground: the suite measures tracking, and a flight below z = 0 continues."""
+"""Setting without a ground: the suite measures tracking, and a flight below z = 0
+continues."""
 
 
 def library_rows(name: str) -> Iterator[dict[str, Any]]:
-    """Yield the tables of a TOML file shipped with the comparison, such as one per controller, with lists as tuples."""
+    """Yield the tables of a TOML file shipped with the comparison, such as one per
+    controller, with lists as tuples.
+    """
     file = resources.files("skyarm.studies.compare") / "library" / f"{name}.toml"
     (rows,) = tomllib.loads(file.read_text("utf-8")).values()
     for row in rows:
-        yield {key: tuple(each) if isinstance(each, list) else each for key, each in row.items()}
+        yield {
+            key: tuple(each) if isinstance(each, list) else each
+            for key, each in row.items()
+        }
 
 
 @immutable
 class Case:
-    """Case of the comparison: a shipped scenario with its wind direction, unmodelled payload and metric windows.
+    """Case of the comparison: a shipped scenario with its wind direction, unmodelled
+    payload and metric windows.
 
     Attributes:
         name: short name. windows: windows of the metrics.
@@ -57,16 +66,22 @@ class Case:
         if self.payload:
             world = replace(world, vehicle=world.vehicle.with_payload(self.payload))
         wind = turn_wind(force_wind(shipped), self.wind)
-        return with_words(shipped, name=self.name, plant=world, wind=wind, ground=GROUND)
+        return with_words(
+            shipped, name=self.name, plant=world, wind=wind, ground=GROUND
+        )
 
 
 def force_wind(scenario: Scenario) -> ForceWind:
-    """Wind of a scenario if it is modelled as a force, otherwise a wind of zero force."""
+    """Wind of a scenario if it is modelled as a force, otherwise a wind of zero
+    force.
+    """
     return scenario.wind if isinstance(scenario.wind, ForceWind) else ForceWind()
 
 
 def turn_wind(wind: ForceWind, angle: float) -> ForceWind:
-    """Wind with its mean rotated about the vertical by an angle, and an unchanged gust."""
+    """Wind with its mean rotated about the vertical by an angle, and an unchanged
+    gust.
+    """
     if not angle:
         return wind
     c, s = math.cos(angle), math.sin(angle)
@@ -74,11 +89,16 @@ def turn_wind(wind: ForceWind, angle: float) -> ForceWind:
     def turn(v: Vec3) -> Vec3:
         return Vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
 
-    return replace(wind, force_W=turn(wind.force_W), air_velocity_W=turn(wind.air_velocity_W))
+    return replace(
+        wind, force_W=turn(wind.force_W), air_velocity_W=turn(wind.air_velocity_W)
+    )
 
 
 CASES: Mapping[str, Case] = {
-    row["name"]: Case(**row | {"windows": record_from(Windows, Fields(row.get("windows", {}), "windows"))})
+    row["name"]: Case(
+        **row
+        | {"windows": record_from(Windows, Fields(row.get("windows", {}), "windows"))}
+    )
     for row in library_rows("paper_cases")
 }
 """Cases by name, in the order of the tables."""
@@ -91,7 +111,8 @@ class Condition:
     """Condition of a comparison: sensor noise, delays and perturbed plants.
 
     Attributes:
-        name: short name. title: one line. noisy: sensor noise and :data:`DELAY`; entrants use their gains for it.
+        name: short name. title: one line. noisy: sensor noise and :data:`DELAY`;
+            entrants use their gains for it.
         episodes: flights of each case. cases: names, of the comparison.
         spread: model mismatch of the plants; None for the unperturbed plant.
     """
@@ -104,16 +125,21 @@ class Condition:
     spread: Spread | None = None
 
     def apply(self, scenario: Scenario) -> Scenario:
-        """Apply the sensor noise and the delays of a comparison's condition to the scenario of a case."""
+        """Apply the sensor noise and the delays of a comparison's condition to the
+        scenario of a case.
+        """
         # a spread has a delay of its own, from none at all
         delays = Delays(measurement=DELAY if self.noisy and not self.spread else 0.0)
         if self.spread and self.spread.delay:
             delays = Delays(longest_command=self.spread.delay)
-        return with_words(scenario, delays=delays, noise=NOISE if self.noisy else scenario.agent.noise)
+        return with_words(
+            scenario, delays=delays, noise=NOISE if self.noisy else scenario.agent.noise
+        )
 
 
 def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
-    """All conditions of the comparison by name, from perfect state to noisy perturbed plants.
+    """All conditions of the comparison by name, from perfect state to noisy perturbed
+    plants.
 
     Args:
         plants: perturbed plants.
@@ -121,12 +147,34 @@ def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
     """
     every = tuple(CASES)
     listed = (
-        Condition(name="perfect", title="perfect state", noisy=False, episodes=1, cases=every),
-        Condition(name="noisy", title="noise and one period of delay", noisy=True, episodes=seeds, cases=every),
+        Condition(
+            name="perfect", title="perfect state", noisy=False, episodes=1, cases=every
+        ),
+        Condition(
+            name="noisy",
+            title="noise and one period of delay",
+            noisy=True,
+            episodes=seeds,
+            cases=every,
+        ),
         *(
-            Condition(name=name, title=title, noisy=noisy, episodes=plants, cases=PAPER_CASES, spread=Spread())
+            Condition(
+                name=name,
+                title=title,
+                noisy=noisy,
+                episodes=plants,
+                cases=PAPER_CASES,
+                spread=Spread(),
+            )
             for name, title, noisy in (
-                ("plants", "perturbed plants, perfect state, delay 0 to 10 ms that nobody knows of", False),
+                (
+                    "plants",
+                    (
+                        "perturbed plants, perfect state, delay 0 to 10 ms that nobody"
+                        " knows of"
+                    ),
+                    False,
+                ),
                 ("plants_noisy", "perturbed plants, noise, delay 0 to 10 ms", True),
             )
         ),

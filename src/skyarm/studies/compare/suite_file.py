@@ -1,6 +1,8 @@
-"""Suites of users: trials that a file describes, each at several values, law beside law.
+"""Suites of users: trials that a file describes, each at several values, law beside
+law.
 
-A file begins with the table [suite] and has a table [[trials]] for each trial; docs/suites.md says what its words mean.
+A file begins with the table [suite] and has a table [[trials]] for each trial;
+docs/suites.md says what its words mean.
 """
 
 from __future__ import annotations
@@ -15,7 +17,14 @@ from typing import Any
 import numpy as np
 
 from skyarm.control.controller import ControllerError
-from skyarm.log.metrics.metric_catalogue import GROUPS, catalogue_names, is_torque, measures, metric_words, row_names
+from skyarm.log.metrics.metric_catalogue import (
+    GROUPS,
+    catalogue_names,
+    is_torque,
+    measures,
+    metric_words,
+    row_names,
+)
 from skyarm.log.metrics.windows import Windows
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import Mask
@@ -40,7 +49,13 @@ from skyarm.scenario.controller_table import controller_by_name, is_gains_file
 from skyarm.scenario.numbers import require_apart
 from skyarm.scenario.readers import require_plugins
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
-from skyarm.studies.compare.cell_flights import JITTER, Cell, Document, Record, TrialFlights
+from skyarm.studies.compare.cell_flights import (
+    JITTER,
+    Cell,
+    Document,
+    Record,
+    TrialFlights,
+)
 from skyarm.studies.compare.entrants import Entrant, chosen_laws
 from skyarm.studies.compare.own_scenario import OWN, has_chance
 from skyarm.studies.compare.run_suite import Refused, Suite
@@ -49,7 +64,13 @@ from skyarm.studies.flights import Work
 from skyarm.studies.sweep.design import Design, values
 from skyarm.studies.sweep.distributions import Distribution, distribution_from
 from skyarm.studies.sweep.plan import fastest_plant
-from skyarm.studies.trial.facts import DURATION, PAPER, Setting, setting_of, setting_of_scenario
+from skyarm.studies.trial.facts import (
+    DURATION,
+    PAPER,
+    Setting,
+    setting_of,
+    setting_of_scenario,
+)
 from skyarm.studies.trial.table import Column, refusals, report_of, values_of
 from skyarm.studies.trial.trial import MOTIONS, Trial
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -59,7 +80,8 @@ LAWS = ("paper_pd", "paper_ct", "centroidal_tip")
 """Laws of a suite that names none."""
 
 METRICS = ("ee_error_mean_continuous", JITTER)
-"""Metrics of a suite that names none: mean distance of the tip from its reference, and the rotors' jitter."""
+"""Metrics of a suite that names none: mean distance of the tip from its reference, and
+the rotors' jitter."""
 
 MOST = 10_000
 """Largest number of flights of a trial at one value."""
@@ -72,8 +94,10 @@ class SuiteTrial(Trial):
     Attributes:
         flights: flights at each value, each with noise and draws of its own.
         duration: s; None for that of the scenario, or 20 in a hover.
-        vary: path -> distribution of a number of each flight, the same for every law and value.
-        success: metric -> largest value of a successful flight, which has to fly to its end in any case.
+        vary: path -> distribution of a number of each flight, the same for every law
+            and value.
+        success: metric -> largest value of a successful flight, which has to fly to its
+            end in any case.
         windows: windows of the metrics.
     """
 
@@ -94,15 +118,30 @@ class SuiteTrial(Trial):
         """Vehicle of the trial under a law, or the trial's scenario.
 
         Raises:
-            ValueError: one line: a scenario or vehicle that cannot be, or a law that does not fit it.
+            ValueError: one line: a scenario or vehicle that cannot be, or a law that
+                does not fit it.
         """
         if not self.file:
             duration = DURATION if self.duration is None else self.duration
             vehicle, own = suite.vehicle or PAPER, None if law == OWN else law
-            hover = setting_of(vehicle, duration, suite.plant, own, armed=False, at="vehicle")
-            # windows of every vehicle are alike: the paper's hover has those of its case 3
-            return replace(hover, document={key: each for key, each in hover.document.items() if key != "windows"})
-        given = {"plant": suite.plant, "duration": self.duration, "controller": None if law == OWN else law}
+            hover = setting_of(
+                vehicle, duration, suite.plant, own, armed=False, at="vehicle"
+            )
+            # windows of every vehicle are alike: the paper's hover has those of its
+            # case 3
+            return replace(
+                hover,
+                document={
+                    key: each
+                    for key, each in hover.document.items()
+                    if key != "windows"
+                },
+            )
+        given = {
+            "plant": suite.plant,
+            "duration": self.duration,
+            "controller": None if law == OWN else law,
+        }
         given = {word: each for word, each in given.items() if each is not None}
         return setting_of_scenario(self.file, Path(suite.source).parent, given)
 
@@ -120,18 +159,27 @@ class FileFlights(TrialFlights):
 
     @property
     def label(self) -> str:
-        """File name of the stored results; includes the value if each is a scenario of its own."""
+        """File name of the stored results; includes the value if each is a scenario of
+        its own.
+        """
         return super().label + ("" if self.trial.numbers else f"_{self.points[0]:g}")
 
     def scenario(self) -> Scenario:
         """Scenario of the trial at the first of these values."""
-        return replace(self.trial.scenario(self.setting, self.points[0]), seed=self.seed)
+        return replace(
+            self.trial.scenario(self.setting, self.points[0]), seed=self.seed
+        )
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
         """Numbers of the flights: parameter path -> values (flights,)."""
         count = self.trial.flights
-        drawn = values(Design(vary=self.trial.vary, episodes=count, seed=self.seed), np.arange(count))
-        return self.numbers(count) | {path: np.tile(column, len(self.points)) for path, column in drawn.items()}
+        drawn = values(
+            Design(vary=self.trial.vary, episodes=count, seed=self.seed),
+            np.arange(count),
+        )
+        return self.numbers(count) | {
+            path: np.tile(column, len(self.points)) for path, column in drawn.items()
+        }
 
     def episodes(self, scenario: Scenario) -> int:
         """Number of flights at all values."""
@@ -139,7 +187,9 @@ class FileFlights(TrialFlights):
 
     def metric_names(self, setpoints: Mapping[str, Sequence[bool]]) -> tuple[str, ...]:
         """Metrics of the tables, and those that judge."""
-        return row_names([*dict.fromkeys((*self.metrics, *self.trial.success))], setpoints)
+        return row_names(
+            [*dict.fromkeys((*self.metrics, *self.trial.success))], setpoints
+        )
 
     def work(self) -> Work:
         """Work item of these flights; each value meets the same noise and draws.
@@ -150,7 +200,10 @@ class FileFlights(TrialFlights):
         work = super().work()
         with errors_as(ScenarioError, "vary: " if self.trial.vary else "numbers: "):
             require_apart(work.scenario, list(work.columns))
-        ends = {path: (float(column.min()), float(column.max())) for path, column in work.columns.items()}
+        ends = {
+            path: (float(column.min()), float(column.max()))
+            for path, column in work.columns.items()
+        }
         keys = np.tile(np.arange(self.trial.flights), len(self.points))
         return replace(work, episodes=keys, stiffest=fastest_plant(work.scenario, ends))
 
@@ -160,8 +213,10 @@ class FileSuite(Suite[FileFlights]):
     """Comparison of laws on the trials of a file.
 
     Attributes:
-        title: one line. source: path of the file. trials: in order. laws: names; "own" is a scenario's.
-        vehicle: name or file, of trials that hover; empty for the paper's. metrics: of the tables.
+        title: one line. source: path of the file. trials: in order. laws: names; "own"
+            is a scenario's.
+        vehicle: name or file, of trials that hover; empty for the paper's. metrics: of
+            the tables.
         seed: seed of noise and draws. plant: kind of plant.
     """
 
@@ -206,14 +261,20 @@ class FileSuite(Suite[FileFlights]):
                     except ControllerError as error:
                         refused[f"{law} in {trial.name}"] = str(error)
         if not cells:
-            raise ValueError(f"{self.source}: {'; '.join(f'{name}: {why}' for name, why in refused.items())}")
+            raise ValueError(
+                f"{self.source}:"
+                f" {'; '.join(f'{name}: {why}' for name, why in refused.items())}"
+            )
         return cells, refused
 
     def _cells(self, trial: SuiteTrial, law: str) -> list[FileFlights]:
         if law == OWN and not trial.file:
             raise ControllerError("flies trials with a scenario, whose own law it is")
         if law != OWN and trial.states_controller:
-            raise ControllerError("entries.controller is of the law 'own' alone; another law comes with its own gains")
+            raise ControllerError(
+                "entries.controller is of the law 'own' alone; another law comes with"
+                " its own gains"
+            )
         if law != OWN and not is_gains_file(law):
             given = trial.setting(self, OWN).hover
             for name in given.agents:
@@ -225,7 +286,11 @@ class FileSuite(Suite[FileFlights]):
         every = FileFlights(
             entrant=Entrant(name=law, law=law),
             case=Case(name=trial.name, windows=trial.windows),
-            condition=Condition(name="noisy" if trial.noisy else "given", noisy=trial.noisy, episodes=trial.flights),
+            condition=Condition(
+                name="noisy" if trial.noisy else "given",
+                noisy=trial.noisy,
+                episodes=trial.flights,
+            ),
             plant=self.plant,
             seed=self.seed,
             trial=trial,
@@ -233,65 +298,127 @@ class FileSuite(Suite[FileFlights]):
             points=trial.of(setting),
             metrics=self.metrics,
         )
-        apart = [every] if trial.numbers else [replace(every, points=(value,)) for value in every.points]
+        apart = (
+            [every]
+            if trial.numbers
+            else [replace(every, points=(value,)) for value in every.points]
+        )
         trial.windows.require_within(setting.duration)
         for each in apart:
             each.work()  # refuses here what cannot fly
         return apart
 
-    def judge(self, todo: Sequence[FileFlights], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Evaluate the suite: of each trial, law and value the flights, successes and means of the metrics."""
+    def judge(
+        self, todo: Sequence[FileFlights], cells: Sequence[Cell], refused: Refused
+    ) -> Document:
+        """Evaluate the suite: of each trial, law and value the flights, successes and
+        means of the metrics.
+        """
         trials: Document = {}
         for flights, cell in zip(todo, cells, strict=True):
             trial, (_, name, law) = flights.trial, flights.name
-            entry = trials.setdefault(name, {"title": trial.title, "unit": trial.unit, "values": {}, "laws": {}})
+            entry = trials.setdefault(
+                name,
+                {"title": trial.title, "unit": trial.unit, "values": {}, "laws": {}},
+            )
             entry["values"] |= dict.fromkeys(map(str, flights.points))
             points = entry["laws"].setdefault(law, [])
             for k, _ in enumerate(flights.points):
-                points.append(_point(cell, slice(k * trial.flights, (k + 1) * trial.flights), self.metrics, trial))
+                points.append(
+                    _point(
+                        cell,
+                        slice(k * trial.flights, (k + 1) * trial.flights),
+                        self.metrics,
+                        trial,
+                    )
+                )
         for entry in trials.values():
             entry["values"] = list(map(float, entry["values"]))
-        return {"title": self.title, "laws": list(self.laws), "not_flown": dict(refused), "trials": trials}
+        return {
+            "title": self.title,
+            "laws": list(self.laws),
+            "not_flown": dict(refused),
+            "trials": trials,
+        }
 
-    def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
+    def report(
+        self, found: Record, pictures: Mapping[str, bytes] | None = None
+    ) -> Report:
         """Report with a section for each trial, and a table for each metric in it."""
-        vehicle = f"{found['vehicle'] or PAPER}, " if any(not trial.file for trial in self.trials) else ""
+        vehicle = (
+            f"{found['vehicle'] or PAPER}, "
+            if any(not trial.file for trial in self.trials)
+            else ""
+        )
         notes = [MEANING, *refusals(found)]
-        tables = {name: [_table(entry, metric) for metric in self.metrics] for name, entry in found["trials"].items()}
-        criteria = {trial.name: [_criterion(trial.success)] for trial in self.trials if trial.success}
+        tables = {
+            name: [_table(entry, metric) for metric in self.metrics]
+            for name, entry in found["trials"].items()
+        }
+        criteria = {
+            trial.name: [_criterion(trial.success)]
+            for trial in self.trials
+            if trial.success
+        }
         trials = [
-            Section(title=found["trials"][name]["title"], notes=criteria.get(name, []), tables=each)
+            Section(
+                title=found["trials"][name]["title"],
+                notes=criteria.get(name, []),
+                tables=each,
+            )
             for name, each in tables.items()
         ]
         facts = f"{vehicle}{found['plant']}, seed {found['seed']}"
-        return report_of(found["title"], facts, [Section(name="What flew", notes=notes), *trials])
+        return report_of(
+            found["title"], facts, [Section(name="What flew", notes=notes), *trials]
+        )
 
 
 FINE = 0.1
-"""Number below which three digits are shown: of joint torques and body rates two decimals may be nothing."""
+"""Number below which three digits are shown: of joint torques and body rates two
+decimals may be nothing."""
 
-MEANING = "Means over the flights that came to their end, behind the count of successes where some did not."
+MEANING = (
+    "Means over the flights that came to their end, behind the count of successes where"
+    " some did not."
+)
 
 
 def _criterion(success: Mapping[str, float]) -> str:
     """Sentence with the largest values of the metrics of a successful flight."""
     limits = ((*metric_words(name), most) for name, most in success.items())
-    return f"Success: {', '.join(f'{words} at most {most:g} {unit}'.rstrip() for words, unit, most in limits)}."
+    return (
+        "Success:"
+        f" {', '.join(f'{words} at most {most:g} {unit}'.rstrip() for words, unit, most in limits)}."
+    )
 
 
-def _point(cell: Cell, rows: slice, metrics: Sequence[str], trial: SuiteTrial) -> Document:
+def _point(
+    cell: Cell, rows: slice, metrics: Sequence[str], trial: SuiteTrial
+) -> Document:
     """Results of one law at one value; of several vehicles the largest of theirs."""
     flown, wanted = cell.completed[rows], (*metrics, *trial.success)
-    numbers = {name: np.max([each[rows] for each in values_of(cell.metrics, name)], axis=0) for name in wanted}
+    numbers = {
+        name: np.max([each[rows] for each in values_of(cell.metrics, name)], axis=0)
+        for name in wanted
+    }
     with np.errstate(invalid="ignore"):
-        good: Mask = np.all([flown, *(numbers[name] <= most for name, most in trial.success.items())], axis=0)
-    means = {name: numbers[name][flown & np.isfinite(numbers[name])] for name in metrics}
+        good: Mask = np.all(
+            [flown, *(numbers[name] <= most for name, most in trial.success.items())],
+            axis=0,
+        )
+    means = {
+        name: numbers[name][flown & np.isfinite(numbers[name])] for name in metrics
+    }
     return {
         "flights": int(flown.size),
         "completed": int(flown.sum()),
         "success": int(good.sum()),
         "endings": sorted({str(status) for status in cell.status[rows][~flown]}),
-        "means": {name: float(each.mean()) if each.size else None for name, each in means.items()},
+        "means": {
+            name: float(each.mean()) if each.size else None
+            for name, each in means.items()
+        },
     }
 
 
@@ -299,9 +426,17 @@ def _table(entry: Record, metric: str) -> Table:
     """Table of a metric in a trial: a row for each law, a column for each value."""
     words, unit = metric_words(metric)
     factor, unit, fine = (1e3, "mm", 0.0) if unit == "m" else (1.0, unit, FINE)
-    column = Column(head=f"{words}, {unit}" if unit else words, metric=metric, factor=factor, fine=fine)
+    column = Column(
+        head=f"{words}, {unit}" if unit else words,
+        metric=metric,
+        factor=factor,
+        fine=fine,
+    )
     values = (f"{value:g} {entry['unit']}".rstrip() for value in entry["values"])
-    rows = [[law, *(_cell(each, column) for each in points)] for law, points in entry["laws"].items()]
+    rows = [
+        [law, *(_cell(each, column) for each in points)]
+        for law, points in entry["laws"].items()
+    ]
     return table_of(["law", *values], rows, title=column.head)
 
 
@@ -318,7 +453,8 @@ def load_suite(path: PathLike, **options: Any) -> FileSuite:
 
     Args:
         path: path of the .toml file.
-        options: fields of :class:`FileSuite` in place of the file's; ``only``: names of trials that fly.
+        options: fields of :class:`FileSuite` in place of the file's; ``only``: names of
+            trials that fly.
 
     Raises:
         ValueError: one line, ``file: table.key = value: what is allowed``.
@@ -337,26 +473,39 @@ def load_suite(path: PathLike, **options: Any) -> FileSuite:
             "laws": chosen_laws(_texts(table, "laws", LAWS), "suite.laws", (OWN,)),
             "vehicle": table.text("vehicle", ""),
             "metrics": tuple(
-                _metric(each, "suite.metrics") for each in dict.fromkeys(_texts(table, "metrics", METRICS))
+                _metric(each, "suite.metrics")
+                for each in dict.fromkeys(_texts(table, "metrics", METRICS))
             ),
         }
         usual = {"flights": _flights(table, 1), "duration": _duration(table, None)}
         table.done()
         top.done()
         filled_list(given, "trials", "one or more tables [[trials]]")
-        trials = [_trial(each, usual) for each in Fields(document, "", named=True).tables("trials")]
+        trials = [
+            _trial(each, usual)
+            for each in Fields(document, "", named=True).tables("trials")
+        ]
         names = [trial.name for trial in trials]
         for name in names:
             if names.count(name) > 1:
-                raise ValueError(f"trials[{name}].name = {shown(name)}: must differ from those of other trials")
+                raise ValueError(
+                    f"trials[{name}].name = {shown(name)}: must differ from those of"
+                    " other trials"
+                )
         if own["vehicle"] and all(trial.file for trial in trials):
-            raise ValueError(f"suite.vehicle = {shown(own['vehicle'])}: must be left out: every trial has a scenario")
+            raise ValueError(
+                f"suite.vehicle = {shown(own['vehicle'])}: must be left out: every"
+                " trial has a scenario"
+            )
     for name in only or ():
         if name not in names:
             raise ValueError(f"--only = {shown(name)}: {must_be_one_of(names, name)}")
     chosen = [trial for trial in trials if only is None or trial.name in only]
     if options.get("vehicle") and all(trial.file for trial in chosen):
-        raise ValueError(f"--vehicle = {shown(options['vehicle'])}: must be left out: every trial has a scenario")
+        raise ValueError(
+            f"--vehicle = {shown(options['vehicle'])}: must be left out: every trial"
+            " has a scenario"
+        )
     return FileSuite(**own | {"source": source, "trials": chosen} | options)
 
 
@@ -371,12 +520,17 @@ def _texts(table: Fields, name: str, usual: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _metric(name: str, at: str) -> str:
-    """Name of a single metric, no group; that a vehicle has it is checked where the flights are planned."""
+    """Name of a single metric, no group; that a vehicle has it is checked where the
+    flights are planned.
+    """
     if name in GROUPS:
         raise ValueError(f"{at} = {shown(name)}: must be a metric, not a group of them")
     known, (alone,) = measures(0), catalogue_names([name])
     if alone not in known and not is_torque(alone):
-        words = f"{did_you_mean(alone, known)}must be a metric, such as {', '.join(nearest(alone, known))}"
+        words = (
+            f"{did_you_mean(alone, known)}must be a metric, such as"
+            f" {', '.join(nearest(alone, known))}"
+        )
         raise ValueError(f"{at} = {shown(name)}: {words}")
     return name
 
@@ -384,13 +538,20 @@ def _metric(name: str, at: str) -> str:
 def _flights(table: Fields, usual: int) -> int:
     stated = table.take("flights", usual)
     if (flights := whole(stated)) is None or not 1 <= flights <= MOST:
-        raise ValueError(f"{table.at('flights')} = {shown(stated)}: must be a whole number from 1 to {MOST}")
+        raise ValueError(
+            f"{table.at('flights')} = {shown(stated)}: must be a whole number from 1 to"
+            f" {MOST}"
+        )
     return flights
 
 
 def _duration(table: Fields, usual: float | None) -> float | None:
     stated = table.take("duration", usual)
-    return None if stated is None else number_of(stated, table.at("duration"), low=0.0, strict=True)
+    return (
+        None
+        if stated is None
+        else number_of(stated, table.at("duration"), low=0.0, strict=True)
+    )
 
 
 def _expressions(entry: object) -> Iterator[str]:
@@ -404,7 +565,11 @@ def _expressions(entry: object) -> Iterator[str]:
             yield entry
 
 
-ELSEWHERE = {"duration": "duration of the trial", "seed": "--seed", "plant.kind": "--plant"}
+ELSEWHERE = {
+    "duration": "duration of the trial",
+    "seed": "--seed",
+    "plant.kind": "--plant",
+}
 """Entry of a scenario file -> what says it in a suite."""
 
 
@@ -412,23 +577,35 @@ def _trial(table: Fields, usual: Record) -> SuiteTrial:
     """Read one table of a suite."""
     name, file = table.text("name"), table.text("scenario", "")
     if not is_result_name(name):
-        raise ValueError(f"{table.at('name')} = {shown(name)}: must be the name of a file, of letters, digits, - or _")
+        raise ValueError(
+            f"{table.at('name')} = {shown(name)}: must be the name of a file, of"
+            " letters, digits, - or _"
+        )
     numbers, vary = table.inner("numbers"), table.inner("vary")
     for path, expression in numbers.table.items():
         if not isinstance(expression, str):
-            raise ValueError(f'{numbers.at(path)} = {shown(expression)}: must be an expression, as "2 * value"')
+            raise ValueError(
+                f"{numbers.at(path)} = {shown(expression)}: must be an expression, as"
+                ' "2 * value"'
+            )
         if path in vary.table:
             raise ValueError(f"{vary.at(path)}: must not stand under numbers as well")
     if file:
         for word in ("base", "arm"):
             if table.states(word):
-                raise ValueError(f"{table.at(word)}: must be left out beside scenario, which has a reference")
+                raise ValueError(
+                    f"{table.at(word)}: must be left out beside scenario, which has a"
+                    " reference"
+                )
     success, entries = table.inner("success"), table.inner("entries")
     for path, instead in ELSEWHERE.items():
         *within, word = path.split(".")
         given = entries.inner(within[0]) if within else entries
         if word in given.table:
-            raise ValueError(f"{given.at(word)} = {shown(given.table[word])}: must be left out; {instead} says it")
+            raise ValueError(
+                f"{given.at(word)} = {shown(given.table[word])}: must be left out;"
+                f" {instead} says it"
+            )
     found = SuiteTrial(
         name=name,
         title=table.text("title", name),
@@ -436,22 +613,41 @@ def _trial(table: Fields, usual: Record) -> SuiteTrial:
         values=tuple(table.numbers("values", [1.0])),
         share=table.text("share", "1"),
         file=file,
-        base=table.choice("base", tuple(MOTIONS["bases"])) if table.states("base") else "",
+        base=(
+            table.choice("base", tuple(MOTIONS["bases"]))
+            if table.states("base")
+            else ""
+        ),
         arm=table.choice("arm", tuple(MOTIONS["arms"]), "still"),
         entries=entries.table,
         numbers=numbers.table,
         noisy=table.flag("noisy", False),
         flights=_flights(table, usual["flights"]),
         duration=_duration(table, usual["duration"]),
-        vary={path: distribution_from(each, vary.at(path)) for path, each in vary.table.items()},
-        success={_metric(each, success.at(each)): success.number(each) for each in success.table},
-        windows=record_from(Windows, Fields(table.take("windows", {}), table.at("windows"))),
+        vary={
+            path: distribution_from(each, vary.at(path))
+            for path, each in vary.table.items()
+        },
+        success={
+            _metric(each, success.at(each)): success.number(each)
+            for each in success.table
+        },
+        windows=record_from(
+            Windows, Fields(table.take("windows", {}), table.at("windows"))
+        ),
     )
     table.done()
     if not found.values or len(set(found.values)) < len(found.values):
-        raise ValueError(f"{table.at('values')} = {shown(list(found.values))}: must be one or more different numbers")
+        raise ValueError(
+            f"{table.at('values')} = {shown(list(found.values))}: must be one or more"
+            " different numbers"
+        )
     every = [*_expressions(found.entries), *found.numbers.values()]
-    if len(found.values) > 1 and not any(re.search(r"\bvalue\b", each) for each in every):
-        words = "must be one number: no expression names value, and all would fly the same"
+    if len(found.values) > 1 and not any(
+        re.search(r"\bvalue\b", each) for each in every
+    ):
+        words = (
+            "must be one number: no expression names value, and all would fly the same"
+        )
         raise ValueError(f"{table.at('values')} = {shown(list(found.values))}: {words}")
     return found

@@ -1,6 +1,8 @@
-"""Trials of the survive suite: blows, failing sensors, wrong and stiff plants, landings and half turns of any vehicle.
+"""Trials of the survive suite: blows, failing sensors, wrong and stiff plants, landings
+and half turns of any vehicle.
 
-The trials are in ``library/survive_trials.toml``, whose first lines say what its words mean.
+The trials are in ``library/survive_trials.toml``, whose first lines say what its words
+mean.
 """
 
 from __future__ import annotations
@@ -35,12 +37,22 @@ def faulty_sensors(built: Scenario, setting: Setting, value: float) -> Scenario:
 
 def known_damping(built: Scenario, setting: Setting, value: float) -> Scenario:
     """Scenario whose joints are damped, and whose model has that damping."""
-    paths = ("plant.vehicle.links.{}.joint.damping", "model.vehicle.links.{}.joint.damping")
-    numbers = {path.format(i): value * each for path in paths for i, each in enumerate(setting.damping)}
+    paths = (
+        "plant.vehicle.links.{}.joint.damping",
+        "model.vehicle.links.{}.joint.damping",
+    )
+    numbers = {
+        path.format(i): value * each
+        for path in paths
+        for i, each in enumerate(setting.damping)
+    }
     return with_numbers(faulty_sensors(built, setting, value), numbers)
 
 
-MADE: Mapping[str, Maker] = {"faulty_sensors": faulty_sensors, "known_damping": known_damping}
+MADE: Mapping[str, Maker] = {
+    "faulty_sensors": faulty_sensors,
+    "known_damping": known_damping,
+}
 """Makers of trials that no entries of a file describe."""
 
 
@@ -75,7 +87,9 @@ class SurviveTrial(Trial):
             "environment": {"ground": False},
         }
         model = {"model": {"vehicle": MODEL}} if vehicle == PAPER else {}
-        return replace(usual, document=document | model, hover=usual.hover.with_reference(high))
+        return replace(
+            usual, document=document | model, hover=usual.hover.with_reference(high)
+        )
 
     def under(self, setting: Setting, law: str, value: float) -> Scenario:
         """Scenario that the flights at a value have in common, under a law.
@@ -84,15 +98,22 @@ class SurviveTrial(Trial):
             ControllerError: the law does not fit the vehicle.
         """
         known = replace(self, entries=with_entries(self.entries, self.known))
-        return self.scenario(setting, value).with_controller(controller_by_name(known.scenario(setting, value), law))
+        return self.scenario(setting, value).with_controller(
+            controller_by_name(known.scenario(setting, value), law)
+        )
 
     def flights(self, setting: Setting, value: float) -> list[dict[str, float]]:
         """Numbers of the flights at a value: parameter path -> number."""
-        return [replace(self, numbers=numbers).numbers_of(setting, value) for numbers in self.each]
+        return [
+            replace(self, numbers=numbers).numbers_of(setting, value)
+            for numbers in self.each
+        ]
 
 
 TRIALS: Mapping[str, SurviveTrial] = {
-    trial["name"]: SurviveTrial(**{key: each for key, each in group.items() if key != "trials"} | trial)
+    trial["name"]: SurviveTrial(
+        **{key: each for key, each in group.items() if key != "trials"} | trial
+    )
     for group in library_rows("survive_trials")
     for trial in group["trials"]
 }

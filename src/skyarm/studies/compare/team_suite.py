@@ -1,4 +1,6 @@
-"""Benchmark of the laws of a team: two vehicles with arms carry a bar under conditions that trouble them."""
+"""Benchmark of the laws of a team: two vehicles with arms carry a bar under conditions
+that trouble them.
+"""
 
 from __future__ import annotations
 
@@ -43,45 +45,86 @@ class TeamFlights(CellFlights):
     further_metrics = (*TEAMS, "joint_saturation")
 
     def scenario(self) -> Scenario:
-        """Scenario with the entries of law and condition, without noise and delays of its own."""
-        document, folder = read_named(file_name(self.given, "scenario"), "scenario", LIBRARY)
-        given, law = team_of(scenario_from(document, folder), str(self.given)), self.entrant.law
-        noisy: Document = {"sensors": dataclasses.asdict(NOISE), "delays": {"measurement": DELAY}}
+        """Scenario with the entries of law and condition, without noise and delays of
+        its own.
+        """
+        document, folder = read_named(
+            file_name(self.given, "scenario"), "scenario", LIBRARY
+        )
+        given, law = (
+            team_of(scenario_from(document, folder), str(self.given)),
+            self.entrant.law,
+        )
+        noisy: Document = {
+            "sensors": dataclasses.asdict(NOISE),
+            "delays": {"measurement": DELAY},
+        }
         # of the carried body
-        noisy["team"] = {"position_noise": NOISE.position, "attitude_noise": NOISE.attitude}
+        noisy["team"] = {
+            "position_noise": NOISE.position,
+            "attitude_noise": NOISE.attitude,
+        }
         changed = under_law(without_noise(document), law)
-        for tables in ({"plant": {"kind": self.plant}}, noisy if self.condition.noisy else {}):
+        for tables in (
+            {"plant": {"kind": self.plant}},
+            noisy if self.condition.noisy else {},
+        ):
             changed = with_entries(changed, tables)
         changed = self.condition.change_document(changed, given)
         late = self.condition.change_path(scenario_from(changed, folder), given.last)
         return dataclasses.replace(late, seed=self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
-        """Numbers of the flights, the same for every law: parameter path -> values (flights,)."""
+        """Numbers of the flights, the same for every law: parameter path -> values
+        (flights,).
+        """
         if not self.condition.vary:
             return {}
-        return self.condition.columns(scenario, team_of(load_scenario(self.given), str(self.given)), self.seed)
+        return self.condition.columns(
+            scenario, team_of(load_scenario(self.given), str(self.given)), self.seed
+        )
 
 
 def without_noise(document: Record) -> Document:
-    """Scenario file without sensors, delays, and noise and age of the body's motion: those are of the conditions."""
+    """Scenario file without sensors, delays, and noise and age of the body's motion:
+    those are of the conditions.
+    """
 
     def without_words(table: Record) -> Document:
-        return {key: entry for key, entry in table.items() if key not in ("sensors", "delays")}
+        return {
+            key: entry
+            for key, entry in table.items()
+            if key not in ("sensors", "delays")
+        }
 
-    team = {key: entry for key, entry in document["team"].items() if not key.endswith("_noise") and key != "pose_age"}
+    team = {
+        key: entry
+        for key, entry in document["team"].items()
+        if not key.endswith("_noise") and key != "pose_age"
+    }
     agents = {name: without_words(table) for name, table in document["agents"].items()}
-    return {key: {"agents": agents, "team": team}.get(key, entry) for key, entry in without_words(document).items()}
+    return {
+        key: {"agents": agents, "team": team}.get(key, entry)
+        for key, entry in without_words(document).items()
+    }
 
 
 def under_law(document: Document, law: str) -> Document:
-    """Scenario file under a law of the suite; the law of the file keeps the options of the file."""
+    """Scenario file under a law of the suite; the law of the file keeps the options of
+    the file.
+    """
     if document["team"]["law"] == law:
         return document
     entries = dict(LAWS[law])
     words = field_names(find("team", law)) or ()
-    team = {key: entry for key, entry in document["team"].items() if key in words} | entries.pop("team")
-    own = {name: entries for name, table in document["agents"].items() if "controller" in table}
+    team = {
+        key: entry for key, entry in document["team"].items() if key in words
+    } | entries.pop("team")
+    own = {
+        name: entries
+        for name, table in document["agents"].items()
+        if "controller" in table
+    }
     return with_entries(document | {"team": team}, {**entries, "agents": own})
 
 
@@ -90,7 +133,8 @@ class TeamSuite(SummarySuite[TeamFlights]):
     """Benchmark of several laws of a team.
 
     Attributes:
-        laws: names. rows: names of conditions, in order. seeds: flights of each condition with chance.
+        laws: names. rows: names of conditions, in order. seeds: flights of each
+            condition with chance.
         scenario: name or path of the scenario.
         seed: seed of draws and noise. plant: kind of plant.
     """
@@ -106,17 +150,24 @@ class TeamSuite(SummarySuite[TeamFlights]):
     settings = ("seeds", "seed", "plant")
 
     def plan_cells(self) -> tuple[list[TeamFlights], Refused]:
-        """All flights of the benchmark, and why conditions, or laws under them, do not fly.
+        """All flights of the benchmark, and why conditions, or laws under them, do not
+        fly.
 
         Raises:
-            ValueError: a name of none, a scenario without a team whose grasps close in flight, or nothing to fly.
+            ValueError: a name of none, a scenario without a team whose grasps close in
+                flight, or nothing to fly.
         """
         for chosen, there in ((self.laws, LAWS), (self.rows, ROWS)):
             for name in chosen:
                 if name not in there:
-                    raise ValueError(f"{TEAM}: {shown(name)}: {must_be_one_of(there, name)}")
+                    raise ValueError(
+                        f"{TEAM}: {shown(name)}: {must_be_one_of(there, name)}"
+                    )
         if str(self.scenario).endswith(".npz"):
-            raise ValueError(f"{self.scenario}: must be a scenario (.toml), whose conditions {TEAM} changes, not a log")
+            raise ValueError(
+                f"{self.scenario}: must be a scenario (.toml), whose conditions {TEAM}"
+                " changes, not a log"
+            )
         own = load_scenario(self.scenario)
         given = team_of(own, str(self.scenario))
         case, planned = Case(name=own.name), list[TeamFlights]()
@@ -145,10 +196,14 @@ class TeamSuite(SummarySuite[TeamFlights]):
                 else:
                     planned.append(cell)
         if not planned:
-            raise ValueError(f"{TEAM}: {'; '.join(f'{name} {why}' for name, why in refused.items())}")
+            raise ValueError(
+                f"{TEAM}: {'; '.join(f'{name} {why}' for name, why in refused.items())}"
+            )
         return planned, refused
 
-    def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
+    def report(
+        self, found: Record, pictures: Mapping[str, bytes] | None = None
+    ) -> Report:
         """Report of the benchmark with one table: a row per condition and law."""
         word = "title" if self.scenario == FLOWN else "own"
         rows = [
@@ -163,12 +218,23 @@ class TeamSuite(SummarySuite[TeamFlights]):
             for law, each in laws.items()
         ]
         (case, *_), *_ = found["summaries"].values()
-        notes = [f"not flown: {name} {why}" for name, why in found.get("not_flown", {}).items()]
-        table = table_of(["condition", "law", "placed", *(each.head for each in COLUMNS["team"])], rows, left=2)
+        notes = [
+            f"not flown: {name} {why}"
+            for name, why in found.get("not_flown", {}).items()
+        ]
+        table = table_of(
+            ["condition", "law", "placed", *(each.head for each in COLUMNS["team"])],
+            rows,
+            left=2,
+        )
         return report_of(
             f"Laws of a team, {case} on {found['plant']}",
             f"{found['seeds']} flights, seed {found['seed']}",
-            [Section(name="Flights that came to their end", notes=notes, tables=[table])],
+            [
+                Section(
+                    name="Flights that came to their end", notes=notes, tables=[table]
+                )
+            ],
         )
 
 
@@ -183,16 +249,23 @@ def team_of(scenario: Scenario, name: str) -> CarryingTeam:
         ValueError: one line; it has no such team.
     """
     if scenario.team is None or scenario.world is None:
-        raise ValueError(f"{name}: team: must be stated for {TEAM}, whose laws share a load")
+        raise ValueError(
+            f"{name}: team: must be stated for {TEAM}, whose laws share a load"
+        )
     given = CarryingTeam(scenario=scenario, team=scenario.team, contact=scenario.world)
     if not any(each.closes for each in given.grasps.values()):
         at = f"world.grasps.close of {shown(scenario.team.object)}"
-        raise ValueError(f"{name}: {at}: must be above 0 in one of them for {TEAM}, whose members take hold in flight")
+        raise ValueError(
+            f"{name}: {at}: must be above 0 in one of them for {TEAM}, whose members"
+            " take hold in flight"
+        )
     return given
 
 
 def unfit(flights: TeamFlights) -> str:
-    """Reason why the scenario of a user cannot be that of a law under a condition; empty if it can."""
+    """Reason why the scenario of a user cannot be that of a law under a condition;
+    empty if it can.
+    """
     try:
         flights.scenario()
     except ValueError as error:

@@ -1,4 +1,6 @@
-"""Simulation of many flights: work items, their simulation, parallel execution, and stored results."""
+"""Simulation of many flights: work items, their simulation, parallel execution, and
+stored results.
+"""
 
 from skyarm.studies.flights.executor import Crew
 from skyarm.studies.flights.store import Store

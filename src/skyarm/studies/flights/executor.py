@@ -1,4 +1,6 @@
-"""Execution of simulations on local threads, worker processes or a Ray cluster, with results stored in a folder."""
+"""Execution of simulations on local threads, worker processes or a Ray cluster, with
+results stored in a folder.
+"""
 
 from __future__ import annotations
 
@@ -25,13 +27,17 @@ Progress = Callable[[int, int, str], object]
 
 
 def require_place(on: str, field: str = "on") -> str:
-    """Check the name of an execution backend: local, processes, ray or ray:HOST:PORT; errors name the field.
+    """Check the name of an execution backend: local, processes, ray or ray:HOST:PORT;
+    errors name the field.
 
     Raises:
         ValueError: one line: no such place, or its extra is missing.
     """
     if not isinstance(on, str) or not PLACES.fullmatch(on):
-        raise ValueError(f"{field} = {shown(on)}: must be {LOCAL}, {PROCESSES}, {RAY} or {RAY}:HOST:PORT")
+        raise ValueError(
+            f"{field} = {shown(on)}: must be {LOCAL}, {PROCESSES}, {RAY} or"
+            f" {RAY}:HOST:PORT"
+        )
     if on.startswith(RAY):
         from skyarm.studies.flights.ray_cluster import require_ray
 
@@ -40,7 +46,8 @@ def require_place(on: str, field: str = "on") -> str:
 
 
 class Executor(Protocol):
-    """Backend that executes function calls: in this process, in worker processes or on a cluster.
+    """Backend that executes function calls: in this process, in worker processes or on
+    a cluster.
 
     Attributes:
         slots: largest number of calls under way. flying: number of those that are.
@@ -52,14 +59,21 @@ class Executor(Protocol):
     @property
     def flying(self) -> int: ...  # noqa: D102
 
-    def submit(self, token: Work, function: Callable[[*Arguments], bytes], *arguments: *Arguments) -> None:
+    def submit(
+        self,
+        token: Work,
+        function: Callable[[*Arguments], bytes],
+        *arguments: *Arguments,
+    ) -> None:
         """Submit a function call for execution, identified by a work item."""
 
     def collect(self) -> tuple[Work, bytes]:
         """Wait for a submitted call to finish; returns its work item and result."""
 
     def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
-        """Shut down the executor after waiting for running calls or abandoning them; returns uncollected results."""
+        """Shut down the executor after waiting for running calls or abandoning them;
+        returns uncollected results.
+        """
 
 
 class Here:
@@ -75,7 +89,12 @@ class Here:
         """Number of submitted function calls that are not executed yet: 0 or 1."""
         return len(self._next)
 
-    def submit(self, token: Work, function: Callable[[*Arguments], bytes], *arguments: *Arguments) -> None:
+    def submit(
+        self,
+        token: Work,
+        function: Callable[[*Arguments], bytes],
+        *arguments: *Arguments,
+    ) -> None:
         """Store a function call, which is executed when its result is collected."""
         self._next.append((token, lambda: function(*arguments)))
 
@@ -103,22 +122,31 @@ def _executor(on: str, workers: int) -> Executor:
 
 
 class Crew:
-    """Runner that simulates work items on a chosen backend and stores their results; stored ones are not repeated.
+    """Runner that simulates work items on a chosen backend and stores their results;
+    stored ones are not repeated.
 
     Args:
-        on: "local", "processes", "ray" (started here) or "ray:HOST:PORT" (joined); None the usual one of what is left.
-        workers: threads of "local", processes of "processes", processors of "ray". No row depends on it.
+        on: "local", "processes", "ray" (started here) or "ray:HOST:PORT" (joined); None
+            the usual one of what is left.
+        workers: threads of "local", processes of "processes", processors of "ray". No
+            row depends on it.
         store: folder of the rows; None keeps none.
 
     Attributes:
         flights: number of those flown.
 
     Raises:
-        ValueError: no such place, its extra is missing, no cluster answers there, or ``workers`` is no number of them.
+        ValueError: no such place, its extra is missing, no cluster answers there, or
+            ``workers`` is no number of them.
     """
 
-    def __init__(self, on: str | None = LOCAL, workers: int = 1, store: Store | None = None) -> None:
-        self.on, self.workers = None if on is None else require_place(on), require_count("workers", workers)
+    def __init__(
+        self, on: str | None = LOCAL, workers: int = 1, store: Store | None = None
+    ) -> None:
+        self.on, self.workers = (
+            (None if on is None else require_place(on)),
+            require_count("workers", workers),
+        )
         self.store = store
         self._executor: Executor | None = None
         self.flights = 0
@@ -127,7 +155,12 @@ class Crew:
         identified.clear()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
+    ) -> None:
         if self._executor is not None:
             for work, content in self._executor.close(abandon=kind is not None):
                 if self.store is not None:
@@ -137,13 +170,18 @@ class Crew:
             self.store.close()
             if self.store.damaged:
                 names = comma_list(self.store.damaged)
-                warnings.warn(f"{self.store.folder}: damaged, and flown again: {names}", stacklevel=2)
+                warnings.warn(
+                    f"{self.store.folder}: damaged, and flown again: {names}",
+                    stacklevel=2,
+                )
 
     def fly(self, works: Iterable[Work]) -> Iterator[tuple[Work, bytes]]:
-        """Yield each work item with the content of its result file, stored ones without simulating them again.
+        """Yield each work item with the content of its result file, stored ones without
+        simulating them again.
 
-        A work is taken from ``works`` when there is room for it: of millions only some are in memory. Those that are to
-        fly at the usual place wait until it is known how many.
+        A work is taken from ``works`` when there is room for it: of millions only some
+        are in memory. Those that are to fly at the usual place wait until it is known
+        how many.
 
         Raises:
             OSError: a process ended unexpectedly, or a file cannot be written.
@@ -165,13 +203,17 @@ class Crew:
             yield self._collect(self._executor)
 
     def _begin(self, work: Work, on: str) -> Iterator[tuple[Work, bytes]]:
-        """Submit a work item as soon as the executor has room, and yield the work items that finish meanwhile."""
+        """Submit a work item as soon as the executor has room, and yield the work items
+        that finish meanwhile.
+        """
         if self._executor is None:
             self._executor = _executor(on, self.workers)
         while self._executor.flying >= self._executor.slots:
             yield self._collect(self._executor)
         metadata = self.store.metadata(work) if self.store else {}
-        self._executor.submit(work, rows_file, work, metadata, self.workers if on == LOCAL else 1)
+        self._executor.submit(
+            work, rows_file, work, metadata, self.workers if on == LOCAL else 1
+        )
 
     def _collect(self, executor: Executor) -> tuple[Work, bytes]:
         work, content = executor.collect()
@@ -181,24 +223,36 @@ class Crew:
         return work, content
 
     def rows(self, works: Iterable[Work]) -> list[Rows]:
-        """Result rows of several work items, in order; threads run items of equal program and seed as one batch."""
+        """Result rows of several work items, in order; threads run items of equal
+        program and seed as one batch.
+        """
         every = list(works)
         here = self.on == LOCAL
-        flying = self._together(every) if here else ((work, unpack_rows(content)) for work, content in self.fly(every))
+        flying = (
+            self._together(every)
+            if here
+            else ((work, unpack_rows(content)) for work, content in self.fly(every))
+        )
         by_work = {id(work): rows for work, rows in flying}
         return [by_work[id(work)] for work in every]
 
     def _together(self, works: Iterable[Work]) -> Iterator[tuple[Work, Rows]]:
-        """Yield work items with their result rows, stored or simulated in this process."""
+        """Yield work items with their result rows, stored or simulated in this
+        process.
+        """
         groups: dict[int | tuple[str, int], list[Work]] = {}
         for work in works:
             there = self.store.get(work) if self.store else None
             if there is None:
-                groups.setdefault(id(work) if work.alone else (work.program, work.seed), []).append(work)
+                groups.setdefault(
+                    id(work) if work.alone else (work.program, work.seed), []
+                ).append(work)
             else:
                 yield work, unpack_rows(there)
         for group in groups.values():
-            for work, rows in zip(group, fly_together(group, self.workers), strict=True):
+            for work, rows in zip(
+                group, fly_together(group, self.workers), strict=True
+            ):
                 self.flights += work.count
                 if self.store is not None:
                     self.store.put(work, pack_rows(rows, self.store.metadata(work)))
@@ -206,5 +260,7 @@ class Crew:
 
 
 def rows_file(work: Work, metadata: dict[bytes, bytes], threads: int) -> bytes:
-    """Simulate a work item; returns its result file, whose bytes depend on work item and metadata alone."""
+    """Simulate a work item; returns its result file, whose bytes depend on work item
+    and metadata alone.
+    """
     return pack_rows(fly(work, threads), metadata)

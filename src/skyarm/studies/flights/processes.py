@@ -1,4 +1,6 @@
-"""Worker processes for simulations: they ignore Ctrl-C and end with their parent; killed ones are replaced."""
+"""Worker processes for simulations: they ignore Ctrl-C and end with their parent;
+killed ones are replaced.
+"""
 
 from __future__ import annotations
 
@@ -43,16 +45,27 @@ class Processes:
         """Number of submitted function calls whose results are not collected yet."""
         return len(self._flying)
 
-    def submit(self, token: Work, function: Callable[[*Arguments], bytes], *arguments: *Arguments) -> None:
-        """Submit a function call, whose work item and result :meth:`collect` returns."""
+    def submit(
+        self,
+        token: Work,
+        function: Callable[[*Arguments], bytes],
+        *arguments: *Arguments,
+    ) -> None:
+        """Submit a function call, whose work item and result :meth:`collect`
+        returns.
+        """
         self._begin(token, pack((function, arguments)), 1)
 
     def _begin(self, token: Work, call: bytes, tries: int) -> None:
         if self._pool is None:
-            # spawn, not fork: the parent may hold threads (a progress bar), and the same code runs on every system
+            # spawn, not fork: the parent may hold threads (a progress bar), and the
+            # same code runs on every system
             spawn = multiprocessing.get_context("spawn")
             self._pool = ProcessPoolExecutor(
-                self._count, mp_context=spawn, initializer=serve, initargs=(luggage(), TRIED)
+                self._count,
+                mp_context=spawn,
+                initializer=serve,
+                initargs=(luggage(), TRIED),
             )
         with _ignore_interrupts(), suppress(BrokenProcessPool):
             self._flying[self._pool.submit(perform, call)] = token, call, tries
@@ -62,7 +75,8 @@ class Processes:
         self._flying[broken] = token, call, tries
 
     def collect(self) -> tuple[Work, bytes]:
-        """Wait for a call to finish, restarting those of killed processes; returns its work item and result.
+        """Wait for a call to finish, restarting those of killed processes; returns its
+        work item and result.
 
         Raises:
             OSError: a process ended unexpectedly in each of some tries.
@@ -81,20 +95,29 @@ class Processes:
         assert self._pool is not None
         self._pool.shutdown(wait=False)
         self._pool = None
-        lost = [each for each in self._flying if not each.done() or isinstance(each.exception(), BrokenProcessPool)]
-        for k, (token, call, tries) in enumerate([self._flying.pop(each) for each in lost]):
+        lost = [
+            each
+            for each in self._flying
+            if not each.done() or isinstance(each.exception(), BrokenProcessPool)
+        ]
+        for k, (token, call, tries) in enumerate(
+            [self._flying.pop(each) for each in lost]
+        ):
             begun = k < self._count  # a pool takes calls in their order, one a process
             if begun and tries >= MOST_TRIES:
                 raise OSError(
-                    f"workers = {self._count}: a process ended unexpectedly, {MOST_TRIES} times (out of memory?); try 1"
+                    f"workers = {self._count}: a process ended unexpectedly,"
+                    f" {MOST_TRIES} times (out of memory?); try 1"
                 ) from error
             self._begin(token, call, tries + begun)
 
     def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
-        """End all processes, after waiting for running calls or abandoning them; returns the results not collected yet.
+        """End all processes, after waiting for running calls or abandoning them;
+        returns the results not collected yet.
 
-        A process may be cut off while it sends a result. The pool's thread would wait for the rest for ever, since this
-        process holds the sending end as well: it is closed first.
+        A process may be cut off while it sends a result. The pool's thread would wait
+        for the rest for ever, since this process holds the sending end as well: it is
+        closed first.
         """
         if abandon and self._pool is not None:
             results = getattr(self._pool, "_result_queue", None)
@@ -105,7 +128,11 @@ class Processes:
                 child.terminate()
         if self._pool is not None:
             self._pool.shutdown()
-        sound = [each for each in self._flying if each.done() and not each.cancelled() and each.exception() is None]
+        sound = [
+            each
+            for each in self._flying
+            if each.done() and not each.cancelled() and each.exception() is None
+        ]
         return [(self._flying[each][0], each.result()) for each in sound]
 
 
@@ -122,7 +149,8 @@ def perform(work: bytes) -> bytes:
         call = unpack(work)
     except ModuleNotFoundError as error:
         raise ValueError(
-            f"{error} on {socket.gethostname()}: install it there, or give its file as a plugin, which travels"
+            f"{error} on {socket.gethostname()}: install it there, or give its file as"
+            " a plugin, which travels"
         ) from None
     function, arguments = call
     try:
@@ -131,19 +159,26 @@ def perform(work: bytes) -> bytes:
         line = own_failure(error)
         if not line:
             raise
-        # the traceback stays here: what it says of someone's own code goes along as a line
+        # the traceback stays here: what it says of someone's own code goes along as a
+        # line
         raise OwnCodeError(line) from error
 
 
 def serve(parents: bytes, tried: Iterable[str] = ()) -> None:
-    """Initialise a worker process: ignore Ctrl-C, load the parent's plugins, end with the parent."""
+    """Initialise a worker process: ignore Ctrl-C, load the parent's plugins, end with
+    the parent.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _REFUSED.extend(equip(parents, tried))
-    threading.Thread(target=_end_with_parent, daemon=True, name="end with parent").start()
+    threading.Thread(
+        target=_end_with_parent, daemon=True, name="end with parent"
+    ).start()
 
 
 def equip(parents: bytes, tried: Iterable[str]) -> list[RegistryError]:
-    """Load the parent's plugins in a worker; returns the errors, which every call in this worker then raises."""
+    """Load the parent's plugins in a worker; returns the errors, which every call in
+    this worker then raises.
+    """
     TRIED.update(tried)
     try:
         unload(parents)

@@ -1,7 +1,9 @@
-"""Execution on a Ray cluster, started here or joined; its nodes need no access to this machine's disk.
+"""Execution on a Ray cluster, started here or joined; its nodes need no access to this
+machine's disk.
 
-Calls and results travel as bytes, plugins by content. A call whose process or node dies begins again elsewhere. A node
-whose versions would fly other rows is refused before its first flight.
+Calls and results travel as bytes, plugins by content. A call whose process or node dies
+begins again elsewhere. A node whose versions would fly other rows is refused before its
+first flight.
 """
 
 from __future__ import annotations
@@ -35,15 +37,20 @@ QUIET = {"log_to_driver": False, "logging_level": logging.ERROR}
 """Ray settings that suppress its output."""
 
 SETTINGS = {"RAY_task_oom_retries": str(MOST_TRIES), "RAY_DEDUP_LOGS_SKIP_REGEX": "."}
-"""Environment variables that Ray reads when it is imported. The first ends the endless retries of a task that needs
-more memory than there is; the second keeps Ray's messages about dead processes out of standard output, where a
-report for machines may be written."""
+"""Environment variables that Ray reads when it is imported. The first ends the
+endless retries of a task that needs more memory than there is; the second keeps
+Ray's messages about dead processes out of standard output, where a report for
+machines may be written."""
 
 ANSWER_SECONDS, JOIN_SECONDS, LOOK_SECONDS = 5.0, 30.0, 5.0
-"""Times (s) until an address counts as silent, until a cluster counts as closed, and between two counts of its
-processors."""
+"""Times (s) until an address counts as silent, until a cluster counts as closed, and
+between two counts of its processors."""
 
-ENDINGS = [signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__]
+ENDINGS = [
+    signal.Signals[name]
+    for name in ("SIGINT", "SIGTERM", "SIGHUP")
+    if name in signal.Signals.__members__
+]
 """Signals that end a command."""
 
 KNOCK = """import sys
@@ -53,7 +60,8 @@ try:
 except Exception as error:
     sys.exit(" ".join(str(error).split()))
 ray.shutdown()"""
-"""Program that joins a cluster in a separate process, since Ray ends the process or waits for minutes on failure."""
+"""Program that joins a cluster in a separate process, since Ray ends the process or
+waits for minutes on failure."""
 
 
 class Ray:
@@ -62,11 +70,13 @@ class Ray:
     The cluster that this process has joined already, if any, is used and stays joined.
 
     Args:
-        address: HOST:PORT of a cluster that this machine is a node of; empty starts one on this machine alone.
+        address: HOST:PORT of a cluster that this machine is a node of; empty starts one
+            on this machine alone.
         workers: processors of the one that is started.
 
     Raises:
-        ValueError: no cluster answers there, or it cannot be joined or started; another one is joined already.
+        ValueError: no cluster answers there, or it cannot be joined or started; another
+            one is joined already.
     """
 
     def __init__(self, address: str, workers: int) -> None:
@@ -79,7 +89,10 @@ class Ray:
         if self._ours:
             _begin(self._ray, address, workers)
         elif address not in ("", joined := self._ray.get_runtime_context().gcs_address):
-            raise ValueError(f"on = 'ray:{address}': this process has joined {joined}; must be ray, or that address")
+            raise ValueError(
+                f"on = 'ray:{address}': this process has joined {joined}; must be ray,"
+                " or that address"
+            )
         try:
             self._kin, self._outfit = kin(), self._ray.put(outfit)
             self._perform = self._ray.remote(max_retries=MOST_TRIES)(_travelling())
@@ -89,7 +102,9 @@ class Ray:
 
     @property
     def slots(self) -> int:
-        """Largest number of calls to submit at a time: two per processor of the cluster at present."""
+        """Largest number of calls to submit at a time: two per processor of the cluster
+        at present.
+        """
         if time.monotonic() > self._counted + LOOK_SECONDS:
             self._slots = max(1, int(2 * self._ray.cluster_resources().get("CPU", 0)))
             self._counted = time.monotonic()
@@ -100,9 +115,18 @@ class Ray:
         """Number of submitted function calls whose results are not collected yet."""
         return len(self._flying)
 
-    def submit(self, token: Work, function: Callable[[*Arguments], bytes], *arguments: *Arguments) -> None:
-        """Submit a function call, whose work item and result :meth:`collect` returns."""
-        self._flying[self._perform.remote(self._kin, self._outfit, pack((function, arguments)))] = token
+    def submit(
+        self,
+        token: Work,
+        function: Callable[[*Arguments], bytes],
+        *arguments: *Arguments,
+    ) -> None:
+        """Submit a function call, whose work item and result :meth:`collect`
+        returns.
+        """
+        self._flying[
+            self._perform.remote(self._kin, self._outfit, pack((function, arguments)))
+        ] = token
 
     def collect(self) -> tuple[Work, bytes]:
         """Wait for a call to finish; returns its work item and result.
@@ -112,8 +136,11 @@ class Ray:
         """
         if not self._landed:
             self._ray.wait([*self._flying], num_returns=1)
-            # all that are there: to look through thousands that fly for each that lands would take the driver's time
-            self._landed, _ = self._ray.wait([*self._flying], num_returns=len(self._flying), timeout=0)
+            # all that are there: to look through thousands that fly for each that lands
+            # would take the driver's time
+            self._landed, _ = self._ray.wait(
+                [*self._flying], num_returns=len(self._flying), timeout=0
+            )
         done = self._landed.pop()
         try:
             return self._flying.pop(done), self._ray.get(done)
@@ -121,10 +148,14 @@ class Ray:
             raise error.cause from None
         except self._ray.exceptions.RayError as error:
             why = " ".join(str(error).split())[:300]
-            raise OSError(f"on = 'ray': a process or node ended unexpectedly, {MOST_TRIES + 1} times: {why}") from error
+            raise OSError(
+                f"on = 'ray': a process or node ended unexpectedly, {MOST_TRIES + 1}"
+                f" times: {why}"
+            ) from error
 
     def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
-        """Leave the cluster, or stop the one started here, after waiting for running calls or cancelling them.
+        """Leave the cluster, or stop the one started here, after waiting for running
+        calls or cancelling them.
 
         Returns what has landed, as :meth:`collect` gives it.
         """
@@ -133,7 +164,8 @@ class Ray:
         with suppress(*([Exception] if abandon else [])):
             wait = {"num_returns": len(flying), "timeout": 0 if abandon else None}
             landed, left = self._ray.wait([*flying], **wait) if flying else ([], [])
-            # whoever leaves takes along what flies; Ray aborts now and then where a call lands while it is cancelled
+            # whoever leaves takes along what flies; Ray aborts now and then where a
+            # call lands while it is cancelled
             for each in [] if self._ours else left:
                 self._ray.cancel(each, force=True)
             for each in landed:
@@ -147,7 +179,8 @@ class Ray:
 
 
 def require_ray(where: str) -> ModuleType:
-    """Import the package ray; raise a one-line error that begins with ``where`` if it is missing.
+    """Import the package ray; raise a one-line error that begins with ``where`` if it
+    is missing.
 
     Raises:
         ValueError: one line: it is not installed, or not as a whole.
@@ -182,9 +215,11 @@ def _begin(ray: ModuleType, address: str, workers: int) -> None:
 
 @contextmanager
 def _without_warnings() -> Iterator[None]:
-    """Context that silences warnings and delays signals until Ray has completely started or stopped.
+    """Context that silences warnings and delays signals until Ray has completely
+    started or stopped.
 
-    Cut off, Ray leaves processes behind. The handler of SIGTERM, which it replaces, is the former one afterwards.
+    Cut off, Ray leaves processes behind. The handler of SIGTERM, which it replaces, is
+    the former one afterwards.
     """
     main, came = threading.current_thread() is threading.main_thread(), list[int]()
     usual = {each: signal.getsignal(each) for each in ENDINGS} if main else {}
@@ -203,7 +238,9 @@ def _without_warnings() -> Iterator[None]:
 
 @contextmanager
 def _own_address(*, alone: bool) -> Iterator[None]:
-    """Context in which a Ray cluster for this machine alone listens on the loopback address only."""
+    """Context in which a Ray cluster for this machine alone listens on the loopback
+    address only.
+    """
     from ray._private import ray_constants
 
     usual = ray_constants.ENABLE_RAY_CLUSTER
@@ -215,41 +252,64 @@ def _own_address(*, alone: bool) -> Iterator[None]:
 
 
 def _knock(address: str, on: str) -> None:
-    """Raise an error unless a Ray cluster answers at an address and has this machine as a node."""
+    """Raise an error unless a Ray cluster answers at an address and has this machine as
+    a node.
+    """
     host, _, port = address.rpartition(":")
     try:
         socket.create_connection((host.strip("[]"), int(port)), ANSWER_SECONDS).close()
     except (OSError, OverflowError) as error:
-        raise ValueError(f"{on}: nobody answers there ({getattr(error, 'strerror', None) or error})") from None
+        raise ValueError(
+            f"{on}: nobody answers there ({getattr(error, 'strerror', None) or error})"
+        ) from None
     try:
         command = [sys.executable, "-c", KNOCK, address]
-        tried = subprocess.run(command, capture_output=True, text=True, timeout=JOIN_SECONDS, check=False)
+        tried = subprocess.run(
+            command, capture_output=True, text=True, timeout=JOIN_SECONDS, check=False
+        )
     except subprocess.TimeoutExpired:
-        raise ValueError(f"{on}: what answers there is no head of a Ray cluster") from None
+        raise ValueError(
+            f"{on}: what answers there is no head of a Ray cluster"
+        ) from None
     if tried.returncode != 0:
-        why = tried.stderr.strip().rpartition("\n")[2] if tried.returncode == 1 else "no node of it runs here"
-        raise ValueError(f"{on}: cannot be joined ({why}); make this machine a node: ray start --address={address}")
+        why = (
+            tried.stderr.strip().rpartition("\n")[2]
+            if tried.returncode == 1
+            else "no node of it runs here"
+        )
+        raise ValueError(
+            f"{on}: cannot be joined ({why}); make this machine a node: ray start"
+            f" --address={address}"
+        )
 
 
 def kin() -> dict[str, str]:
-    """Package versions that a node must share with the driver to read its work items and produce identical results."""
+    """Package versions that a node must share with the driver to read its work items
+    and produce identical results.
+    """
     installed = versions("pyarrow", "mujoco-core")
     python = ".".join(installed["python"].split(".")[:2])
-    return {**kinship(), "python": python, **{name: installed[name] for name in ("pyarrow", "mujoco-core")}}
+    return {
+        **kinship(),
+        "python": python,
+        **{name: installed[name] for name in ("pyarrow", "mujoco-core")},
+    }
 
 
 def _travelling() -> Callable[[dict[str, str], bytes, bytes], bytes]:
     """Make the function that the processes of a cluster node execute."""
 
     def perform_there(must_be: dict[str, str], outfit: bytes, call: bytes) -> bytes:
-        # pickled by value, since it is local: this module may be missing on a node, or of another version
+        # pickled by value, since it is local: this module may be missing on a node, or
+        # of another version
         import socket
 
         try:
             from skyarm.studies.flights.ray_cluster import perform_on_node
         except ImportError as error:
             raise ValueError(
-                f"node {socket.gethostname()} cannot fly works ({error}): must have skyarm {must_be['skyarm']}"
+                f"node {socket.gethostname()} cannot fly works ({error}): must have"
+                f" skyarm {must_be['skyarm']}"
             ) from None
         return perform_on_node(must_be, outfit, call)
 
@@ -261,7 +321,8 @@ _arrived: dict[bytes, list[RegistryError]] = {}
 
 
 def perform_on_node(must_be: dict[str, str], outfit: bytes, call: bytes) -> bytes:
-    """Execute a serialised call in a process of a cluster node, after a check of its package versions.
+    """Execute a serialised call in a process of a cluster node, after a check of its
+    package versions.
 
     Raises:
         ValueError: the node has other versions than the driver.
@@ -271,9 +332,13 @@ def perform_on_node(must_be: dict[str, str], outfit: bytes, call: bytes) -> byte
         wrong = [name for name, version in must_be.items() if has.get(name) != version]
         if wrong:
             here, there = (
-                ", ".join(f"{name} {each.get(name, 'none')[:12]}" for name in wrong) for each in (has, must_be)
+                ", ".join(f"{name} {each.get(name, 'none')[:12]}" for name in wrong)
+                for each in (has, must_be)
             )
-            raise ValueError(f"node {socket.gethostname()} has {here}: must have {there}, as the driver")
+            raise ValueError(
+                f"node {socket.gethostname()} has {here}: must have {there}, as the"
+                " driver"
+            )
         _arrived[outfit] = equip(*unpack(outfit))
     for error in _arrived[outfit]:
         raise error

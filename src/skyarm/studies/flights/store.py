@@ -1,8 +1,9 @@
-"""Result files in a folder: one Parquet file per work item, named by the SHA-256 digest of its bytes.
+"""Result files in a folder: one Parquet file per work item, named by the SHA-256 digest
+of its bytes.
 
-A file counts if its bytes fit its name and its metadata names the work that is asked for. Everything else is flown
-again: a flipped bit, half a file, rows of other numbers or of another version. Nothing is unpacked before its size is
-known.
+A file counts if its bytes fit its name and its metadata names the work that is asked
+for. Everything else is flown again: a flipped bit, half a file, rows of other numbers
+or of another version. Nothing is unpacked before its size is known.
 """
 
 from __future__ import annotations
@@ -25,7 +26,14 @@ import numpy as np
 from skyarm.log.metrics.metric_catalogue import is_torque, row_names
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import doubles
-from skyarm.records.files import PathLike, needs_extra, require_no_link, require_writable, sync_folder, write_inside
+from skyarm.records.files import (
+    PathLike,
+    needs_extra,
+    require_no_link,
+    require_writable,
+    sync_folder,
+    write_inside,
+)
 from skyarm.records.files.unpacked import LARGEST, require_size
 from skyarm.records.files.writing import LOCK, one_writer
 from skyarm.records.immutable import immutable
@@ -49,7 +57,9 @@ LONGEST = 120
 
 @cache
 def _parquet() -> ModuleType | None:
-    """Module pyarrow.parquet; None if it is not installed, in which case results are not stored."""
+    """Module pyarrow.parquet; None if it is not installed, in which case results are
+    not stored.
+    """
     try:
         return import_module("pyarrow.parquet")
     except ImportError:
@@ -57,7 +67,8 @@ def _parquet() -> ModuleType | None:
 
 
 def require_parquet() -> None:
-    """Raise an error that names the missing optional dependency if results cannot be stored.
+    """Raise an error that names the missing optional dependency if results cannot be
+    stored.
 
     Raises:
         ValueError: pyarrow is not installed.
@@ -67,14 +78,19 @@ def require_parquet() -> None:
 
 
 def pack_rows(rows: Rows, metadata: Mapping[bytes, bytes]) -> bytes:
-    """Serialise result rows as a Parquet file; without pyarrow as a pickle, which is never stored."""
+    """Serialise result rows as a Parquet file; without pyarrow as a pickle, which is
+    never stored.
+    """
     parquet = _parquet()
     if parquet is None:
         return pickle.dumps(rows)
     import pyarrow as pa
 
     words = [name for name, column in rows.items() if column.dtype.kind == "U"]
-    columns = {name: _words(pa, each) if name in words else _numbers(pa, each) for name, each in rows.items()}
+    columns = {
+        name: _words(pa, each) if name in words else _numbers(pa, each)
+        for name, each in rows.items()
+    }
     table, sink = pa.table(columns).replace_schema_metadata(metadata), io.BytesIO()
     parquet.write_table(table, sink, compression="zstd", use_dictionary=words)
     return sink.getvalue()
@@ -84,14 +100,21 @@ def _words(pa: ModuleType, column: Array) -> DictionaryArray:
     words, places = np.unique(column, return_inverse=True)
     texts = [word.encode() for word in words.tolist()]
     ends = np.cumsum([0, *map(len, texts)]).astype(np.int32)
-    strings = pa.StringArray.from_buffers(len(texts), pa.py_buffer(ends), pa.py_buffer(b"".join(texts)))
-    return pa.DictionaryArray.from_arrays(_numbers(pa, places.astype(np.int32)), strings)
+    strings = pa.StringArray.from_buffers(
+        len(texts), pa.py_buffer(ends), pa.py_buffer(b"".join(texts))
+    )
+    return pa.DictionaryArray.from_arrays(
+        _numbers(pa, places.astype(np.int32)), strings
+    )
 
 
 def _numbers(pa: ModuleType, column: Array) -> ArrowArray:
     if column.dtype.kind not in "fiu":
         return pa.array(column)
-    kind, content = pa.from_numpy_dtype(column.dtype), pa.py_buffer(np.ascontiguousarray(column))
+    kind, content = (
+        pa.from_numpy_dtype(column.dtype),
+        pa.py_buffer(np.ascontiguousarray(column)),
+    )
     # array() would import pandas, 0.2 s
     return pa.Array.from_buffers(kind, len(column), [None, content])
 
@@ -100,7 +123,8 @@ def unpack_rows(content: bytes) -> Rows:
     """Read all columns of a result file, given its content.
 
     Raises:
-        ValueError: it is no such file, would unpack to too much, or has columns that rows do not have.
+        ValueError: it is no such file, would unpack to too much, or has columns that
+            rows do not have.
     """
     if _parquet() is None:
         return dict(pickle.loads(content))
@@ -114,7 +138,9 @@ def unpack_rows(content: bytes) -> Rows:
 
 
 def _column(column: ChunkedArray) -> Array:
-    """Convert a column of an Arrow table to an array, in which equal texts share one string."""
+    """Convert a column of an Arrow table to an array, in which equal texts share one
+    string.
+    """
     import pyarrow as pa
 
     if column.null_count:
@@ -128,10 +154,12 @@ def _column(column: ChunkedArray) -> Array:
 
 
 def open_rows(content: bytes) -> ParquetFile:
-    """Open the content of a Parquet result file, after a check of its columns and of its unpacked size.
+    """Open the content of a Parquet result file, after a check of its columns and of
+    its unpacked size.
 
     Raises:
-        ValueError: it is no such file, would unpack to too much, or has columns that rows do not have.
+        ValueError: it is no such file, would unpack to too much, or has columns that
+            rows do not have.
     """
     import pyarrow as pa
     from pyarrow.parquet import ParquetFile
@@ -142,34 +170,55 @@ def open_rows(content: bytes) -> ParquetFile:
         file = ParquetFile(io.BytesIO(content), page_checksum_verification=True)
         facts, schema = file.metadata, file.schema_arrow
         groups = [facts.row_group(k) for k in range(facts.num_row_groups)]
-        columns = [group.column(i) for group in groups for i in range(group.num_columns)]
+        columns = [
+            group.column(i) for group in groups for i in range(group.num_columns)
+        ]
         sizes = [each.total_uncompressed_size for each in columns]
         counts = [each.num_values for each in columns]
     except (pa.ArrowException, OSError, ValueError) as error:
         raise ValueError(f"must be a Parquet file: {error}") from None
     if min([0, *sizes, *counts]) < 0:
         raise ValueError("must have sizes of at least 0")
-    if len({*schema.names}) != len(schema.names) or not all(map(_is_of_rows, schema.types)):
+    if len({*schema.names}) != len(schema.names) or not all(
+        map(_is_of_rows, schema.types)
+    ):
         raise ValueError("must have columns of numbers, words and logs, each once")
-    logs = {name for name, kind in zip(schema.names, schema.types, strict=True) if pa.types.is_binary(kind)}
-    if any(each.path_in_schema in logs and each.has_dictionary_page for each in columns):
+    logs = {
+        name
+        for name, kind in zip(schema.names, schema.types, strict=True)
+        if pa.types.is_binary(kind)
+    }
+    if any(
+        each.path_in_schema in logs and each.has_dictionary_page for each in columns
+    ):
         # a small file could repeat one for ever
         raise ValueError("must have each log by itself")
-    require_size(max(sum(sizes), 8 * sum(counts), 8 * facts.num_rows * facts.num_columns), content)
+    require_size(
+        max(sum(sizes), 8 * sum(counts), 8 * facts.num_rows * facts.num_columns),
+        content,
+    )
     return file
 
 
 def _is_of_rows(kind: DataType) -> bool:
-    """True for a column type allowed in result files: numbers, dictionary-encoded text or binary logs."""
+    """True for a column type allowed in result files: numbers, dictionary-encoded text
+    or binary logs.
+    """
     import pyarrow as pa
 
     types = pa.types
     words = types.is_dictionary(kind) and types.is_string(kind.value_type)
-    return bool(words or types.is_floating(kind) or types.is_integer(kind) or types.is_binary(kind))
+    return bool(
+        words
+        or types.is_floating(kind)
+        or types.is_integer(kind)
+        or types.is_binary(kind)
+    )
 
 
 def concatenate(files: Iterable[tuple[bytes, Sequence[str]]]) -> bytes:
-    """Concatenate chosen columns of several result files into one file, with null where a file lacks a column.
+    """Concatenate chosen columns of several result files into one file, with null where
+    a file lacks a column.
 
     The status is plain text there, as whoever reads that file has always had it.
     """
@@ -177,14 +226,19 @@ def concatenate(files: Iterable[tuple[bytes, Sequence[str]]]) -> bytes:
     from pyarrow.parquet import write_table
 
     tables = [open_rows(content).read().select(list(names)) for content, names in files]
-    table, sink = pa.concat_tables(tables, promote_options="default").replace_schema_metadata(), io.BytesIO()
+    table, sink = (
+        pa.concat_tables(tables, promote_options="default").replace_schema_metadata(),
+        io.BytesIO(),
+    )
     place = table.column_names.index("status")
     write_table(table.set_column(place, "status", table["status"].cast("string")), sink)
     return sink.getvalue()
 
 
 def sound_content(path: Path, *, named: bool = True) -> bytes | None:
-    """Read a result file; None if it is unreadable, or if its bytes do not match the digest in its name (``named``)."""
+    """Read a result file; None if it is unreadable, or if its bytes do not match the
+    digest in its name (``named``).
+    """
     match = FILE.fullmatch(path.name)
     try:
         with path.open("rb") as file:
@@ -193,7 +247,9 @@ def sound_content(path: Path, *, named: bool = True) -> bytes | None:
         return None
     if len(content) > LARGEST:
         return None
-    sound = not named or (match is not None and hashlib.sha256(content).hexdigest() == match["digest"])
+    sound = not named or (
+        match is not None and hashlib.sha256(content).hexdigest() == match["digest"]
+    )
     return content if sound else None
 
 
@@ -206,7 +262,9 @@ class FileFacts:
 
 
 def facts_of(content: bytes, *, whole: bool = False) -> FileFacts:
-    """Metadata of a result file, empty if it is damaged or too large; ``whole`` also reads all of its data."""
+    """Metadata of a result file, empty if it is damaged or too large; ``whole`` also
+    reads all of its data.
+    """
     import pyarrow as pa
 
     try:
@@ -215,11 +273,14 @@ def facts_of(content: bytes, *, whole: bool = False) -> FileFacts:
             file.read()
     except (ValueError, pa.ArrowException, OSError):
         return FileFacts(metadata={}, rows=0)
-    return FileFacts(metadata=dict(file.metadata.metadata or {}), rows=file.metadata.num_rows)
+    return FileFacts(
+        metadata=dict(file.metadata.metadata or {}), rows=file.metadata.num_rows
+    )
 
 
 def files_by_label(folder: PathLike) -> dict[str, list[Path]]:
-    """Paths of the result files in a folder by the label of their work item, sorted by name.
+    """Paths of the result files in a folder by the label of their work item, sorted by
+    name.
 
     Raises:
         OSError: the folder cannot be listed.
@@ -228,7 +289,9 @@ def files_by_label(folder: PathLike) -> dict[str, list[Path]]:
     if not Path(folder).is_dir():
         return files
     with os.scandir(folder) as entries:
-        names = sorted(entry.name for entry in entries if entry.is_file(follow_symlinks=False))
+        names = sorted(
+            entry.name for entry in entries if entry.is_file(follow_symlinks=False)
+        )
     for name in names:
         if match := FILE.fullmatch(name):
             files.setdefault(match["label"], []).append(Path(folder) / name)
@@ -250,7 +313,9 @@ def read_column(files: Sequence[Path], name: str, controller: str = "") -> Array
 
     chosen = ds.field("controller") == controller if controller else None
     try:
-        table = ds.dataset([str(path) for path in files]).to_table(columns=[name], filter=chosen)
+        table = ds.dataset([str(path) for path in files]).to_table(
+            columns=[name], filter=chosen
+        )
         column = _column(table.column(0))
         return column if name in WORDS else doubles(column)
     except (pa.ArrowException, OSError, ValueError, TypeError) as error:
@@ -265,11 +330,13 @@ class Store:
     """Folder of result files, opened for writing.
 
     Args:
-        folder: folder of the results, made if missing; the rows are in ``rows`` below it.
+        folder: folder of the results, made if missing; the rows are in ``rows`` below
+            it.
         study: digest of the study whose rows it takes.
 
     Attributes:
-        damaged: names of files whose bytes do not fit them. written: names of those written since.
+        damaged: names of files whose bytes do not fit them. written: names of those
+            written since.
 
     Raises:
         OSError: it cannot be written.
@@ -282,7 +349,9 @@ class Store:
 
     @cached_property
     def _files(self) -> dict[str, list[Path]]:
-        """Result files by label, listed at first use, when no other process writes to the folder."""
+        """Result files by label, listed at first use, when no other process writes to
+        the folder.
+        """
         return files_by_label(self.rows)
 
     @classmethod
@@ -294,14 +363,19 @@ class Store:
         """
         if _parquet() is None:
             return None
-        every = (path for paths in files_by_label(Path(folder) / ROWS).values() for path in paths)
+        every = (
+            path
+            for paths in files_by_label(Path(folder) / ROWS).values()
+            for path in paths
+        )
         metadata = (facts_of(sound_content(path) or b"").metadata for path in every)
         if next(filter(None, metadata), {}).get(STUDY):  # of the first that is whole
             raise ValueError(f"{folder}: holds rows of a sweep; choose another --out")
         return cls(folder)
 
     def alone(self, part: str = "") -> AbstractContextManager[None]:
-        """Context manager that excludes other processes from writing to the folder, or to a named part of its files.
+        """Context manager that excludes other processes from writing to the folder, or
+        to a named part of its files.
 
         Raises:
             TakenError: another process does.
@@ -309,7 +383,9 @@ class Store:
         return one_writer(self.folder, name=f"{LOCK}_{part}" if part else LOCK)
 
     def get(self, work: Work) -> bytes | None:
-        """Content of the stored result file of a work item; None if it must be simulated."""
+        """Content of the stored result file of a work item; None if it must be
+        simulated.
+        """
         label, key = name_of(work.label), work.key.encode()
         for path in self._files.get(label, ()):
             content = sound_content(path)
@@ -323,17 +399,24 @@ class Store:
 
     def metadata(self, work: Work) -> dict[bytes, bytes]:
         """Metadata for the result file of a work item."""
-        return {KEY: work.key.encode(), LABEL: work.label.encode(), STUDY: self.study.encode()}
+        return {
+            KEY: work.key.encode(),
+            LABEL: work.label.encode(),
+            STUDY: self.study.encode(),
+        }
 
     def put(self, work: Work, content: bytes) -> None:
         """Write the result file of a work item, and remove the files that it replaces.
 
-        Nothing is written where an autopilot's program has failed, which may go better another time.
+        Nothing is written where an autopilot's program has failed, which may go better
+        another time.
 
         Raises:
             OSError: it cannot be written.
         """
-        if work.alone and any(each.startswith(f"{AUTOPILOT}: ") for each in unpack_rows(content)["status"]):
+        if work.alone and any(
+            each.startswith(f"{AUTOPILOT}: ") for each in unpack_rows(content)["status"]
+        ):
             return
         label = name_of(work.label)
         path = self.rows / f"{label}.{hashlib.sha256(content).hexdigest()}.parquet"
@@ -342,7 +425,9 @@ class Store:
         self.written.add(path.name)
 
     def _keep_only(self, label: str, path: Path) -> None:
-        """Remove older result files of a label after a new one: in a study's folder all, else damaged ones only."""
+        """Remove older result files of a label after a new one: in a study's folder
+        all, else damaged ones only.
+        """
         for other in self._files.get(label, ()):
             if other != path and (self.study or other.name in self.damaged):
                 with suppress(OSError):
@@ -355,30 +440,61 @@ class Store:
 
 
 def _fits(content: bytes, work: Work) -> bool:
-    """True if a file has the result rows of a work item: all its columns, with the right types and lengths."""
+    """True if a file has the result rows of a work item: all its columns, with the
+    right types and lengths.
+    """
     try:
         rows = unpack_rows(content)
     except ValueError:
         return False
-    # of a joint whose command is a setpoint of its drive a flight by itself has no effort
-    asked = [name for name in work.metrics if not (work.alone and is_torque(name))] if not work.measure else []
-    given = ["episode", *work.fixed, *work.columns, *row_names(asked, work.scenario.setpoints), "status", "end_time"]
+    # of a joint whose command is a setpoint of its drive a flight by itself has no
+    # effort
+    asked = (
+        [name for name in work.metrics if not (work.alone and is_torque(name))]
+        if not work.measure
+        else []
+    )
+    given = [
+        "episode",
+        *work.fixed,
+        *work.columns,
+        *row_names(asked, work.scenario.setpoints),
+        "status",
+        "end_time",
+    ]
     if work.alone:
         given = [name for name in given if not is_torque(name)]
     words = {name for name, column in rows.items() if column.dtype == object} - {"log"}
-    text_columns = {"status", *(name for name, value in work.fixed.items() if np.asarray(value).dtype.kind == "U")}
-    dtypes = {"episode": np.dtype(np.uint32)} | {name: np.asarray(value).dtype for name, value in work.fixed.items()}
-    numbers = {name: column.dtype for name, column in rows.items() if name not in (*words, "log")}
+    text_columns = {
+        "status",
+        *(
+            name
+            for name, value in work.fixed.items()
+            if np.asarray(value).dtype.kind == "U"
+        ),
+    }
+    dtypes = {"episode": np.dtype(np.uint32)} | {
+        name: np.asarray(value).dtype for name, value in work.fixed.items()
+    }
+    numbers = {
+        name: column.dtype
+        for name, column in rows.items()
+        if name not in (*words, "log")
+    }
     return (
         {*given} <= {*rows}
         and words == text_columns
-        and all(kind == dtypes.get(name, np.dtype(float)) for name, kind in numbers.items())
+        and all(
+            kind == dtypes.get(name, np.dtype(float)) for name, kind in numbers.items()
+        )
         and all(len(column) == work.count for column in rows.values())
     )
 
 
 def name_of(label: str) -> str:
-    """File name stem of a label, with a digest if characters were replaced or cut off."""
+    """File name stem of a label, with a digest if characters were replaced or cut
+    off.
+    """
     plain = re.sub(r"[^\w.() -]+", "-", label, flags=re.ASCII)
     if plain == label and len(label) <= LONGEST:
         return label

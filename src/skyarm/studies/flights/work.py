@@ -1,4 +1,6 @@
-"""Work items: flights of one scenario simulated together, and the digest of all that their results depend on."""
+"""Work items: flights of one scenario simulated together, and the digest of all that
+their results depend on.
+"""
 
 from __future__ import annotations
 
@@ -26,34 +28,42 @@ from skyarm.records.registry import registrations
 from skyarm.scenario.scenario_record import Scenario
 
 Rows = dict[str, Array]
-"""Columns of rows by name, a number or text per flight: identifying columns first, then metrics and status."""
+"""Columns of rows by name, a number or text per flight: identifying columns first, then
+metrics and status."""
 
 AUTOPILOT = "autopilot"
-"""Status of a flight that ended because an autopilot's program failed; the cause follows in rows."""
+"""Status of a flight that ended because an autopilot's program failed; the cause
+follows in rows."""
 
 
 Arguments = TypeVarTuple("Arguments")
 """Types of the arguments of a call that flies a work."""
 
 Measure = Callable[[Log], Mapping[str, float | None]]
-"""Function that returns additional metrics of a log; a module's function, or a partial of one."""
+"""Function that returns additional metrics of a log; a module's function, or a partial
+of one."""
 
 
 @immutable(slots=False, eq=False)
 class Work:
-    """Work item: flights of one scenario that are simulated together, with the same results in any process.
+    """Work item: flights of one scenario that are simulated together, with the same
+    results in any process.
 
     Attributes:
         label: name in a folder, unique there.
         scenario: scenario that all flights have in common.
         columns: path -> value of each flight (:mod:`skyarm.scenario.numbers`).
         episodes: key of the noise of each flight.
-        fixed: further columns of the rows, on which no flight depends: a word, or a value of each flight.
-        metrics: names and groups of the catalogue. windows: windows of the metrics, in place of the scenario's.
+        fixed: further columns of the rows, on which no flight depends: a word, or a
+            value of each flight.
+        metrics: names and groups of the catalogue. windows: windows of the metrics, in
+            place of the scenario's.
         seed: seed of the noise. precision: "double", "single" or "bit_exact".
-        stiffest: scenario that fixes the integration steps; the scenario itself if left out.
+        stiffest: scenario that fixes the integration steps; the scenario itself if left
+            out.
         effort: effort of the compiler (:class:`skyarm.simulate.Batch`).
-        alone: whether each flight flies by itself: laws that cannot be traced, other plants, kept logs.
+        alone: whether each flight flies by itself: laws that cannot be traced, other
+            plants, kept logs.
         measure: computes the metrics of such a flight from its log, in place of names.
         keeps_log: whether the rows hold its log.
     """
@@ -80,9 +90,13 @@ class Work:
 
     @cached_property
     def program(self) -> str:
-        """Digest of all that the compiled simulation depends on; work items of equal digest share a compilation."""
+        """Digest of all that the compiled simulation depends on; work items of equal
+        digest share a compilation.
+        """
         metrics = [
-            added_metric(name) for name in sorted(registrations("metric")) if name in catalogue_names(self.metrics)
+            added_metric(name)
+            for name in sorted(registrations("metric"))
+            if name in catalogue_names(self.metrics)
         ]
         return digest(
             {
@@ -101,28 +115,44 @@ class Work:
 
     @cached_property
     def key(self) -> str:
-        """SHA-256 digest (hexadecimal) of all that the results depend on: parameters, code and versions."""
+        """SHA-256 digest (hexadecimal) of all that the results depend on: parameters,
+        code and versions.
+        """
         return digest(
             {
                 "program": self.program,
                 "seed": self.seed,
                 "episodes": _bytes(self.episodes),
-                "columns": {path: _bytes(column) for path, column in self.columns.items()},
-                "fixed": {name: _bytes(np.asarray(column)) for name, column in self.fixed.items()},
-                "measure": {"function": plain(self.measure), "code": own_files(self.measure)},
+                "columns": {
+                    path: _bytes(column) for path, column in self.columns.items()
+                },
+                "fixed": {
+                    name: _bytes(np.asarray(column))
+                    for name, column in self.fixed.items()
+                },
+                "measure": {
+                    "function": plain(self.measure),
+                    "code": own_files(self.measure),
+                },
                 "log": self.keeps_log,
-                "versions": {**kinship(), **(versions("mujoco-core") if self.alone else {})},
+                "versions": {
+                    **kinship(),
+                    **(versions("mujoco-core") if self.alone else {}),
+                },
             }
         )
 
 
 def _bytes(column: Array) -> str:
     array = np.ascontiguousarray(column)
-    return hashlib.sha256(f"{array.dtype.str} {array.shape} ".encode() + array.tobytes()).hexdigest()
+    return hashlib.sha256(
+        f"{array.dtype.str} {array.shape} ".encode() + array.tobytes()
+    ).hexdigest()
 
 
 identified: OrderedDict[int, tuple[Scenario, str]] = OrderedDict()
-"""Scenarios by address with their digests; they are stored so that no other object takes the address.
+"""Scenarios by address with their digests; they are stored so that no other object
+takes the address.
 
 A component of the user may be changed, so that it holds for one crew only."""
 
@@ -138,9 +168,14 @@ def _identity(scenario: Scenario) -> str:
 
 @cache
 def kinship() -> Mapping[str, str]:
-    """Package versions on which the bits of results may depend, and the digest of the library's own code."""
+    """Package versions on which the bits of results may depend, and the digest of the
+    library's own code.
+    """
     installed = versions("numpy", "llvmlite")
-    return {**{name: installed[name] for name in ("skyarm", "numpy", "llvmlite")}, "code": _source()}
+    return {
+        **{name: installed[name] for name in ("skyarm", "numpy", "llvmlite")},
+        "code": _source(),
+    }
 
 
 @cache
@@ -148,6 +183,10 @@ def _source() -> str:
     """Digest of the library's source code: changed code invalidates stored results."""
     package = Path(skyarm_files.__file__).parents[2]
     source_digest = hashlib.sha256()
-    for path in sorted([*package.rglob("*.py"), *package.rglob("*.toml"), *package.rglob("*.json")]):
-        source_digest.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
+    for path in sorted(
+        [*package.rglob("*.py"), *package.rglob("*.toml"), *package.rglob("*.json")]
+    ):
+        source_digest.update(
+            path.relative_to(package).as_posix().encode() + path.read_bytes()
+        )
     return source_digest.hexdigest()

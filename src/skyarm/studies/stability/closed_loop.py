@@ -1,4 +1,6 @@
-"""Linearised sampled-data control loop: open loop cut at the commands, and closed loop with its delays."""
+"""Linearised sampled-data control loop: open loop cut at the commands, and closed loop
+with its delays.
+"""
 
 from __future__ import annotations
 
@@ -14,19 +16,24 @@ from skyarm.studies.stability.loop_channels import LoopChannel
 
 @immutable
 class OpenLoop:
-    """Open-loop Jacobians; x: state (attitude as rotation vector), u: command, m: controller state, y: measurement.
+    """Open-loop Jacobians; x: state (attitude as rotation vector), u: command, m:
+    controller state, y: measurement.
 
     Attributes:
-        period: s. rotors: number of entries of u that are rotor speeds; they come first.
-        lates: times, s, within a period at which a new command takes effect, ascending from 0.
-        x_x, x_old, x_new: (lates, ...) of the next state by state, acting and new command.
+        period: s. rotors: number of entries of u that are rotor speeds; they come
+            first.
+        lates: times, s, within a period at which a new command takes effect, ascending
+            from 0.
+        x_x, x_old, x_new: (lates, ...) of the next state by state, acting and new
+            command.
         y_x, y_old: derivatives of the measurement now.
-        m_m, m_y, u_m, u_y: derivatives of the law, by its memory and the measurement it sees.
+        m_m, m_y, u_m, u_y: derivatives of the law, by its memory and the measurement it
+            sees.
         measurement_delay: control periods. command_delay: s.
-        states: number of entries of x that are the vehicle's own; those after them are memories of its joint drives.
-            0: all.
-        channels: points where it is cut for the margins of single loops; none: each number of a command and a
-            measurement.
+        states: number of entries of x that are the vehicle's own; those after them are
+            memories of its joint drives. 0: all.
+        channels: points where it is cut for the margins of single loops; none: each
+            number of a command and a measurement.
     """
 
     period: float
@@ -49,11 +56,14 @@ class OpenLoop:
 
 @positional(eq=False)
 class Closed:
-    """Linear closed loop with variable actuator gains k: transition matrix ``fixed + enters @ diag(k) @ sent``.
+    """Linear closed loop with variable actuator gains k: transition matrix ``fixed +
+    enters @ diag(k) @ sent``.
 
     Attributes:
-        fixed: (n, n) part without commands. enters: (n, commands) input matrix of the commands.
-        sent: (commands, n) the law's commands. seen: (measurements, n) the law's measurements.
+        fixed: (n, n) part without commands. enters: (n, commands) input matrix of the
+            commands.
+        sent: (commands, n) the law's commands. seen: (measurements, n) the law's
+            measurements.
         shown: (n, measurements) effect of measurements on the law's memory.
         answered: (commands, measurements) direct effect of measurements on commands.
     """
@@ -66,14 +76,18 @@ class Closed:
     answered: Array
 
     def matrix(self, gains: Array) -> Array:
-        """Transition matrix of the closed loop over one control period for actuator gains k (commands,)."""
+        """Transition matrix of the closed loop over one control period for actuator
+        gains k (commands,).
+        """
         return self.fixed + self.enters @ (self.sent * gains[:, None])
 
 
 def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
-    """Close a linearised loop; the state is extended by controller state and delayed measurements and commands.
+    """Close a linearised loop; the state is extended by controller state and delayed
+    measurements and commands.
 
-    ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins that of the commands.
+    ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins that of
+    the commands.
     """
     whole, late = _split(loop, loop.command_delay + extra_delay)
     nx, nm, nu, ny = loop.x_x.shape[1], len(loop.m_m), loop.u_m.shape[0], len(loop.y_x)
@@ -107,21 +121,38 @@ def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
     shown = np.zeros((size, ny))
     shown[m] = loop.m_y
     states = _in_loop(A, enters, sent, loop.states or nx)
-    return Closed(A[np.ix_(states, states)], enters[states], sent[:, states], seen[:, states], shown[states], loop.u_y)
+    return Closed(
+        A[np.ix_(states, states)],
+        enters[states],
+        sent[:, states],
+        seen[:, states],
+        shown[states],
+        loop.u_y,
+    )
 
 
 def gains(loop: OpenLoop, *, rotor_gain: float = 1.0, joint_gain: float = 1.0) -> Array:
-    """Gain factors (commands,) on the response of rotors and joints, as in a gain margin."""
-    return np.array([rotor_gain] * loop.rotors + [joint_gain] * (loop.u_m.shape[0] - loop.rotors))
+    """Gain factors (commands,) on the response of rotors and joints, as in a gain
+    margin.
+    """
+    return np.array(
+        [rotor_gain] * loop.rotors + [joint_gain] * (loop.u_m.shape[0] - loop.rotors)
+    )
 
 
-def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **modified: float) -> Array:
-    """Transition matrix of the closed loop over one control period, with extra delay or modified gains."""
+def closed_loop(
+    loop: OpenLoop, *, extra_delay: float = 0.0, **modified: float
+) -> Array:
+    """Transition matrix of the closed loop over one control period, with extra delay or
+    modified gains.
+    """
     return close_loop(loop, extra_delay).matrix(gains(loop, **modified))
 
 
 def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
-    """Split a delay (s) into whole control periods and the index of the remainder in the list ``lates``."""
+    """Split a delay (s) into whole control periods and the index of the remainder in
+    the list ``lates``.
+    """
     step = loop.period / len(loop.lates)
     count = round(delay / step)
     if abs(delay - count * step) > 1e-6 * step + 1e-12:
@@ -130,15 +161,21 @@ def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
 
 
 def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> Mask:
-    """Mask of the states that belong to the feedback loop; clocks and other states outside of it are excluded."""
-    links = (A != 0.0) | (((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0)
+    """Mask of the states that belong to the feedback loop; clocks and other states
+    outside of it are excluded.
+    """
+    links = (A != 0.0) | (
+        ((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0
+    )
     first = np.zeros(len(A), dtype=bool)
     first[:states] = True
     return _reachable(links, first) & _reachable(links.T, first)
 
 
 def _reachable(links: Mask, first: Mask) -> Mask:
-    """Mask of the states reachable from the states ``first`` over any number of periods."""
+    """Mask of the states reachable from the states ``first`` over any number of
+    periods.
+    """
     reached = first
     while True:
         more = reached | (links[:, reached].any(axis=1))
@@ -148,7 +185,9 @@ def _reachable(links: Mask, first: Mask) -> Mask:
 
 
 def radius(loop: OpenLoop, **modified: float) -> float:
-    """Spectral radius of the closed loop with extra delay or modified gains; inf if not finite."""
+    """Spectral radius of the closed loop with extra delay or modified gains; inf if not
+    finite.
+    """
     return spectral_radius(closed_loop(loop, **modified))
 
 

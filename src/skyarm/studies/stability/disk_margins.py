@@ -1,15 +1,18 @@
 """Disk margins of a sampled loop, from the frequency responses at its channels.
 
-A channel is multiplied by f = (1 + d / 2) / (1 - d / 2) with any complex d, also one that varies with frequency, of
-magnitude below a: the disk margin a is the largest for which the loop stays stable. With S the sensitivity it is 1 over
-the largest |S - 1/2| of all frequencies; with several channels, each under a d of its own, the structured singular
-value stands in place of the magnitude, here its upper bound, so that the margin of several is never overstated. 2 is
-the largest: any positive gain and any phase below 90 degrees are tolerated.
+A channel is multiplied by f = (1 + d / 2) / (1 - d / 2) with any complex d, also one
+that varies with frequency, of magnitude below a: the disk margin a is the largest for
+which the loop stays stable. With S the sensitivity it is 1 over the largest |S - 1/2|
+of all frequencies; with several channels, each under a d of its own, the structured
+singular value stands in place of the magnitude, here its upper bound, so that the
+margin of several is never overstated. 2 is the largest: any positive gain and any phase
+below 90 degrees are tolerated.
 
-Sources: Seiler, Packard, Gahinet 2020, An Introduction to Disk Margins, IEEE Control Systems Magazine 40 (5), eq. (11)
-with skew 0, theorem 1, and the section on multiple-loop margins. Doyle 1982, Analysis of feedback systems with
-structured uncertainties, IEE Proc. D 129 (6). Safonov
-1982, Stability margins of diagonally perturbed multivariable feedback systems, same issue.
+Sources: Seiler, Packard, Gahinet 2020, An Introduction to Disk Margins, IEEE Control
+Systems Magazine 40 (5), eq. (11) with skew 0, theorem 1, and the section on
+multiple-loop margins. Doyle 1982, Analysis of feedback systems with structured
+uncertainties, IEE Proc. D 129 (6). Safonov 1982, Stability margins of diagonally
+perturbed multivariable feedback systems, same issue.
 """
 
 from __future__ import annotations
@@ -23,21 +26,31 @@ import numpy as np
 from skyarm.records.arrays import Array, Complex, doubles
 from skyarm.records.immutable import immutable, positional
 from skyarm.studies.stability.closed_loop import Closed, OpenLoop, gains
-from skyarm.studies.stability.loop_channels import COMMANDS, MEASUREMENTS, LoopChannel, numbered_channels
+from skyarm.studies.stability.loop_channels import (
+    COMMANDS,
+    MEASUREMENTS,
+    LoopChannel,
+    numbered_channels,
+)
 
 MOST = 2.0
-"""Largest symmetric disk margin: S is 1 far above a sampled loop's bandwidth, so that |S - 1/2| reaches a half."""
+"""Largest symmetric disk margin: S is 1 far above a sampled loop's bandwidth, so that
+|S - 1/2| reaches a half."""
 
 
 @immutable
 class LoopMargin:
-    """Disk margin of a control loop cut at one signal, or at several with independent perturbations.
+    """Disk margin of a control loop cut at one signal, or at several with independent
+    perturbations.
 
     Attributes:
-        name: name of the channel or of the group. group: group of the channel. port: "commands" or "measurements".
+        name: name of the channel or of the group. group: group of the channel. port:
+            "commands" or "measurements".
         channels: number of channels changed at once.
-        disk: disk margin a, from 0 (unstable) to 2. frequency: critical frequency, rad/s.
-        delay: delay margin of this one channel, s; inf beyond the searched range, and for several channels.
+        disk: disk margin a, from 0 (unstable) to 2. frequency: critical frequency,
+            rad/s.
+        delay: delay margin of this one channel, s; inf beyond the searched range, and
+            for several channels.
     """
 
     name: str
@@ -62,15 +75,19 @@ class LoopMargin:
 
 
 def disk_of(size: float) -> float:
-    """Disk margin from the peak ``size`` of |S - 1/2|, or of its structured singular value."""
+    """Disk margin from the peak ``size`` of |S - 1/2|, or of its structured singular
+    value.
+    """
     return min(MOST, 1.0 / size) if size > 0.0 else MOST
 
 
 def delay_of(T: Complex, frequencies: Array, longest: float) -> float:
-    """Delay margin (s) of a loop cut at one channel, from its frequency response; inf if above ``longest``.
+    """Delay margin (s) of a loop cut at one channel, from its frequency response; inf
+    if above ``longest``.
 
     Args:
-        T: closed-loop response (frequencies,) from an injection at a channel to the channel.
+        T: closed-loop response (frequencies,) from an injection at a channel to the
+            channel.
         frequencies: rad/s, ascending.
         longest: s.
     """
@@ -95,34 +112,43 @@ AROUND = (-4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0)
 """Frequencies around a resonance, in units of half its width at half its height."""
 
 WIDE = 0.5
-"""Half-width of a resonance over its frequency above which the even grid, 7 per cent wide, resolves it."""
+"""Half-width of a resonance over its frequency above which the even grid, 7 per cent
+wide, resolves it."""
 
 DEAD = 1e-2
-"""Largest magnitude of an eigenvalue without a resonance; it decays within three periods."""
+"""Largest magnitude of an eigenvalue without a resonance; it decays within three
+periods."""
 
 AT_ONCE = 96
 """Number of frequencies whose systems are solved together, about ten megabytes."""
 
 
 def frequency_grid(z: Complex, period: float) -> Array:
-    """Frequency grid (rad/s), ascending up to Nyquist, refined around the resonances of the eigenvalues.
+    """Frequency grid (rad/s), ascending up to Nyquist, refined around the resonances of
+    the eigenvalues.
 
     Args:
         z: eigenvalues per control period.
         period: s.
     """
     highest = np.pi / period
-    even = np.geomspace(LOWEST, highest, max(2, round(DECADE * np.log10(highest / LOWEST)) + 1))
+    even = np.geomspace(
+        LOWEST, highest, max(2, round(DECADE * np.log10(highest / LOWEST)) + 1)
+    )
     s = np.log(z[np.abs(z) > DEAD].astype(complex)) / period
     s = s[(s.imag > 0.0) & (np.abs(s.real) < WIDE * s.imag)]
-    around = s.imag[:, None] + np.maximum(np.abs(s.real), 1e-6)[:, None] * np.array(AROUND)
+    around = s.imag[:, None] + np.maximum(np.abs(s.real), 1e-6)[:, None] * np.array(
+        AROUND
+    )
     grid = np.unique(np.concatenate([even, around.ravel()]))
     return grid[(grid >= LOWEST) & (grid <= highest)]
 
 
 @positional(eq=False)
 class Response:
-    """Frequency response ``C (z - A)^-1 B`` of x+ = A x + B v, y = C x; period in s, z = exp(i w period)."""
+    """Frequency response ``C (z - A)^-1 B`` of x+ = A x + B v, y = C x; period in s,
+    z = exp(i w period).
+    """
 
     A: Array
     B: Array
@@ -132,8 +158,13 @@ class Response:
     def at(self, frequencies: Array) -> Complex:
         """Responses (frequencies, outputs, inputs) at frequencies in rad/s."""
         z = np.exp(1j * doubles(frequencies) * self.period)[:, None, None]
-        responses = [self.C @ np.linalg.solve(some * np.eye(len(self.A)) - self.A, self.B) for some in _parts(z)]
-        return np.concatenate([np.zeros((0, len(self.C), self.B.shape[1]), dtype=complex), *responses])
+        responses = [
+            self.C @ np.linalg.solve(some * np.eye(len(self.A)) - self.A, self.B)
+            for some in _parts(z)
+        ]
+        return np.concatenate(
+            [np.zeros((0, len(self.C), self.B.shape[1]), dtype=complex), *responses]
+        )
 
 
 def _parts(z: Complex) -> list[Complex]:
@@ -144,21 +175,24 @@ ROUNDS = 30
 """Iterations of the power method for Perron's vectors."""
 
 STEPS = 60
-"""Largest number of descent steps of one frequency's bound; the descent ends where a step gains less than
-``ENOUGH``."""
+"""Largest number of descent steps of one frequency's bound; the descent ends where a
+step gains less than ``ENOUGH``."""
 
 ENOUGH = 2e-4
 """Least relative gain of a descent step."""
 
 CLOSE = 2e-3
-"""Excess of the largest bound over the largest descended one below which the result is accepted."""
+"""Excess of the largest bound over the largest descended one below which the result is
+accepted."""
 
 SMALLEST = 1e-12
-"""Fraction of the largest entry added to a matrix, which makes Perron's vectors positive."""
+"""Fraction of the largest entry added to a matrix, which makes Perron's vectors
+positive."""
 
 
 def upper_bound(M: Complex) -> Array:
-    """Upper bounds of the structured singular values of matrices (count, n, n); tight for the largest one.
+    """Upper bounds of the structured singular values of matrices (count, n, n); tight
+    for the largest one.
 
     Others are bounds, too, though looser ones than they could be.
     """
@@ -175,7 +209,9 @@ def upper_bound(M: Complex) -> Array:
 
 
 def _perron_scaled(M: Complex) -> Complex:
-    """Perron scaling D M D^-1, D the root of the left over the right Perron vector of |M|."""
+    """Perron scaling D M D^-1, D the root of the left over the right Perron vector of
+    |M|.
+    """
     size = np.abs(M)
     size = size + SMALLEST * size.max(axis=(1, 2), keepdims=True, initial=1e-300)
     right, left = np.ones(M.shape[:2]), np.ones(M.shape[:2])
@@ -188,7 +224,9 @@ def _perron_scaled(M: Complex) -> Complex:
 
 
 def _descend(M: Complex) -> float:
-    """Least of the largest singular value over diagonal scalings D M D^-1, by gradient descent."""
+    """Least of the largest singular value over diagonal scalings D M D^-1, by gradient
+    descent.
+    """
     value, slope = _slope(M)
     step = 0.5
     for _ in range(STEPS):
@@ -205,13 +243,16 @@ def _descend(M: Complex) -> float:
 
 
 def _slope(M: Complex) -> tuple[float, Array]:
-    """Largest singular value of a matrix, and its gradient in the logarithms of the scaling's diagonal."""
+    """Largest singular value of a matrix, and its gradient in the logarithms of the
+    scaling's diagonal.
+    """
     U, sizes, Vh = np.linalg.svd(M)
     return float(sizes[0]), sizes[0] * (np.abs(U[:, 0]) ** 2 - np.abs(Vh[0]) ** 2)
 
 
 BETWEEN = 8
-"""Number of frequencies evaluated on either side of the most critical one of the grid."""
+"""Number of frequencies evaluated on either side of the most critical one of the
+grid."""
 
 ALL = {COMMANDS: "all commands", MEASUREMENTS: "all measurements"}
 """Port -> name of all its channels cut at once."""
@@ -219,11 +260,12 @@ ALL = {COMMANDS: "all commands", MEASUREMENTS: "all measurements"}
 
 @dataclass(eq=False)
 class CutLoops:
-    """Closed-loop frequency responses from an injection at each channel to every channel.
+    """Closed-loop frequency responses from an injection at each channel to every
+    channel.
 
     Attributes:
-        ports: for each port, its channels, frequencies (rad/s) and responses (frequencies, channels, channels), and
-            what gives them at other frequencies.
+        ports: for each port, its channels, frequencies (rad/s) and responses
+            (frequencies, channels, channels), and what gives them at other frequencies.
         stable: an unstable loop has no margins.
     """
 
@@ -231,28 +273,52 @@ class CutLoops:
     stable: bool
 
     def loops(self, longest: float) -> tuple[LoopMargin, ...]:
-        """Disk and delay margin of every channel separately; delays up to ``longest``, s."""
-        return tuple(each for name, port in self.ports.items() for each in port.alone(name, longest, self.stable))
+        """Disk and delay margin of every channel separately; delays up to ``longest``,
+        s.
+        """
+        return tuple(
+            each
+            for name, port in self.ports.items()
+            for each in port.alone(name, longest, self.stable)
+        )
 
     def together(self) -> tuple[LoopMargin, ...]:
-        """Simultaneous disk margins of each channel group, of all commands and of all measurements."""
+        """Simultaneous disk margins of each channel group, of all commands and of all
+        measurements.
+        """
         margins: list[LoopMargin] = []
         for name, port in self.ports.items():
-            groups = {group: port.places(group) for group in dict.fromkeys(c.group for c in port.channels)}
+            groups = {
+                group: port.places(group)
+                for group in dict.fromkeys(c.group for c in port.channels)
+            }
             # pushes are rotors once more
-            groups[ALL[name]] = [i for i, c in enumerate(port.channels) if c.group != "pushes"]
+            groups[ALL[name]] = [
+                i for i, c in enumerate(port.channels) if c.group != "pushes"
+            ]
             for group, places in groups.items():
                 if len(places) > 1:
-                    disk, w = port.disk_of_several(places) if self.stable else (0.0, math.nan)
+                    disk, w = (
+                        port.disk_of_several(places) if self.stable else (0.0, math.nan)
+                    )
                     margins.append(
-                        LoopMargin(name=group, group=group, port=name, channels=len(places), disk=disk, frequency=w)
+                        LoopMargin(
+                            name=group,
+                            group=group,
+                            port=name,
+                            channels=len(places),
+                            disk=disk,
+                            frequency=w,
+                        )
                     )
         return tuple(margins)
 
 
 @dataclass(slots=True, eq=False)
 class _Port:
-    """Commands or measurements at which the loop is cut, with their closed-loop frequency responses."""
+    """Commands or measurements at which the loop is cut, with their closed-loop
+    frequency responses.
+    """
 
     channels: tuple[LoopChannel, ...]
     frequencies: Array
@@ -276,21 +342,30 @@ class _Port:
                     port=port,
                     disk=disk_of(sizes[k, i]) if stable else 0.0,
                     frequency=float(self.frequencies[k]) if stable else math.nan,
-                    delay=delay_of(self.T[:, i, i], self.frequencies, longest) if stable else 0.0,
+                    delay=(
+                        delay_of(self.T[:, i, i], self.frequencies, longest)
+                        if stable
+                        else 0.0
+                    ),
                 )
             )
         return margins
 
     def disk_of_several(self, places: Sequence[int]) -> tuple[float, float]:
-        """Simultaneous disk margin of several channels, and the frequency of its minimum."""
+        """Simultaneous disk margin of several channels, and the frequency of its
+        minimum.
+        """
         part = self.T[:, places][:, :, places] + 0.5 * np.eye(len(places))
         sizes = upper_bound(part)
         k = int(np.argmax(sizes))
         return disk_of(float(sizes[k])), float(self.frequencies[k])
 
 
-def cut_loops(loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, stable: bool) -> CutLoops:
-    """Compute the closed-loop frequency responses between all commands and between all measurements.
+def cut_loops(
+    loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, stable: bool
+) -> CutLoops:
+    """Compute the closed-loop frequency responses between all commands and between all
+    measurements.
 
     Args:
         loop: linearised.
@@ -312,24 +387,42 @@ def cut_loops(loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, s
     ports = {}
     for port in (COMMANDS, MEASUREMENTS) if measured else (COMMANDS,):
         mine = [c for c in channels if c.port == port]
-        B = np.column_stack([np.zeros((len(A), 0)), *(into[port] @ c.enters for c in mine)])
+        B = np.column_stack(
+            [np.zeros((len(A), 0)), *(into[port] @ c.enters for c in mine)]
+        )
         C = np.array([c.reads @ out[port] for c in mine]).reshape(-1, len(A))
         # what nothing is made of is no loop
-        used = [i for i in range(len(C)) if port == COMMANDS or (B[:, i].any() and C[i].any())]
+        used = [
+            i
+            for i in range(len(C))
+            if port == COMMANDS or (B[:, i].any() and C[i].any())
+        ]
         response = Response(A, B[:, used], C[used], loop.period)
-        ports[port] = _Port(tuple(mine[i] for i in used), *_refine(response, grid), response)
+        ports[port] = _Port(
+            tuple(mine[i] for i in used), *_refine(response, grid), response
+        )
     return CutLoops(ports, stable)
 
 
 def _refine(response: Response, grid: Array) -> tuple[Array, Complex]:
-    """Refine a frequency grid around each channel's critical frequency; returns grid and frequency responses."""
+    """Refine a frequency grid around each channel's critical frequency; returns grid
+    and frequency responses.
+    """
     T = response.at(grid)
     if not T.size:
         return grid, T
     more = []
-    for k in sorted({int(k) for k in np.argmax(np.abs(np.diagonal(T, axis1=1, axis2=2) + 0.5), axis=0)}):
+    for k in sorted(
+        {
+            int(k)
+            for k in np.argmax(np.abs(np.diagonal(T, axis1=1, axis2=2) + 0.5), axis=0)
+        }
+    ):
         low, high = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
         more.append(np.linspace(low, high, 2 * BETWEEN + 1)[1:-1])
     added = np.setdiff1d(np.concatenate(more), grid)
     order = np.argsort(np.concatenate([grid, added]))
-    return np.concatenate([grid, added])[order], np.concatenate([T, response.at(added)])[order]
+    return (
+        np.concatenate([grid, added])[order],
+        np.concatenate([T, response.at(added)])[order],
+    )

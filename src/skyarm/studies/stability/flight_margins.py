@@ -1,4 +1,6 @@
-"""Stability margins in hover, also of many sets of gains at once, and along a flight; Nyquist loci in hover."""
+"""Stability margins in hover, also of many sets of gains at once, and along a flight;
+Nyquist loci in hover.
+"""
 
 from __future__ import annotations
 
@@ -23,24 +25,32 @@ from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import LoopState
 from skyarm.studies.stability.closed_loop import OpenLoop, close_loop, gains
 from skyarm.studies.stability.disk_margins import LoopMargin, cut_loops
-from skyarm.studies.stability.frozen_scenario import LAGS, disturbances, nominal, without_adaptation
+from skyarm.studies.stability.frozen_scenario import (
+    LAGS,
+    disturbances,
+    nominal,
+    without_adaptation,
+)
 from skyarm.studies.stability.margins import EDGE, LONGEST, Margins, delay_margin
 from skyarm.studies.stability.margins import margins as margins_of_loop
 from skyarm.studies.stability.open_loop import Differentiator, carry_of
 from skyarm.world import NO_WIND
 
 SETTLING = 5.0
-"""Time (s) of hover before the linearisation; a whole number, and thus whole periods of any rate."""
+"""Time (s) of hover before the linearisation; a whole number, and thus whole periods of
+any rate."""
 
 
 @immutable
 class LinearisedInstant:
-    """Stability margins of the loop linearised at one time of a flight, for rising and falling rotor speeds.
+    """Stability margins of the loop linearised at one time of a flight, for rising and
+    falling rotor speeds.
 
     Attributes:
         hover: True for the flight that only hovers. time: s.
         by_lag: margins with the rotors' time constant upward and with that downward.
-        swings: s of further dead time from which on small swings grow, with the lag between both that a swing meets.
+        swings: s of further dead time from which on small swings grow, with the lag
+            between both that a swing meets.
     """
 
     hover: bool
@@ -50,22 +60,34 @@ class LinearisedInstant:
 
     @property
     def delay(self) -> float:
-        """Delay margin, s: the smaller one of the linearisations for rising and falling rotor speeds."""
+        """Delay margin, s: the smaller one of the linearisations for rising and falling
+        rotor speeds.
+        """
         return min(each.delay for each in self.by_lag.values())
 
     @property
     def radius(self) -> float:
-        """Spectral radius of the closed loop: the larger one for rising and falling rotor speeds."""
+        """Spectral radius of the closed loop: the larger one for rising and falling
+        rotor speeds.
+        """
         return max(each.radius for each in self.by_lag.values())
 
     def gain(self, field: str) -> tuple[float, float]:
-        """Gain margin (lower, upper) of all rotors or of all joints, the worst of the linearisations."""
-        lows, highs = zip(*(getattr(each, field) for each in self.by_lag.values()), strict=True)
+        """Gain margin (lower, upper) of all rotors or of all joints, the worst of the
+        linearisations.
+        """
+        lows, highs = zip(
+            *(getattr(each, field) for each in self.by_lag.values()), strict=True
+        )
         return max(lows), min(highs)
 
 
 def instant_at(
-    open_loop: Callable[[str], OpenLoop], *, hover: bool, time: float, measured: bool = True
+    open_loop: Callable[[str], OpenLoop],
+    *,
+    hover: bool,
+    time: float,
+    measured: bool = True,
 ) -> LinearisedInstant:
     """Compute the stability margins of the loop linearised at one time of a flight.
 
@@ -76,16 +98,20 @@ def instant_at(
         measured: cut the loop at the measurement too.
     """
     by_lag = {lag: margins_of_loop(open_loop(lag), measured=measured) for lag in LAGS}
-    return LinearisedInstant(hover=hover, time=time, by_lag=by_lag, swings=delay_margin(open_loop("between")))
+    return LinearisedInstant(
+        hover=hover, time=time, by_lag=by_lag, swings=delay_margin(open_loop("between"))
+    )
 
 
 @immutable
 class Evidence:
-    """Stability margins of one controller on one scenario, in hover and along the flight.
+    """Stability margins of one controller on one scenario, in hover and along the
+    flight.
 
     Attributes:
         completed: False where the nominal flight ended early.
-        left_out: fields of the disturbances without which the loop was flown and linearised.
+        left_out: fields of the disturbances without which the loop was flown and
+            linearised.
     """
 
     controller: str
@@ -96,9 +122,13 @@ class Evidence:
 
 
 def hovering(scenario: Scenario) -> Scenario:
-    """Scenario that holds the initial reference in calm air without faults, long enough to settle."""
+    """Scenario that holds the initial reference in calm air without faults, long enough
+    to settle.
+    """
     start = scenario.agent.reference.at(0.0)
-    x, y, z, yaw, *joints = (Constant(float(value)) for value in (*start.position, start.yaw, *start.joints))
+    x, y, z, yaw, *joints = (
+        Constant(float(value)) for value in (*start.position, start.yaw, *start.joints)
+    )
     return with_words(
         scenario.as_begun,
         duration=SETTLING,
@@ -117,7 +147,8 @@ def margins(
     instants: int = 4,
     progress: Callable[[int, int], object] | None = None,
 ) -> Evidence:
-    """Stability margins of a scenario in hover and along its flight, as ``skyarm margins`` prints them.
+    """Stability margins of a scenario in hover and along its flight, as ``skyarm
+    margins`` prints them.
 
     Args:
         scenario: or its name or path; on any plant, the rigid-body plant is linearised.
@@ -125,18 +156,28 @@ def margins(
         progress: called with the number of finished instants and their total.
 
     Raises:
-        ScenarioError: fewer than 0 instants, several vehicles, or the loop has a memory that its linearisation does not
-            know.
+        ScenarioError: fewer than 0 instants, several vehicles, or the loop has a memory
+            that its linearisation does not know.
     """
-    return evidence(without_adaptation(as_scenario(scenario).alone("stability margins")), instants, progress)
+    return evidence(
+        without_adaptation(as_scenario(scenario).alone("stability margins")),
+        instants,
+        progress,
+    )
 
 
-def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
-    """Stability margins in hover and at ``instants`` equally spaced times of the scenario, the last at its end.
+def evidence(
+    scenario: Scenario,
+    instants: int = 4,
+    progress: Callable[[int, int], object] | None = None,
+) -> Evidence:
+    """Stability margins in hover and at ``instants`` equally spaced times of the
+    scenario, the last at its end.
 
-    Noise, disturbances that remember, as turbulence, and what is scheduled in flight are left out, on the rigid-body
-    plant. Along a flight each instant is linearised as if time stood still: that every one is stable is no proof that
-    the flight, which varies with time, is.
+    Noise, disturbances that remember, as turbulence, and what is scheduled in flight
+    are left out, on the rigid-body plant. Along a flight each instant is linearised as
+    if time stood still: that every one is stable is no proof that the flight, which
+    varies with time, is.
 
     Raises:
         ScenarioError: fewer than 0 instants.
@@ -156,7 +197,9 @@ def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int
     report(0)
     for hover, flight, count in flights:
         for frozen in frozen_instants(flight, count):
-            linearised.append(instant_at(frozen.open_loop, hover=hover, time=frozen.time))
+            linearised.append(
+                instant_at(frozen.open_loop, hover=hover, time=frozen.time)
+            )
             report(len(linearised))
     return Evidence(
         controller=scenario.agent.controller.name,
@@ -182,12 +225,16 @@ class Frozen:
     row: list[float]
 
     def open_loop(self, lag: str) -> OpenLoop:
-        """Linearised open loop at this time, with the rotors' rising, falling or intermediate time constant."""
+        """Linearised open loop at this time, with the rotors' rising, falling or
+        intermediate time constant.
+        """
         return self.differentiator.at(self.carry, self.row, lag)
 
 
 def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
-    """Iterate over ``count`` equally spaced times of a flight, with the state to linearise at each."""
+    """Iterate over ``count`` equally spaced times of a flight, with the state to
+    linearise at each.
+    """
     flight = flight.with_kind("rigid_body")
     engine = Engine(EpisodeCode(flight, commands=False, effort=0))
     inputs, differentiator = engine.inputs, Differentiator(flight)
@@ -207,8 +254,12 @@ def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
 
 
 def frozen_hover(scenario: Scenario) -> Frozen | None:
-    """Settled hover of a scenario, ready to be linearised; None if the vehicle crashes."""
-    return next(frozen_instants(hovering(nominal(without_adaptation(scenario))), 1), None)
+    """Settled hover of a scenario, ready to be linearised; None if the vehicle
+    crashes.
+    """
+    return next(
+        frozen_instants(hovering(nominal(without_adaptation(scenario))), 1), None
+    )
 
 
 POINTS = 500
@@ -220,7 +271,8 @@ class Locus:
     """Nyquist locus of one control loop, with its disk margin.
 
     Attributes:
-        margin: disk margin of the loop. L: open-loop response under negative feedback, by ascending frequency.
+        margin: disk margin of the loop. L: open-loop response under negative feedback,
+            by ascending frequency.
     """
 
     margin: LoopMargin
@@ -228,16 +280,19 @@ class Locus:
 
 
 def hover_loci(scenario: Scenario) -> list[Locus]:
-    """Nyquist loci of a scenario in hover: the weakest loop of each kind; empty if the vehicle crashes."""
+    """Nyquist loci of a scenario in hover: the weakest loop of each kind; empty if the
+    vehicle crashes.
+    """
     hover = frozen_hover(scenario)
     return [] if hover is None else loci([hover.open_loop(lag) for lag in LAGS])
 
 
 def loci(loops: Sequence[OpenLoop]) -> list[Locus]:
-    """Nyquist loci of a loop, linearised with several lags: the weakest channel of each kind; empty if unstable.
+    """Nyquist loci of a loop, linearised with several lags: the weakest channel of each
+    kind; empty if unstable.
 
-    With T from what is added to a channel to the channel itself, closed, the loop under negative feedback is
-    -T / (1 + T).
+    With T from what is added to a channel to the channel itself, closed, the loop under
+    negative feedback is -T / (1 + T).
     """
     cuts = []
     for loop in loops:
@@ -263,13 +318,15 @@ SPEED = 1e3
 
 
 class SettledHover:
-    """Stability margins of a scenario in settled hover, as a function of its parameters.
+    """Stability margins of a scenario in settled hover, as a function of its
+    parameters.
 
     What a law adapts slowly is held, as in all margins.
 
     Args:
         scenario: scenario whose hover is simulated first, with the same parameters.
-        paths: paths of those numbers (:mod:`skyarm.scenario.numbers`), as ``controller.gains.position.x``.
+        paths: paths of those numbers (:mod:`skyarm.scenario.numbers`), as
+            ``controller.gains.position.x``.
 
     Raises:
         ScenarioError: the loop has a memory that its linearisation does not know.
@@ -280,14 +337,19 @@ class SettledHover:
         flight = flight.with_kind("rigid_body")
         self.paths = tuple(paths)
         self._differentiator = Differentiator(flight, self.paths)
-        options = LegOptions(paths=self.paths, lanes=Lanes(host_width(), contract=False))
-        self._leg = Leg(flight, stretches(flight)[0].overrides, range(flight.steps), options)
+        options = LegOptions(
+            paths=self.paths, lanes=Lanes(host_width(), contract=False)
+        )
+        self._leg = Leg(
+            flight, stretches(flight)[0].overrides, range(flight.steps), options
+        )
         inputs = episode_inputs(flight)
         self._row = inputs.rows[flight.steps - 1].tolist()
         self._time = float(self._row[0])
 
     def margins(self, values: Mapping[str, Array]) -> list[LinearisedInstant | None]:
-        """Stability margins for each parameter set, cut at the commands only; None if the hover of a set diverged.
+        """Stability margins for each parameter set, cut at the commands only; None if
+        the hover of a set diverged.
 
         Args:
             values: path -> (sets,); every path.
@@ -299,21 +361,31 @@ class SettledHover:
                 instants.append(None)
                 continue
             loops = partial(self.open_loop, settled, numbers)
-            instants.append(instant_at(loops, hover=True, time=self._time, measured=False))
+            instants.append(
+                instant_at(loops, hover=True, time=self._time, measured=False)
+            )
         return instants
 
-    def settle(self, values: Mapping[str, Array], threads: int = 1) -> list[LoopState | None]:
-        """Simulate hover for each parameter set; returns final simulation states, None where hover was not reached."""
+    def settle(
+        self, values: Mapping[str, Array], threads: int = 1
+    ) -> list[LoopState | None]:
+        """Simulate hover for each parameter set; returns final simulation states, None
+        where hover was not reached.
+        """
         columns = [doubles(values[path]) for path in self.paths]
         count = len(columns[0])
         parameters = self._leg.parameters(columns, count)
         carry = self._leg.begin(parameters, 0, np.zeros(count, dtype=int), None)
         with np.errstate(all="ignore"):
             carry, _ = self._leg.fly(carry, parameters, 0, np.arange(count), threads)
-        settled = [rebuild(self._leg.first, iter(column.tolist()))[0] for column in carry.T]
+        settled = [
+            rebuild(self._leg.first, iter(column.tolist()))[0] for column in carry.T
+        ]
         return [each if _is_hover(each) else None for each in settled]
 
-    def open_loop(self, settled: LoopState, numbers: Sequence[float], lag: str) -> OpenLoop:
+    def open_loop(
+        self, settled: LoopState, numbers: Sequence[float], lag: str
+    ) -> OpenLoop:
         """Linearised open loop in the settled hover of one set of parameters."""
         return self._differentiator.at(settled, self._row, lag, numbers)
 

@@ -1,4 +1,6 @@
-"""Scalar signals at which a control loop is cut for its margins: rotors, torques, drives, measurements."""
+"""Scalar signals at which a control loop is cut for its margins: rotors, torques,
+drives, measurements.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +15,26 @@ from skyarm.vehicle import Rotor, Vehicle
 
 COMMANDS, MEASUREMENTS = "commands", "measurements"
 
-WRENCH = ("roll torque", "pitch torque", "yaw torque", "thrust", "forward force", "sideways force")
-"""Directions of the rotors' wrench, named by base axes; flat layouts have the first four."""
+WRENCH = (
+    "roll torque",
+    "pitch torque",
+    "yaw torque",
+    "thrust",
+    "forward force",
+    "sideways force",
+)
+"""Directions of the rotors' wrench, named by base axes; flat layouts have the first
+four."""
 
-VECTORS = {"position": 3, "quaternion": 4, "velocity": 3, "rate": 3, "specific_force": 3}
-"""Number of components of a measurement's fields after its time, in order, before those of the joints."""
+VECTORS = {
+    "position": 3,
+    "quaternion": 4,
+    "velocity": 3,
+    "rate": 3,
+    "specific_force": 3,
+}
+"""Number of components of a measurement's fields after its time, in order, before those
+of the joints."""
 
 NAMES = {"quaternion": "attitude", "specific_force": "acceleration"}
 """Groups with another name than the measurement's field."""
@@ -25,10 +42,12 @@ NAMES = {"quaternion": "attitude", "specific_force": "acceleration"}
 
 @immutable(eq=False)
 class LoopChannel:
-    """Scalar signal at which the loop is cut for a margin, as a direction in the command or measurement vector.
+    """Scalar signal at which the loop is cut for a margin, as a direction in the
+    command or measurement vector.
 
     Attributes:
-        name: name of the direction. group: group of channels that are cut together. port: "commands" or "measurements".
+        name: name of the direction. group: group of channels that are cut together.
+            port: "commands" or "measurements".
         reads: size of the signal in a command or a measurement.
         enters: a command or a measurement of size 1 in this direction alone.
     """
@@ -40,42 +59,73 @@ class LoopChannel:
     enters: Array
 
 
-def single(names: Sequence[str], group: str, port: str, size: int, first: int = 0) -> list[LoopChannel]:
-    """Cut points at consecutive entries of a command or measurement vector of length ``size``."""
+def single(
+    names: Sequence[str], group: str, port: str, size: int, first: int = 0
+) -> list[LoopChannel]:
+    """Cut points at consecutive entries of a command or measurement vector of length
+    ``size``.
+    """
     one = np.eye(size)
     return [
-        LoopChannel(name=name, group=group, port=port, reads=one[first + i], enters=one[first + i])
+        LoopChannel(
+            name=name,
+            group=group,
+            port=port,
+            reads=one[first + i],
+            enters=one[first + i],
+        )
         for i, name in enumerate(names)
     ]
 
 
-def numbered_channels(rotors: int, joints: int, measurements: int) -> tuple[LoopChannel, ...]:
-    """Loop channels named by index, for a loop whose rotors, joints and measurements have no names."""
+def numbered_channels(
+    rotors: int, joints: int, measurements: int
+) -> tuple[LoopChannel, ...]:
+    """Loop channels named by index, for a loop whose rotors, joints and measurements
+    have no names.
+    """
     size = rotors + joints
-    channels = single([f"rotor {i + 1}" for i in range(rotors)], "rotors", COMMANDS, size)
-    channels += single([f"joint {i + 1}" for i in range(joints)], "joints", COMMANDS, size, rotors)
+    channels = single(
+        [f"rotor {i + 1}" for i in range(rotors)], "rotors", COMMANDS, size
+    )
+    channels += single(
+        [f"joint {i + 1}" for i in range(joints)], "joints", COMMANDS, size, rotors
+    )
     names = [f"measurement {i + 1}" for i in range(measurements)]
     return (*channels, *single(names, "measured", MEASUREMENTS, measurements))
 
 
-def vehicle_channels(vehicle: Vehicle, speeds: Sequence[float], attitude: Quaternion) -> tuple[LoopChannel, ...]:
-    """Signals at which a vehicle's loop is cut: rotors, body torques and thrust, joint drives, measurements.
+def vehicle_channels(
+    vehicle: Vehicle, speeds: Sequence[float], attitude: Quaternion
+) -> tuple[LoopChannel, ...]:
+    """Signals at which a vehicle's loop is cut: rotors, body torques and thrust, joint
+    drives, measurements.
 
     Args:
         vehicle: rotors and joints.
         speeds: rotor commands at the instant, rad/s: thrust grows with their square.
-        attitude: base to world at the instant: the attitude is cut in rotations about the base's axes.
+        attitude: base to world at the instant: the attitude is cut in rotations about
+            the base's axes.
     """
     rotors, joints = len(vehicle.rotors), vehicle.joint_names
     size = rotors + len(joints)
-    channels = single([f"rotor {rotor.name}" for rotor in vehicle.rotors], "rotors", COMMANDS, size)
+    channels = single(
+        [f"rotor {rotor.name}" for rotor in vehicle.rotors], "rotors", COMMANDS, size
+    )
     channels += _pushes(vehicle.rotors, np.array(speeds, dtype=float), size)
-    channels += single([f"drive {name}" for name in joints], "joints", COMMANDS, size, rotors)
-    return (*channels, *_measured_channels(joints, [rotor.name for rotor in vehicle.rotors], attitude))
+    channels += single(
+        [f"drive {name}" for name in joints], "joints", COMMANDS, size, rotors
+    )
+    return (
+        *channels,
+        *_measured_channels(joints, [rotor.name for rotor in vehicle.rotors], attitude),
+    )
 
 
 def wrenches(rotors: Sequence[Rotor]) -> Array:
-    """Allocation matrix (6, rotors) per squared speed; rows: torque xyz about the base origin, then force z, x, y."""
+    """Allocation matrix (6, rotors) per squared speed; rows: torque xyz about the base
+    origin, then force z, x, y.
+    """
     columns = []
     for rotor in rotors:
         force = float_array(rotor.axis) * float(rotor.thrust_coefficient)
@@ -86,16 +136,24 @@ def wrenches(rotors: Sequence[Rotor]) -> Array:
 
 
 def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[LoopChannel]:
-    """Cut points at body torques and thrust; also at lateral force if the rotors span all six axes."""
+    """Cut points at body torques and thrust; also at lateral force if the rotors span
+    all six axes.
+    """
     B = wrenches(rotors)
     lengths = np.linalg.norm(B, axis=1, keepdims=True)
     lengths[lengths == 0.0] = 1.0
     scaled = B / lengths
     axes = 6 if np.linalg.matrix_rank(scaled, tol=1e-6) == 6 else 4
-    if np.linalg.matrix_rank(scaled[:axes], tol=1e-6) < axes or not (speeds > 0.0).all():
+    if (
+        np.linalg.matrix_rank(scaled[:axes], tol=1e-6) < axes
+        or not (speeds > 0.0).all()
+    ):
         return []
     slope = 2.0 * speeds
-    reads, enters = scaled[:axes] * slope, np.linalg.pinv(scaled[:axes]) / slope[:, None]
+    reads, enters = (
+        scaled[:axes] * slope,
+        np.linalg.pinv(scaled[:axes]) / slope[:, None],
+    )
     none = np.zeros(size - len(speeds))
     return [
         LoopChannel(
@@ -109,7 +167,9 @@ def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[LoopChann
     ]
 
 
-def _measured_channels(joints: Sequence[str], rotors: Sequence[str], attitude: Quaternion) -> list[LoopChannel]:
+def _measured_channels(
+    joints: Sequence[str], rotors: Sequence[str], attitude: Quaternion
+) -> list[LoopChannel]:
     """Cut points at a measurement, one per entry except for time."""
     size = 1 + sum(VECTORS.values()) + 2 * len(joints) + len(rotors)
     channels: list[LoopChannel] = []
@@ -132,7 +192,9 @@ def _measured_channels(joints: Sequence[str], rotors: Sequence[str], attitude: Q
     return channels
 
 
-def _rotations(names: Sequence[str], group: str, size: int, place: int, attitude: Quaternion) -> list[LoopChannel]:
+def _rotations(
+    names: Sequence[str], group: str, size: int, place: int, attitude: Quaternion
+) -> list[LoopChannel]:
     """Cut points at a measured attitude: small rotations about the base's axes."""
     w, x, y, z = map(float, attitude)
     Q = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
@@ -140,5 +202,9 @@ def _rotations(names: Sequence[str], group: str, size: int, place: int, attitude
     for i, name in enumerate(names):
         enters, reads = np.zeros(size), np.zeros(size)
         enters[place : place + 4], reads[place : place + 4] = Q[:, i], 4.0 * Q[:, i]
-        channels.append(LoopChannel(name=name, group=group, port=MEASUREMENTS, reads=reads, enters=enters))
+        channels.append(
+            LoopChannel(
+                name=name, group=group, port=MEASUREMENTS, reads=reads, enters=enters
+            )
+        )
     return channels

@@ -9,13 +9,21 @@ import numpy as np
 
 from skyarm.records.arrays import Complex
 from skyarm.records.immutable import immutable
-from skyarm.studies.stability.closed_loop import Closed, OpenLoop, close_loop, gains, radius, spectral_radius
+from skyarm.studies.stability.closed_loop import (
+    Closed,
+    OpenLoop,
+    close_loop,
+    gains,
+    radius,
+    spectral_radius,
+)
 from skyarm.studies.stability.disk_margins import LoopMargin, cut_loops
 
 __all__ = ["Margins", "delay_margin", "margins", "radius"]
 
 EDGE = 1.0 + 1e-7
-"""Spectral radius above which a loop counts as unstable; the differences are accurate to 1e-9."""
+"""Spectral radius above which a loop counts as unstable; the differences are accurate
+to 1e-9."""
 
 LONGEST = 0.1
 """Largest additional delay (s) that is evaluated."""
@@ -32,14 +40,18 @@ class Margins:
     """Stability margins of one linearised loop.
 
     Attributes:
-        z: eigenvalues per control period, largest first. s: the same as rates, 1/s, log(z) / period.
+        z: eigenvalues per control period, largest first. s: the same as rates, 1/s,
+            log(z) / period.
         radius: largest |z|; the loop is stable below 1.
-        delay: delay margin, s: further dead time of the commands; inf beyond 0.1 s, 0 if unstable.
-        rotor_gain, joint_gain: (lower, upper) factors on the effect of all rotor commands, of all torques, between
-            which the loop is stable; 0 and inf beyond a hundredfold. The factor is common to the group.
-        loops: disk margins of single channels: rotors, body torques and thrust, joint drives, measurements.
-        together: disk margins of each group of channels under factors of their own, of all commands and of all that is
-            measured.
+        delay: delay margin, s: further dead time of the commands; inf beyond 0.1 s, 0
+            if unstable.
+        rotor_gain, joint_gain: (lower, upper) factors on the effect of all rotor
+            commands, of all torques, between which the loop is stable; 0 and inf beyond
+            a hundredfold. The factor is common to the group.
+        loops: disk margins of single channels: rotors, body torques and thrust, joint
+            drives, measurements.
+        together: disk margins of each group of channels under factors of their own, of
+            all commands and of all that is measured.
     """
 
     z: Complex
@@ -62,7 +74,11 @@ def margins(loop: OpenLoop, *, measured: bool = True) -> Margins:
     as_it_is = close_loop(loop)
     A = as_it_is.matrix(gains(loop))
     finite = bool(np.isfinite(A).all())
-    z = np.linalg.eigvals(A).astype(complex) if finite else np.array([math.inf], dtype=complex)
+    z = (
+        np.linalg.eigvals(A).astype(complex)
+        if finite
+        else np.array([math.inf], dtype=complex)
+    )
     z = z[np.argsort(-np.abs(z), kind="stable")]
     with np.errstate(divide="ignore"):
         s = np.log(z) / loop.period
@@ -82,7 +98,9 @@ def margins(loop: OpenLoop, *, measured: bool = True) -> Margins:
 
 
 def _gain(as_it_is: Closed, stable: bool, group: slice) -> tuple[float, float]:
-    """Gain margin of all rotors or all joints: interval of the common factor on their commands."""
+    """Gain margin of all rotors or all joints: interval of the common factor on their
+    commands.
+    """
     if not stable:
         return 1.0, 1.0
     factors = np.ones(len(as_it_is.sent))
@@ -93,12 +111,19 @@ def _gain(as_it_is: Closed, stable: bool, group: slice) -> tuple[float, float]:
         factors[group] = gain
         return spectral_radius(as_it_is.matrix(factors)) > EDGE
 
-    low, high = gain_edge(is_unstable, 1.0 / STRIDE, 1.0 / WIDEST), gain_edge(is_unstable, STRIDE, WIDEST)
+    low, high = (
+        gain_edge(is_unstable, 1.0 / STRIDE, 1.0 / WIDEST),
+        gain_edge(is_unstable, STRIDE, WIDEST),
+    )
     return 0.0 if low == 1.0 / WIDEST else low, math.inf if high == WIDEST else high
 
 
-def gain_edge(is_unstable: Callable[[float], bool], stride: float, limit: float) -> float:
-    """Gain factor at the stability boundary, searched from 1 in steps; ``limit`` if stable up to there."""
+def gain_edge(
+    is_unstable: Callable[[float], bool], stride: float, limit: float
+) -> float:
+    """Gain factor at the stability boundary, searched from 1 in steps; ``limit`` if
+    stable up to there.
+    """
     nearer = min if limit > 1.0 else max
     good, gain = 1.0, nearer(stride, limit)
     while not is_unstable(gain):
@@ -112,7 +137,9 @@ def gain_edge(is_unstable: Callable[[float], bool], stride: float, limit: float)
 
 
 def delay_margin(loop: OpenLoop) -> float:
-    """Delay margin, s: extra dead time at which the spectral radius reaches 1, linearly interpolated."""
+    """Delay margin, s: extra dead time at which the spectral radius reaches 1, linearly
+    interpolated.
+    """
     step = loop.period / len(loop.lates)
     before = radius(loop)
     if before > EDGE:
@@ -120,7 +147,8 @@ def delay_margin(loop: OpenLoop) -> float:
     for k in range(1, math.floor(LONGEST / step + 0.5) + 1):
         after = radius(loop, extra_delay=k * step)
         if after > EDGE:
-            # the last stable radius may be 1 itself, where an eigenvalue only touches the circle
+            # the last stable radius may be 1 itself, where an eigenvalue only touches
+            # the circle
             share = (1.0 - min(before, 1.0)) / (after - min(before, 1.0))
             return (k - 1 + share) * step
         before = after

@@ -1,4 +1,6 @@
-"""Report of stability margins in hover, along a flight and of single loops, as text, tables and an HTML page."""
+"""Report of stability margins in hover, along a flight and of single loops, as text,
+tables and an HTML page.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ def margin_lines(found: Evidence) -> list[str]:
     if found.instants:
         least = min(each.swings for each in found.instants)
         tolerated = "more than 100" if math.isinf(least) else _number(1e3 * least)
-        swings = [f"small swings grow in flight from {tolerated} ms of further dead time on"]
+        swings = [
+            f"small swings grow in flight from {tolerated} ms of further dead time on"
+        ]
     return [
         f"{found.controller} in {found.scenario}",
         *aligned_lines([head, *map(_row, found.instants)]),
@@ -59,7 +63,9 @@ def _row(each: LinearisedInstant) -> Row:
         "hover" if each.hover else f"{each.time:.2f} s",
         f"{each.radius:.6f}",
         f"{max((s.real for s in rates), default=-math.inf):.3g}",
-        f"{min((-s.real / abs(s) for s in rates if s.imag != 0.0 and abs(s) > 0.0), default=1.0):.2f}",
+        (
+            f"{min((-s.real / abs(s) for s in rates if s.imag != 0.0 and abs(s) > 0.0), default=1.0):.2f}"
+        ),
         _number(1e3 * each.delay),
         *("-".join(map(_factor, each.gain(field))) for field in GAINS),
     )
@@ -69,7 +75,13 @@ def _factor(value: float) -> str:
     """Format a gain margin in at most four characters."""
     if math.isinf(value):
         return "none"
-    return f"{value:.0f}" if value >= 99.95 else f"{value:.1f}" if value >= 9.995 else f"{value:.2f}"
+    return (
+        f"{value:.0f}"
+        if value >= 99.95
+        else f"{value:.1f}"
+        if value >= 9.995
+        else f"{value:.2f}"
+    )
 
 
 def _number(value: float) -> str:
@@ -77,7 +89,8 @@ def _number(value: float) -> str:
 
 
 def loop_rows(found: Evidence, *, every: bool) -> list[Row]:
-    """Make the table rows of disk margins: the weakest loop of each group, or every loop.
+    """Make the table rows of disk margins: the weakest loop of each group, or every
+    loop.
 
     Args:
         found: evidence of :func:`skyarm.studies.stability.flight_margins.evidence`.
@@ -91,8 +104,14 @@ def loop_rows(found: Evidence, *, every: bool) -> list[Row]:
         members = [each for each in alone.values() if each.group == group]
         listed = members if every else [_weakest(members)]
         together = f"{several[group].disk:.2f}" if group in several else ""
-        rows += [(*_cells(each), together if each is listed[-1] else "") for each in listed]
-    return rows + [(*_cells(several[name]), f"{several[name].disk:.2f}") for name in GROUPS_ALONE if name in several]
+        rows += [
+            (*_cells(each), together if each is listed[-1] else "") for each in listed
+        ]
+    return rows + [
+        (*_cells(several[name]), f"{several[name].disk:.2f}")
+        for name in GROUPS_ALONE
+        if name in several
+    ]
 
 
 def _smallest(margins: Iterable[LoopMargin]) -> dict[str, LoopMargin]:
@@ -104,33 +123,50 @@ def _smallest(margins: Iterable[LoopMargin]) -> dict[str, LoopMargin]:
 
 
 def _weakest(several: Sequence[LoopMargin]) -> LoopMargin:
-    """Margin with the smallest disk, and with the smallest delay, which may be that of another one."""
-    return replace(min(several, key=lambda each: float(each.disk)), delay=min(float(each.delay) for each in several))
+    """Margin with the smallest disk, and with the smallest delay, which may be that of
+    another one.
+    """
+    return replace(
+        min(several, key=lambda each: float(each.disk)),
+        delay=min(float(each.delay) for each in several),
+    )
 
 
 def _cells(each: LoopMargin) -> Row:
     low, high = each.gain
-    gain = f"{low:.2f}-" + ("none" if math.isinf(high) else f"{high:.2f}" if high < 10.0 else f"{high:.1f}")
+    gain = f"{low:.2f}-" + (
+        "none" if math.isinf(high) else f"{high:.2f}" if high < 10.0 else f"{high:.1f}"
+    )
     frequency = "-" if math.isnan(each.frequency) else f"{each.frequency:.1f}"
     delay = "none" if math.isinf(each.delay) else f"{1e3 * each.delay:.1f}"
-    return each.name, f"{each.disk:.2f}", gain, f"{math.degrees(each.phase):.0f}", frequency, delay
+    return (
+        each.name,
+        f"{each.disk:.2f}",
+        gain,
+        f"{math.degrees(each.phase):.0f}",
+        frequency,
+        delay,
+    )
 
 
 WORDS = (
-    "<p>The disk margin is how far gain and phase of a loop may change together, from 0 (unstable) to 2: gain and "
-    "phase (degrees) are what it leaves of each alone, rad/s is the most sensitive frequency, delay the tolerated dead "
-    "time (ms) of this loop alone, together the disk margin of all loops of its kind under factors of their own. "
-    "Disk and delay are the smallest of all instants, each by itself.</p>"
+    "<p>The disk margin is how far gain and phase of a loop may change together, from 0"
+    " (unstable) to 2: gain and phase (degrees) are what it leaves of each alone, rad/s"
+    " is the most sensitive frequency, delay the tolerated dead time (ms) of this loop"
+    " alone, together the disk margin of all loops of its kind under factors of their"
+    " own. Disk and delay are the smallest of all instants, each by itself.</p>"
 )
 
 CAPTION = (
-    "The weakest loop of each kind in hover, cut one at a time, the others closed; dashed: negative frequencies. The "
-    "curve stays out of the red disk around -1 (a half plane at a margin of 2), and touches it at the frequency said."
+    "The weakest loop of each kind in hover, cut one at a time, the others closed;"
+    " dashed: negative frequencies. The curve stays out of the red disk around -1 (a"
+    " half plane at a margin of 2), and touches it at the frequency said."
 )
 
 
 def margins_page(found: Evidence, loci: Sequence[Locus], picture: bytes = b"") -> str:
-    """Make the HTML page of margins: Nyquist diagrams in hover, and a table of every loop.
+    """Make the HTML page of margins: Nyquist diagrams in hover, and a table of every
+    loop.
 
     Args:
         found: evidence of :func:`skyarm.studies.stability.flight_margins.evidence`.
@@ -140,13 +176,24 @@ def margins_page(found: Evidence, loci: Sequence[Locus], picture: bytes = b"") -
     body = ""
     if loci:
         names = "; ".join(f"{each.margin.name} {each.margin.disk:.2f}" for each in loci)
-        body += section("Loops in hover", image(f"Nyquist diagrams: {names}", CAPTION, picture, wide=True))
+        body += section(
+            "Loops in hover",
+            image(f"Nyquist diagrams: {names}", CAPTION, picture, wide=True),
+        )
     head, *rows = loop_rows(found, every=True)
-    body += section("Every loop", WORDS + table([head[0], *(f">{name}" for name in head[1:])], rows))
+    body += section(
+        "Every loop", WORDS + table([head[0], *(f">{name}" for name in head[1:])], rows)
+    )
     facts = "the loop is lost in hover"
     if found.instants:
-        delay, swings = (min(getattr(each, name) for each in found.instants) for name in ("delay", "swings"))
-        facts = f"delay margin {1e3 * delay:.3g} ms; small swings grow from {1e3 * swings:.3g} ms on"
+        delay, swings = (
+            min(getattr(each, name) for each in found.instants)
+            for name in ("delay", "swings")
+        )
+        facts = (
+            f"delay margin {1e3 * delay:.3g} ms; small swings grow from"
+            f" {1e3 * swings:.3g} ms on"
+        )
         facts += f"; instants: {len(found.instants)}"
     if found.left_out:
         facts += f"; disturbances are left out: {', '.join(found.left_out)}"

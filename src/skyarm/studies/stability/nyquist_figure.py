@@ -23,10 +23,12 @@ CURVE, DISK = "#0b4f8a", "#b2182b"
 
 
 def nyquist_figure(loci: Sequence[Locus]) -> Figure:
-    """Draw Nyquist curves of open loops with the point -1 and the disk of the symmetric disk margin.
+    """Draw Nyquist curves of open loops with the point -1 and the disk of the symmetric
+    disk margin.
 
-    The disk's points are -1 / f for all factors f of the margin: on the real axis from -1 over the lowest gain to -1
-    over the highest. At a margin of 2 it is the left half plane.
+    The disk's points are -1 / f for all factors f of the margin: on the real axis from
+    -1 over the lowest gain to -1 over the highest. At a margin of 2 it is the left half
+    plane.
     """
     figure, axes = PAPER.tiles(len(loci), ACROSS, (DIAGRAM, DIAGRAM + 0.25))
     for ax, locus in zip(axes, loci, strict=True):
@@ -38,10 +40,27 @@ def _diagram(ax: Axes, locus: Locus) -> None:
     margin = locus.margin
     low, high = margin.gain
     if margin.disk >= MOST or low <= 0.0:
-        ax.add_patch(Rectangle((SPAN[0], SPAN[2]), -SPAN[0], SPAN[3] - SPAN[2], color=DISK, alpha=0.15, linewidth=0.0))
+        ax.add_patch(
+            Rectangle(
+                (SPAN[0], SPAN[2]),
+                -SPAN[0],
+                SPAN[3] - SPAN[2],
+                color=DISK,
+                alpha=0.15,
+                linewidth=0.0,
+            )
+        )
     else:
         left, right = -1.0 / low, -1.0 / high
-        ax.add_patch(Circle((0.5 * (left + right), 0.0), 0.5 * (right - left), color=DISK, alpha=0.15, linewidth=0.0))
+        ax.add_patch(
+            Circle(
+                (0.5 * (left + right), 0.0),
+                0.5 * (right - left),
+                color=DISK,
+                alpha=0.15,
+                linewidth=0.0,
+            )
+        )
     L = np.where(np.abs(locus.L) < 1e3, locus.L, np.nan)
     ax.plot(L.real, L.imag, color=CURVE, linewidth=1.1)
     ax.plot(L.real, -L.imag, color=CURVE, linewidth=0.6, linestyle="--")

@@ -1,12 +1,15 @@
-"""Open-loop linearisation of one control period by finite differences at an instant of a flight.
+"""Open-loop linearisation of one control period by finite differences at an instant of
+a flight.
 
-Differentiated is the machine code of one control period itself, by central differences of fourth order: four steps in
-each direction, all lanes of one call. The attitude moves by rotation vectors, in and out; everything else is a number.
-The rotors' lag is faster upward than downward, so that a hovering loop has two linearisations, with either time
-constant for both directions, in plant and model; between both lies the one that a small swing meets.
+Differentiated is the machine code of one control period itself, by central differences
+of fourth order: four steps in each direction, all lanes of one call. The attitude moves
+by rotation vectors, in and out; everything else is a number. The rotors' lag is faster
+upward than downward, so that a hovering loop has two linearisations, with either time
+constant for both directions, in plant and model; between both lies the one that a small
+swing meets.
 
-Joint drives take part with their memories. A battery sags under its load as it does; its charge, which takes minutes to
-move, is held as it is.
+Joint drives take part with their memories. A battery sags under its load as it does;
+its charge, which takes minutes to move, is held as it is.
 
 Source: B. Fornberg 1988, Table 1 (first derivative, fourth order).
 """
@@ -42,21 +45,30 @@ from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import InputRow, LoopState
 from skyarm.simulate.program import LoopProgram, PeriodRow, TracedPeriod
 from skyarm.studies.stability.closed_loop import OpenLoop
-from skyarm.studies.stability.frozen_scenario import SHARES, nominal, require_no_memory, with_held_lag, with_lag
+from skyarm.studies.stability.frozen_scenario import (
+    SHARES,
+    nominal,
+    require_no_memory,
+    with_held_lag,
+    with_lag,
+)
 from skyarm.studies.stability.loop_channels import LoopChannel, vehicle_channels
 
 STEP_SIZE = 1e-4
-"""Finite difference, in the number's unit, or relative for numbers above 1; the fourth-order error is 1e-12."""
+"""Finite difference, in the number's unit, or relative for numbers above 1; the
+fourth-order error is 1e-12."""
 
 STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
 """Steps and weights of the first derivative, fourth order."""
 
 
 def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
-    """Points (variables, directions * 4) for finite differences about an operating point, and their steps.
+    """Points (variables, directions * 4) for finite differences about an operating
+    point, and their steps.
 
     Args:
-        base: the point (leaves,): three of position, four of attitude (wxyz), then plain numbers.
+        base: the point (leaves,): three of position, four of attitude (wxyz), then
+            plain numbers.
         attitude: the same as ``base[3:7]``.
     """
     count = len(base)
@@ -73,15 +85,21 @@ def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
                 v[direction - 3] = 0.5 * steps * width
                 points[3:7, column] = list(_rotate(attitude, v))
             else:
-                points[direction if direction < 3 else direction + 1, column] += steps * width
+                points[direction if direction < 3 else direction + 1, column] += (
+                    steps * width
+                )
     return points, widths
 
 
-def derivatives(result: Array, still: Array, widths: Array, outs: list[int]) -> list[Array]:
-    """Jacobians of next vehicle state, measurement, controller state and command, by finite differences.
+def derivatives(
+    result: Array, still: Array, widths: Array, outs: list[int]
+) -> list[Array]:
+    """Jacobians of next vehicle state, measurement, controller state and command, by
+    finite differences.
 
     Args:
-        result: outputs at the points of :func:`stencil_points` (outputs, directions * 4).
+        result: outputs at the points of :func:`stencil_points` (outputs, directions *
+            4).
         still: outputs at the point itself (outputs,).
         widths: step of each direction (directions,).
         outs: numbers of outputs of the four; those of the state come first.
@@ -96,27 +114,40 @@ def derivatives(result: Array, still: Array, widths: Array, outs: list[int]) -> 
 
 
 def _rotate(q: Quaternion, half: Sequence[float]) -> Quaternion:
-    """Rotate quaternion q by a small rotation vector, twice ``half``; first order, normalised."""
+    """Rotate quaternion q by a small rotation vector, twice ``half``; first order,
+    normalised.
+    """
     x, y, z = half
     w = float(np.sqrt(1.0 - x * x - y * y - z * z))
     return Quaternion(*map(float, q)) * Quaternion(w, x, y, z)
 
 
 def _tangent(states: Array, still: Array) -> Array:
-    """Differences (variables, points) of many vehicle states from a common one; attitude as a rotation vector."""
+    """Differences (variables, points) of many vehicle states from a common one;
+    attitude as a rotation vector.
+    """
     w, x, y, z = still[3:7]
     a, b, c, d = states[3:7]
-    turn = 2.0 * np.array([w * b - x * a - y * d + z * c, w * c + x * d - y * a - z * b, w * d - x * c + y * b - z * a])
+    turn = 2.0 * np.array(
+        [
+            w * b - x * a - y * d + z * c,
+            w * c + x * d - y * a - z * b,
+            w * d - x * c + y * b - z * a,
+        ]
+    )
     return np.vstack([states[:3] - still[:3, None], turn, states[7:] - still[7:, None]])
 
 
 Given = tuple[tuple[Scalar, Scalar], Scalars]
-"""Arrival time of a command (s) and fraction of the rotors' lag; values of the parameter paths."""
+"""Arrival time of a command (s) and fraction of the rotors' lag; values of the
+parameter paths."""
 
 
 @immutable
 class OpenPoint:
-    """Operating point of one open-loop control period; the battery's internal state is constant."""
+    """Operating point of one open-loop control period; the battery's internal state is
+    constant.
+    """
 
     state: State
     drives: Memories
@@ -137,7 +168,11 @@ def open_point(carry: LoopState, batteries: int = 0) -> OpenPoint:
     # an open period asks for no time and no specific force
     own, waiting = carry.agent, carry.agent.sensors[0].waiting
     # the first sensor is of the full state
-    seen = cast("Measurement", waiting[0]) if waiting else measurement_of(own.state, own.state.velocity * 0.0)
+    seen = (
+        cast("Measurement", waiting[0])
+        if waiting
+        else measurement_of(own.state, own.state.velocity * 0.0)
+    )
     return OpenPoint(
         state=own.state,
         drives=own.drives,
@@ -150,34 +185,50 @@ def open_point(carry: LoopState, batteries: int = 0) -> OpenPoint:
 
 
 def sizes_of(point: OpenPoint) -> list[int]:
-    """Sizes of an operating point's parts: vehicle state, commands, controller state, measurement, battery."""
+    """Sizes of an operating point's parts: vehicle state, commands, controller state,
+    measurement, battery.
+    """
     parts = (point.old, point.new, point.memory, point.seen, point.power)
-    return [len(leaves((point.state, point.drives))), *(len(leaves(part)) for part in parts)]
+    return [
+        len(leaves((point.state, point.drives))),
+        *(len(leaves(part)) for part in parts),
+    ]
 
 
 class Differentiator:
-    """Linearisation of a scenario's open-loop control period by finite differences of its machine code.
+    """Linearisation of a scenario's open-loop control period by finite differences of
+    its machine code.
 
     Args:
         scenario: on the rigid-body plant; noise and turbulence are left out.
-        paths: numbers that :meth:`at` may be given others of, as those of a batch; the code is made once for all.
+        paths: numbers that :meth:`at` may be given others of, as those of a batch; the
+            code is made once for all.
     """
 
     def __init__(self, scenario: Scenario, paths: Sequence[str] = ()) -> None:
         self.scenario, self._paths = nominal(scenario), tuple(paths)
         self._numbers = tuple(number_at(self.scenario, path) for path in self._paths)
         inputs = episode_inputs(self.scenario)
-        self._program = LoopProgram(self.scenario, self._scenario_of, ((0.0, 0.0), self._numbers))
+        self._program = LoopProgram(
+            self.scenario, self._scenario_of, ((0.0, 0.0), self._numbers)
+        )
         first = self._first = self._program.first
         require_no_memory(self.scenario, first)
-        self._period, self._substeps = scenario.rates.period, self._program.plant.substeps
+        self._period, self._substeps = (
+            scenario.rates.period,
+            self._program.plant.substeps,
+        )
         ratio = scenario.rates.physics // scenario.rates.control
         self.lates = np.arange(ratio) / scenario.rates.physics
         self._point = open_point(first, len(scenario.agent.power))
         row = inputs.row_at(0, first.agent, first.ticks)
-        loop = self._program.trace(self._open_period, self._point, PeriodRow(given=(row,)))
+        loop = self._program.trace(
+            self._open_period, self._point, PeriodRow(given=(row,))
+        )
         # few periods are stepped: what compiles five times as fast is quicker in all
-        self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True, effort=0)
+        self._kernel = Kernel(
+            loop, Lanes(host_width(), contract=False), logging=True, effort=0
+        )
         self._row = len(leaves(row))
 
     def _scenario_of(self, given: Given) -> Scenario:
@@ -188,9 +239,17 @@ class Differentiator:
             own = with_numbers(own, dict(zip(self._paths, numbers, strict=True)))
         return with_held_lag(with_lag(own, lag))
 
-    def _open_period(self, period: TracedPeriod, point: OpenPoint) -> tuple[OpenPoint, Scalars]:
-        """Next state, measurement, controller state and command, with the loop open between them."""
-        stages, scenario, (late, _) = period.stages, period.stages.scenario, period.numbers[0]
+    def _open_period(
+        self, period: TracedPeriod, point: OpenPoint
+    ) -> tuple[OpenPoint, Scalars]:
+        """Next state, measurement, controller state and command, with the loop open
+        between them.
+        """
+        stages, scenario, (late, _) = (
+            period.stages,
+            period.stages.scenario,
+            period.numbers[0],
+        )
         row = cast("InputRow[Reference]", period.row.given[0])
         power = tuple(
             each.supply(charge, self._period, point.state, point.old.rotor_speeds)
@@ -206,13 +265,22 @@ class Differentiator:
         proper = Vec3(*map(data, force.linear))
         now = measure(scenario.agent.noise, row.time, point.state, proper, [0] * count)
         memory, command = checked_law(scenario.agent.controller)(
-            point.memory, point.seen, stages.agent.law_reference(row), self._period, par=scenario.agent.controller.par
+            point.memory,
+            point.seen,
+            stages.agent.law_reference(row),
+            self._period,
+            par=scenario.agent.controller.par,
         )
         # a drive hears the mean of both commands once in a period, as it does in flight
         heard = mean_efforts(point.old, point.new, late, self._period)
-        state, given_drives = point.state, zip(scenario.agent.all_drives, point.drives, heard, strict=False)
+        state, given_drives = (
+            point.state,
+            zip(scenario.agent.all_drives, point.drives, heard, strict=False),
+        )
         drives = tuple(
-            drive.advance(memory, u, state.joints[i], state.joint_rates[i], self._period)
+            drive.advance(
+                memory, u, state.joints[i], state.joint_rates[i], self._period
+            )
             for i, (drive, memory, u) in enumerate(given_drives)
         )
         air = air.with_drives([drives])
@@ -220,14 +288,30 @@ class Differentiator:
         after = self._advance(scenario, after, point.new, air, self._period - late)
         return point, tuple(map(data, leaves((after, drives, now, memory, command))))
 
-    def _advance(self, scenario: Scenario, state: State, command: Command, air: Together, seconds: Any) -> State:
-        # as many steps as a whole period has: a part of it is integrated at least as well
+    def _advance(
+        self,
+        scenario: Scenario,
+        state: State,
+        command: Command,
+        air: Together,
+        seconds: Any,
+    ) -> State:
+        # as many steps as a whole period has: a part of it is integrated at least as
+        # well
         count = self._substeps(self._period).near
         step = COUPLED_STEP[scenario.integrator]
         worlds, part = (scenario.agent.plant,), seconds / count
-        return repeat(count, lambda x: step(worlds, (x,), (command,), air, part)[0][0], state)
+        return repeat(
+            count, lambda x: step(worlds, (x,), (command,), air, part)[0][0], state
+        )
 
-    def at(self, carry: LoopState, row: Sequence[float], lag: str, numbers: Sequence[float] | None = None) -> OpenLoop:
+    def at(
+        self,
+        carry: LoopState,
+        row: Sequence[float],
+        lag: str,
+        numbers: Sequence[float] | None = None,
+    ) -> OpenLoop:
         """Linearise the open loop at a state of the simulated flight.
 
         Args:
@@ -243,9 +327,14 @@ class Differentiator:
         moved, widths = stencil_points(base, point.state.quaternion)
         lates = range(len(self.lates))
         results = [self._outputs_of(moved, row, late, given) for late in lates]
-        still = [self._outputs_of(base[:, None], row, late, given)[:, 0] for late in lates]
+        still = [
+            self._outputs_of(base[:, None], row, late, given)[:, 0] for late in lates
+        ]
         outs = [sizes[0], sizes[4], sizes[3], sizes[1]]
-        parts = [derivatives(result, at, widths, outs) for result, at in zip(results, still, strict=True)]
+        parts = [
+            derivatives(result, at, widths, outs)
+            for result, at in zip(results, still, strict=True)
+        ]
         columns = np.cumsum([0, sizes[0] - 1, *sizes[1:5]])
         x, old, new, m, y = (slice(int(a), int(b)) for a, b in pairwise(columns))
         first, following = parts[0], np.array([part[0] for part in parts])
@@ -262,7 +351,9 @@ class Differentiator:
             m_y=first[2][:, y],
             u_m=first[3][:, m],
             u_y=first[3][:, y],
-            measurement_delay=round(self.scenario.agent.delays.measurement * self.scenario.rates.control),
+            measurement_delay=round(
+                self.scenario.agent.delays.measurement * self.scenario.rates.control
+            ),
             command_delay=float(self.scenario.agent.delays.command),
             states=len(leaves(point.state)) - 1,
             channels=self._channels(point, base),
@@ -275,9 +366,16 @@ class Differentiator:
         return vehicle_channels(self.scenario.agent.vehicle, speeds, at.seen.quaternion)
 
     def _complete(
-        self, carry: LoopState, point: OpenPoint, sizes: list[int], row: Sequence[float], given: Sequence[float]
+        self,
+        carry: LoopState,
+        point: OpenPoint,
+        sizes: list[int],
+        row: Sequence[float],
+        given: Sequence[float],
     ) -> Array:
-        """Scalars of the operating point, with measurement and command computed where they have no delay."""
+        """Scalars of the operating point, with measurement and command computed where
+        they have no delay.
+        """
         base = float_array(leaves(point))
         ends = np.cumsum([sizes[0], sizes[4], sizes[3], sizes[1]])
         if not carry.agent.sensors[0].waiting:
@@ -288,14 +386,21 @@ class Differentiator:
             base[sizes[0] + sizes[1] : sum(sizes[:3])] = made[ends[2] : ends[3]]
         return base
 
-    def _outputs_of(self, points: Array, row: Sequence[float], late: int, numbers: Sequence[float]) -> Array:
-        """Outputs (outputs, points) of the open loop at many operating points in one call of machine code.
+    def _outputs_of(
+        self, points: Array, row: Sequence[float], late: int, numbers: Sequence[float]
+    ) -> Array:
+        """Outputs (outputs, points) of the open loop at many operating points in one
+        call of machine code.
 
         ``numbers`` are the lag's share and those of the paths.
         """
         lanes = points.shape[1]
-        given = np.repeat(np.array([self.lates[late], *numbers])[:, None], lanes, axis=1)
-        _, log = self._kernel.run(points, given, np.array(row, dtype=float).reshape(1, self._row))
+        given = np.repeat(
+            np.array([self.lates[late], *numbers])[:, None], lanes, axis=1
+        )
+        _, log = self._kernel.run(
+            points, given, np.array(row, dtype=float).reshape(1, self._row)
+        )
         return doubles(log[0])
 
 

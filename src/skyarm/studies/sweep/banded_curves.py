@@ -1,4 +1,6 @@
-"""Curves of a metric over a varied parameter of a sweep: median, with a band over all other variation."""
+"""Curves of a metric over a varied parameter of a sweep: median, with a band over all
+other variation.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ BAND = (0.05, 0.95)
 """Quantiles of the episodes at the ends of a band."""
 
 PER_CELL = 25
-"""Target number of episodes in a cell of drawn values; its median is then accurate to a fifth of the spread."""
+"""Target number of episodes in a cell of drawn values; its median is then accurate to a
+fifth of the spread."""
 
 FEWEST_CELLS, MOST_CELLS = 4, 30
 
@@ -29,7 +32,8 @@ FEWEST_OF_BAND = 5
 
 @immutable
 class Variable:
-    """Abscissa of a curve over a sweep: a varied parameter, or an expression of several.
+    """Abscissa of a curve over a sweep: a varied parameter, or an expression of
+    several.
 
     Attributes:
         words: label. unit: SI, "" if unknown.
@@ -49,9 +53,10 @@ class BandedCurve:
     Attributes:
         controller: controller that flew.
         x: (K,) value of the variable, of each cell the median.
-        middle, low, high: (K,) median, and the ends of the band, of episodes that flew to their end; NaN where none
-            did, or too few for a band.
-        episodes, lost: (K,) how many there are, and how many of them ended before their time.
+        middle, low, high: (K,) median, and the ends of the band, of episodes that flew
+            to their end; NaN where none did, or too few for a band.
+        episodes, lost: (K,) how many there are, and how many of them ended before their
+            time.
     """
 
     controller: str
@@ -77,7 +82,8 @@ class BandedCurves:
 
 
 def banded_curves(rows: Rows, metric: str, over: str) -> BandedCurves:
-    """Curves of a metric against a variable, with bands over all other parameters and the noise.
+    """Curves of a metric against a variable, with bands over all other parameters and
+    the noise.
 
     Args:
         rows: rows of a study.
@@ -89,15 +95,23 @@ def banded_curves(rows: Rows, metric: str, over: str) -> BandedCurves:
         ExpressionError: an expression that cannot be read or has no value.
     """
     if metric not in rows.metrics:
-        there = f"{did_you_mean(metric, rows.metrics)}there are {', '.join(rows.metrics)}"
-        raise StudyError(f"metric = {shown(metric)}: must be one of these rows; {there}")
+        there = (
+            f"{did_you_mean(metric, rows.metrics)}there are {', '.join(rows.metrics)}"
+        )
+        raise StudyError(
+            f"metric = {shown(metric)}: must be one of these rows; {there}"
+        )
     across = variable(rows, over, "over")
-    curves = tuple(_curve(rows, metric, controller, across.values) for controller in rows.controllers)
+    curves = tuple(
+        _curve(rows, metric, controller, across.values)
+        for controller in rows.controllers
+    )
     return BandedCurves(metric=metric, over=across, curves=curves)
 
 
 def variable(rows: Rows, text: str, field: str) -> Variable:
-    """Abscissa of a curve from text: a varied parameter, an expression, or ``label = expression``.
+    """Abscissa of a curve from text: a varied parameter, an expression, or ``label =
+    expression``.
 
     Raises:
         StudyError, ExpressionError: one line.
@@ -105,22 +119,37 @@ def variable(rows: Rows, text: str, field: str) -> Variable:
     name, equals, after = text.partition("=")
     if text in rows.parameters:
         unit, logarithmic = rows.manifest.units.get(text, ""), rows.is_logarithmic(text)
-        return Variable(words=words_of(text), unit=unit, values=_column(rows, text), logarithmic=logarithmic)
+        return Variable(
+            words=words_of(text),
+            unit=unit,
+            values=_column(rows, text),
+            logarithmic=logarithmic,
+        )
     if not rows.parameters:
-        raise StudyError(f"{field} = {shown(text)}: must be a varied number, and none varies in these rows")
+        raise StudyError(
+            f"{field} = {shown(text)}: must be a varied number, and none varies in"
+            " these rows"
+        )
     read = read_expression(after if equals else text, rows.parameters, field)
     values = read.value({each: _column(rows, each) for each in read.names})
     spread = np.broadcast_to(values, (rows.episodes,))
-    return Variable(words=name.strip() if equals and name.strip() else " ".join(text.split()), values=spread)
+    return Variable(
+        words=name.strip() if equals and name.strip() else " ".join(text.split()),
+        values=spread,
+    )
 
 
 def _column(rows: Rows, path: str) -> Array:
-    """Values of a varied parameter in each flight of a sweep, which all controllers share."""
+    """Values of a varied parameter in each flight of a sweep, which all controllers
+    share.
+    """
     return doubles(rows.of(rows.controllers[0], path))
 
 
 def _cells(values: Array) -> IntArray:
-    """Bin index of each value: one bin per value if there are few, otherwise bins of equal count."""
+    """Bin index of each value: one bin per value if there are few, otherwise bins of
+    equal count.
+    """
     different, place = np.unique(values, return_inverse=True)
     if different.size <= LISTED and values.size >= 2 * different.size:
         return place
@@ -140,9 +169,20 @@ def _curve(rows: Rows, metric: str, controller: str, over: Array) -> BandedCurve
         flown = column[here & flew & np.isfinite(column)]
         quantiles: tuple[float, ...] = (np.nan,) * 3
         if flown.size:
-            ends = np.quantile(flown, BAND) if flown.size >= FEWEST_OF_BAND else (np.nan, np.nan)
+            ends = (
+                np.quantile(flown, BAND)
+                if flown.size >= FEWEST_OF_BAND
+                else (np.nan, np.nan)
+            )
             quantiles = (float(np.median(flown)), *map(float, ends))
-        table.append((float(np.median(over[here])), *quantiles, int(here.sum()), int((here & ~flew).sum())))
+        table.append(
+            (
+                float(np.median(over[here])),
+                *quantiles,
+                int(here.sum()),
+                int((here & ~flew).sum()),
+            )
+        )
     x, middle, low, high, episodes, lost = np.array(table, dtype=float).reshape(-1, 6).T
     return BandedCurve(
         controller=controller,

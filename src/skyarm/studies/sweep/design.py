@@ -1,4 +1,6 @@
-"""Experimental design: parameter values as a pure function of what is drawn and the number of an episode."""
+"""Experimental design: parameter values as a pure function of what is drawn and the
+number of an episode.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +20,15 @@ from skyarm.studies.sweep.expressions import Expression, with_derived
 from skyarm.studies.sweep.sobol import BITS, sobol
 
 FIRST_CHANNEL = 2**16
-"""Channel of the random generator for the first varied number; lower ones are for the noise of episodes."""
+"""Channel of the random generator for the first varied number; lower ones are for the
+noise of episodes."""
 
 SHIFT_CHANNEL = 2**17
 """Channel of the digital shift of the first dimension."""
 
 BLOCK = 2**16
-"""Number of episodes whose numbers are drawn at once when only the least and greatest values are kept."""
+"""Number of episodes whose numbers are drawn at once when only the least and greatest
+values are kept."""
 
 
 @immutable(slots=False)
@@ -32,8 +36,10 @@ class Design:
     """Parameters that differ from episode to episode.
 
     Attributes:
-        vary: dotted path -> its distribution, in the order of the file; or a name that is only derived from.
-        derived: dotted path, or a name that is only written into the rows -> its expression of what stands before it.
+        vary: dotted path -> its distribution, in the order of the file; or a name that
+            is only derived from.
+        derived: dotted path, or a name that is only written into the rows -> its
+            expression of what stands before it.
         design: "random", "grid" or "sobol".
         episodes: number of episodes, numbered from 0. seed: seed of the draws.
     """
@@ -42,7 +48,9 @@ class Design:
     design: str = "random"
     episodes: int
     seed: int = 0
-    derived: Mapping[str, Expression] = field(default_factory=lambda: MappingProxyType({}))
+    derived: Mapping[str, Expression] = field(
+        default_factory=lambda: MappingProxyType({})
+    )
 
     @property
     def axes(self) -> dict[str, Values]:
@@ -73,17 +81,24 @@ def values(draws: Design, episodes: npt.ArrayLike) -> dict[str, Array]:
 
 
 def _unit(draws: Design, episodes: IntArray, index: int) -> Array:
-    """Random numbers in (0, 1), one per episode, for one dimension of the experimental design."""
+    """Random numbers in (0, 1), one per episode, for one dimension of the experimental
+    design.
+    """
     if draws.design != "sobol":
         return uniform(draws.seed, episodes, FIRST_CHANNEL + index, 0)
-    # a digital shift keeps the points' evenness and lets the seed choose among many such sets
-    shift = int(float(uniforms(draws.seed, 0, SHIFT_CHANNEL + index, 0, 1)[0]) * 2.0**BITS)
+    # a digital shift keeps the points' evenness and lets the seed choose among many
+    # such sets
+    shift = int(
+        float(uniforms(draws.seed, 0, SHIFT_CHANNEL + index, 0, 1)[0]) * 2.0**BITS
+    )
     shifted = sobol(episodes, index) ^ np.uint64(shift)
     return (shifted.astype(np.float64) + 0.5) * 2.0**-BITS
 
 
 def extremes(draws: Design) -> dict[str, tuple[float, float, int, int]]:
-    """Smallest and largest value of each varied or derived parameter, and the episodes that have them, by path."""
+    """Smallest and largest value of each varied or derived parameter, and the episodes
+    that have them, by path.
+    """
     ranges: dict[str, tuple[float, float, int, int]] = {}
     for start in range(0, draws.episodes, BLOCK):
         block = range(start, min(start + BLOCK, draws.episodes))

@@ -1,16 +1,18 @@
 """Arithmetic expressions of named parameters, and parameters derived by them.
 
     [vary]
-    arm = { uniform = [0.10, 0.20] }                              # a name of the study: a word without a dot
+    arm = { uniform = [0.10, 0.20] }  # a name of the study: a word without a dot
 
     [derived]
     "plant.vehicle.links.1.joint.position.z" = "-arm"             # flown
     "plant.vehicle.links.0.body.com.z" = "-arm / 2"
-    reach = "2 * arm"                                             # only written into the rows
+    reach = "2 * arm"  # only written into the rows
 
-An expression has ``+ - * /``, parentheses, ``sqrt``, numbers, and the names of what varies or is derived above it. A
-name is a word or a dotted path; one with other characters stands in double quotes. It is read by Python's parser, of
-whose grammar no more is allowed. Every error is one line with the expression and the place, in characters from 1.
+An expression has ``+ - * /``, parentheses, ``sqrt``, numbers, and the names of what
+varies or is derived above it. A name is a word or a dotted path; one with other
+characters stands in double quotes. It is read by Python's parser, of whose grammar no
+more is allowed. Every error is one line with the expression and the place, in
+characters from 1.
 """
 
 from __future__ import annotations
@@ -39,9 +41,13 @@ WORD = r"[A-Za-z_]\w*"
 NAME = re.compile(WORD, re.ASCII)
 
 LETTER = "\N{LATIN SMALL LETTER E WITH ACUTE}"
-"""Letter in the placeholders for names with dots or quotes, while Python parses an expression."""
+"""Letter in the placeholders for names with dots or quotes, while Python parses an
+expression."""
 
-NAMES = re.compile(rf'"(?P<quoted>[^"]+)"|(?<![\w.])(?P<plain>{WORD}(?:\.\w+)*)(?P<call>\s*\()?', re.ASCII)
+NAMES = re.compile(
+    rf'"(?P<quoted>[^"]+)"|(?<![\w.])(?P<plain>{WORD}(?:\.\w+)*)(?P<call>\s*\()?',
+    re.ASCII,
+)
 
 OPERATIONS: Mapping[type[ast.AST], np.ufunc] = {
     ast.UAdd: np.positive,
@@ -65,7 +71,8 @@ class Expression:
     """Parsed arithmetic expression of a study's parameters.
 
     Attributes:
-        text: text as given. names: names that it needs, each once, in order. field: name of the field in messages.
+        text: text as given. names: names that it needs, each once, in order. field:
+            name of the field in messages.
         tree: Python's. words: words of the tree -> name.
     """
 
@@ -79,7 +86,8 @@ class Expression:
         """Evaluate the expression for given numbers or arrays by name, which broadcast.
 
         Raises:
-            ExpressionError: one line: a division by zero, the root of a negative number, or a result that is too large.
+            ExpressionError: one line: a division by zero, the root of a negative
+                number, or a result that is too large.
         """
         return self._value(self.tree, numbers)
 
@@ -88,11 +96,16 @@ class Expression:
             return np.asarray(float(str(node.value)))
         if isinstance(node, ast.Name):
             return doubles(numbers[self.words[node.id]])
-        given = np.broadcast_arrays(*(self._value(each, numbers) for each in _operands(node)))
+        given = np.broadcast_arrays(
+            *(self._value(each, numbers) for each in _operands(node))
+        )
         with np.errstate(all="ignore"):
             values = np.asarray(OPERATIONS[_operation(node)](*given))
-        # what was NaN before, as a metric of an episode that did not fly, stays so and is no error
-        wrong = ~np.isfinite(values) & np.logical_and.reduce([np.isfinite(each) for each in given])
+        # what was NaN before, as a metric of an episode that did not fly, stays so and
+        # is no error
+        wrong = ~np.isfinite(values) & np.logical_and.reduce(
+            [np.isfinite(each) for each in given]
+        )
         if wrong.any():
             *first, last = (float(each[wrong].flat[0]) for each in given)
             why = "must give a finite number"
@@ -104,7 +117,9 @@ class Expression:
         return values
 
 
-def read_expression(text: object, known: Collection[str], field: str = "expression") -> Expression:
+def read_expression(
+    text: object, known: Collection[str], field: str = "expression"
+) -> Expression:
     """Parse an arithmetic expression of named parameters.
 
     Args:
@@ -116,14 +131,21 @@ def read_expression(text: object, known: Collection[str], field: str = "expressi
         ExpressionError: one line with its place, and what is allowed there.
     """
     if not isinstance(text, str) or not text.strip():
-        raise ExpressionError(f"{field} = {shown(text)}: must be an expression of named numbers, as 'a + 2 * b'")
+        raise ExpressionError(
+            f"{field} = {shown(text)}: must be an expression of named numbers, as 'a +"
+            " 2 * b'"
+        )
     if len(text) > LONGEST:
-        raise ExpressionError(f"{field} = {shown(text)}: must have at most {LONGEST} characters")
+        raise ExpressionError(
+            f"{field} = {shown(text)}: must have at most {LONGEST} characters"
+        )
     text = " ".join(text.split())  # as messages show it, so that its places are theirs
     words: dict[str, str] = {}
 
     def word(match: re.Match[str]) -> str:
-        """Python identifier in place of a dotted parameter name, of equal length to keep error positions."""
+        """Python identifier in place of a dotted parameter name, of equal length to
+        keep error positions.
+        """
         name, call = match["quoted"] or match["plain"], match["call"] or ""
         if call and name != FUNCTION:
             why = f"{shown(name)} must not be called; the one function is {FUNCTION}"
@@ -132,9 +154,18 @@ def read_expression(text: object, known: Collection[str], field: str = "expressi
             return match[0]
         if name not in known:
             there = f"{did_you_mean(name, known)}there are {', '.join(known) or 'none'}"
-            raise _wrong(field, text, match.start(), f"{shown(name)} must be a named number; {there}")
+            raise _wrong(
+                field,
+                text,
+                match.start(),
+                f"{shown(name)} must be a named number; {there}",
+            )
         short = len(match[0]) < 3  # one or two letters are a word as they are
-        words[stands := name if short else f"{LETTER}{len(words)}".ljust(len(match[0]), LETTER)] = name
+        words[
+            stands := (
+                name if short else f"{LETTER}{len(words)}".ljust(len(match[0]), LETTER)
+            )
+        ] = name
         return stands
 
     plain = text if text.isascii() else text.replace(LETTER, "\0")
@@ -142,12 +173,20 @@ def read_expression(text: object, known: Collection[str], field: str = "expressi
     try:
         tree = ast.parse(parsed, mode="eval").body
     except (SyntaxError, ValueError, MemoryError) as error:
-        raise _wrong(field, text, (getattr(error, "offset", None) or 1) - 1, GRAMMAR) from None
+        raise _wrong(
+            field, text, (getattr(error, "offset", None) or 1) - 1, GRAMMAR
+        ) from None
     for node in ast.walk(tree):
-        leaf = type(getattr(node, "value", "")) in (int, float) or getattr(node, "id", "") in (*words, FUNCTION)
-        if not isinstance(node, ast.expr) or (leaf and math.isfinite(getattr(node, "value", 0))):
+        leaf = type(getattr(node, "value", "")) in (int, float) or getattr(
+            node, "id", ""
+        ) in (*words, FUNCTION)
+        if not isinstance(node, ast.expr) or (
+            leaf and math.isfinite(getattr(node, "value", 0))
+        ):
             continue
-        if _operation(node) not in OPERATIONS or (isinstance(node, ast.Call) and len(_operands(node)) != 1):
+        if _operation(node) not in OPERATIONS or (
+            isinstance(node, ast.Call) and len(_operands(node)) != 1
+        ):
             raise _wrong(field, text, node.col_offset, GRAMMAR)
     return Expression(text, tuple(dict.fromkeys(words.values())), tree, words, field)
 
@@ -167,7 +206,9 @@ def _wrong(field: str, text: str, at: int, why: str) -> ExpressionError:
 
 
 def is_own_name(text: str) -> bool:
-    """True for a parameter name without a dot: defined by the study, not a parameter path of its scenario."""
+    """True for a parameter name without a dot: defined by the study, not a parameter
+    path of its scenario.
+    """
     return NAME.fullmatch(text) is not None
 
 
@@ -179,31 +220,43 @@ def derived_from(table: object, varied: Collection[str]) -> dict[str, Expression
         varied: names and paths under ``vary``; each name must be used by an expression.
 
     Raises:
-        ValueError: one line: an expression that cannot be read, or a number that varies already.
+        ValueError: one line: an expression that cannot be read, or a number that varies
+            already.
     """
     fields = Fields(table, "derived")
     if len(fields.table) > MOST_DERIVED:
-        raise ValueError(f"derived = {len(fields.table)} numbers: must be at most {MOST_DERIVED}")
+        raise ValueError(
+            f"derived = {len(fields.table)} numbers: must be at most {MOST_DERIVED}"
+        )
     expressions: dict[str, Expression] = {}
     for name, text in fields.table.items():
         at = f'derived."{name}"'
         if name in varied:
             raise ValueError(f"{at} = {shown(text)}: must not be under vary as well")
         if name == FUNCTION:
-            raise ValueError(f"{at} = {shown(text)}: must have another name than the function {FUNCTION}")
+            raise ValueError(
+                f"{at} = {shown(text)}: must have another name than the function"
+                f" {FUNCTION}"
+            )
         expressions[name] = read_expression(text, (*varied, *expressions), at)
     used = {name for each in expressions.values() for name in each.names}
     for name in varied:
         if expressions and is_own_name(name) and name not in used:
-            raise ValueError(f'vary."{name}": must be a path, or be used by an expression under derived')
+            raise ValueError(
+                f'vary."{name}": must be a path, or be used by an expression under'
+                " derived"
+            )
     return expressions
 
 
-def with_derived(drawn: Mapping[str, Array], derived: Mapping[str, Expression]) -> dict[str, Array]:
+def with_derived(
+    drawn: Mapping[str, Array], derived: Mapping[str, Expression]
+) -> dict[str, Array]:
     """Varied parameter values together with those that expressions derive from them.
 
     Raises:
-        ExpressionError: one line that names the number: a division by zero, the root of a negative number.
+        ExpressionError: one line that names the number: a division by zero, the root of
+            a negative number.
     """
     values = dict(drawn)
     count = next((each.size for each in drawn.values()), 1)

@@ -1,4 +1,6 @@
-"""Manifest of a sweep's folder: the settings that its results depend on, as JSON with a digest of its own."""
+"""Manifest of a sweep's folder: the settings that its results depend on, as JSON with a
+digest of its own.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ from skyarm.view.pages import Facts
 MANIFEST = "manifest.json"
 
 SCHEMA, OLD = 3, 2
-"""Version of the manifest, and that of skyarm 0.3, whose rows are read and not continued."""
+"""Version of the manifest, and that of skyarm 0.3, whose rows are read and not
+continued."""
 
 LARGEST = 10_000_000
 """Largest size (bytes) of a manifest."""
@@ -31,8 +34,12 @@ def _texts(value: object) -> bool:
     return isinstance(value, list) and all(isinstance(each, str) for each in value)
 
 
-def _table(value: object, kind: type | tuple[type, ...]) -> TypeGuard[dict[str, object]]:
-    return isinstance(value, dict) and all(isinstance(each, kind) for each in value.values())
+def _table(
+    value: object, kind: type | tuple[type, ...]
+) -> TypeGuard[dict[str, object]]:
+    return isinstance(value, dict) and all(
+        isinstance(each, kind) for each in value.values()
+    )
 
 
 def _whole(value: object, low: int, high: int) -> bool:
@@ -54,7 +61,8 @@ STUDY_FIELDS: Mapping[str, Check] = {
     "endings": lambda value: value is None or _texts(value),
     "plugins": lambda value: value is None or _table(value, str),
 }
-"""Field of the study that statistics read -> check of its value; fields that are left out are None."""
+"""Field of the study that statistics read -> check of its value; fields that are left
+out are None."""
 
 FIELDS: Mapping[str, Check] = {
     "study": lambda value: isinstance(value, dict),
@@ -76,11 +84,15 @@ class Manifest:
     """JSON manifest of a sweep's folder: the settings that determine its results.
 
     Attributes:
-        study: document of the study, plain values. scenarios: label of the controller -> digest of the scenario.
+        study: document of the study, plain values. scenarios: label of the
+            controller -> digest of the scenario.
         versions: on which the bits of rows may depend, and the digest of the code.
-        title: one-line description. success: metric -> largest value of a successful episode.
-        units: path of a varied number -> its SI unit. noise: whether episodes draw random numbers.
-        old: whether it is of skyarm 0.3: all controllers of a chunk are in one file, which has no digest.
+        title: one-line description. success: metric -> largest value of a successful
+            episode.
+        units: path of a varied number -> its SI unit. noise: whether episodes draw
+            random numbers.
+        old: whether it is of skyarm 0.3: all controllers of a chunk are in one file,
+            which has no digest.
     """
 
     study: Mapping[str, Any]
@@ -129,32 +141,66 @@ class Manifest:
         return (self.study, self.scenarios) == (other.study, other.scenarios)
 
     def differences(self, there: Manifest) -> Iterator[tuple[str, Plain, Plain]]:
-        """Yield the differences of two sweeps that affect results: setting, value in this sweep, value in the other."""
+        """Yield the differences of two sweeps that affect results: setting, value in
+        this sweep, value in the other.
+        """
         ours, theirs = (each._rows_depend_on() for each in (self, there))
         names = dict.fromkeys([*ours, *theirs])
         # the most telling first
-        for name in sorted(names, key=lambda name: (name.startswith(("scenario of", "version of")), name == "vary")):
+        for name in sorted(
+            names,
+            key=lambda name: (
+                name.startswith(("scenario of", "version of")),
+                name == "vary",
+            ),
+        ):
             # as text, since the digest tells 1 from 1.0
             if json.dumps(ours.get(name)) != json.dumps(theirs.get(name)):
                 yield name, ours.get(name), theirs.get(name)
 
     def _rows_depend_on(self) -> dict[str, Plain]:
-        """Settings that determine a sweep's results, by name, as shown in error messages."""
+        """Settings that determine a sweep's results, by name, as shown in error
+        messages.
+        """
         study, vary = self.study, self.study.get("vary") or {}
         return {
-            **{name: value for name, value in study.items() if name not in ("vary", "plugins")},
-            **{f"plugin {name!r}": value for name, value in (study.get("plugins") or {}).items()},
+            **{
+                name: value
+                for name, value in study.items()
+                if name not in ("vary", "plugins")
+            },
+            **{
+                f"plugin {name!r}": value
+                for name, value in (study.get("plugins") or {}).items()
+            },
             **{f'vary."{path}"': value for path, value in vary.items()},
             "vary": list(vary),
-            **{f"scenario of {label!r}": digest[:12] for label, digest in self.scenarios.items()},
-            **{f"version of {name}": version[:12] for name, version in self.versions.items()},
+            **{
+                f"scenario of {label!r}": digest[:12]
+                for label, digest in self.scenarios.items()
+            },
+            **{
+                f"version of {name}": version[:12]
+                for name, version in self.versions.items()
+            },
         }
 
     def write(self, folder: Path, rows: int, done: int) -> None:
-        """Write the manifest, with the numbers of simulated flights and of complete chunks of episodes."""
-        facts = {"schema": SCHEMA, "name": self.name, "digest": self.digest, **asdict(self)}
+        """Write the manifest, with the numbers of simulated flights and of complete
+        chunks of episodes.
+        """
+        facts = {
+            "schema": SCHEMA,
+            "name": self.name,
+            "digest": self.digest,
+            **asdict(self),
+        }
         del facts["old"]
-        facts |= {"complete": done == self.chunks, "rows": rows, "chunks": {"done": done, "of": self.chunks}}
+        facts |= {
+            "complete": done == self.chunks,
+            "rows": rows,
+            "chunks": {"done": done, "of": self.chunks},
+        }
         content = json.dumps({**facts, "sha256": _sum(facts)}, indent=1) + "\n"
         write_inside(folder / MANIFEST, content.encode())
 
@@ -192,9 +238,12 @@ def read_manifest(folder: PathLike) -> Manifest | None:
         _require(table["study"], STUDY_FIELDS, "study.")
     except ValueError as error:
         raise StudyError(
-            f"{path}: must be as 'skyarm sweep' wrote it ({error}); delete it, and it is made anew"
+            f"{path}: must be as 'skyarm sweep' wrote it ({error}); delete it, and it"
+            " is made anew"
         ) from None
-    return Manifest(**{name: table[name] for name in FIELDS if name in table}, old=schema == OLD)
+    return Manifest(
+        **{name: table[name] for name in FIELDS if name in table}, old=schema == OLD
+    )
 
 
 def _require(table: Facts, fields: Mapping[str, Check], where: str) -> None:

@@ -26,7 +26,9 @@ Progress = Callable[[int, int], None]
 
 @immutable
 class Summary:
-    """Result of running a sweep: folder, number of flights, episodes simulated and reused, duration in s."""
+    """Result of running a sweep: folder, number of flights, episodes simulated and
+    reused, duration in s.
+    """
 
     folder: Path
     rows: int
@@ -44,11 +46,13 @@ def fly_sweep(
     part: str | None = None,
     progress: Progress | None = None,
 ) -> Rows:
-    """Simulate the missing flights of a sweep into a folder, and return the results of all.
+    """Simulate the missing flights of a sweep into a folder, and return the results of
+    all.
 
     Args:
-        study: the tables of a study's file (:mod:`skyarm.studies.sweep.study_file`), the path of one, the name of a
-            shipped one, or a study that was loaded before.
+        study: the tables of a study's file (:mod:`skyarm.studies.sweep.study_file`),
+            the path of one, the name of a shipped one, or a study that was loaded
+            before.
         folder: folder of the rows; one that holds some of this study is completed.
         workers: threads or processes that fly; rows do not depend on it.
         on: "local", "processes", "ray" or "ray:HOST:PORT".
@@ -56,10 +60,12 @@ def fly_sweep(
         progress: called with (episodes there, episodes in all).
 
     Returns:
-        the rows, a column at a time: ``rows.of("paper_ct", "position_error_mean")``, one number an episode.
+        the rows, a column at a time: ``rows.of("paper_ct", "position_error_mean")``,
+        one number an episode.
 
     Raises:
-        StudyError: one line: a study that cannot be flown, or a folder that holds another one.
+        StudyError: one line: a study that cannot be flown, or a folder that holds
+            another one.
         OSError: the folder cannot be written.
     """
     if isinstance(study, Mapping):
@@ -79,14 +85,16 @@ def run_sweep(
     part: str | None = None,
     progress: Progress | None = None,
 ) -> Summary:
-    """Simulate the missing flights of a sweep; an interrupted sweep ends with the same files.
+    """Simulate the missing flights of a sweep; an interrupted sweep ends with the same
+    files.
 
     Args:
         study: study from :func:`skyarm.studies.sweep.load_study`.
         out: folder of the rows; one that holds some of this study is completed.
         workers: threads or processes that fly; rows do not depend on it.
         on: "local", "processes", "ray" or "ray:HOST:PORT".
-        part: "K/N": of the chunks every N-th from the K-th on; others write into the same folder.
+        part: "K/N": of the chunks every N-th from the K-th on; others write into the
+            same folder.
         progress: called after every file of rows.
 
     Raises:
@@ -96,7 +104,11 @@ def run_sweep(
     """
     require_parquet()
     first, stride = _part(part)
-    plan, begin, report = prepare(study), time.perf_counter(), progress or (lambda *_: None)
+    plan, begin, report = (
+        prepare(study),
+        time.perf_counter(),
+        progress or (lambda *_: None),
+    )
     folder, manifest, controllers = Path(out), plan.manifest, len(study.scenarios)
     with taken_back(folder, folder / MANIFEST, folder / ROWS):
         store = Store(folder, study=manifest.digest)
@@ -109,14 +121,23 @@ def run_sweep(
             present = there.count // controllers
             manifest.write(folder, there.count, len(there.chunks))
             report(present, study.episodes)
-            works = (work for index in range(first, study.chunks, stride) for work in plan.works(index))
+            works = (
+                work
+                for index in range(first, study.chunks, stride)
+                for work in plan.works(index)
+            )
             try:
                 with Crew(on, workers, store) as crew:
                     for _ in crew.fly(works):
                         if crew.flights:
-                            report((there.count + crew.flights) // controllers, study.episodes)
+                            report(
+                                (there.count + crew.flights) // controllers,
+                                study.episodes,
+                            )
             finally:
-                there = rows_there(folder, manifest, untrusted={*there.ignored} - store.written)
+                there = rows_there(
+                    folder, manifest, untrusted={*there.ignored} - store.written
+                )
                 manifest.write(folder, there.count, len(there.chunks))
     return Summary(
         folder=folder,
@@ -128,8 +149,12 @@ def run_sweep(
 
 
 def _part(text: str | None) -> tuple[int, int]:
-    """First chunk of episodes and stride between chunks, for one machine's share "K/N" of a sweep."""
+    """First chunk of episodes and stride between chunks, for one machine's share "K/N"
+    of a sweep.
+    """
     match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", "1/1" if text is None else str(text))
     if not match or not 1 <= int(match[1]) <= int(match[2]):
-        raise StudyError(f"--part = {shown(text)}: must be K/N with K from 1 to N, such as 3/16")
+        raise StudyError(
+            f"--part = {shown(text)}: must be K/N with K from 1 to N, such as 3/16"
+        )
     return int(match[1]) - 1, int(match[2])

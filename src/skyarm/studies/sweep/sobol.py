@@ -7,7 +7,8 @@ import numpy.typing as npt
 
 BITS = 32
 
-# degree, inner coefficients of the primitive polynomial as bits, first odd numbers; from the second dimension on
+# degree, inner coefficients of the primitive polynomial as bits, first odd numbers;
+# from the second dimension on
 _JOE_KUO = """\
 1 0 1
 2 1 1 3
@@ -39,8 +40,8 @@ DIMENSIONS = 1 + len(_ROWS)
 def direction_numbers(dimension: int) -> npt.NDArray[np.uint64]:
     """Direction numbers of a dimension (from 0): ``BITS`` integers below 2**BITS.
 
-    Source: Joe, Kuo 2008, "Constructing Sobol sequences with better two-dimensional projections", eq. 2 and the
-        authors' table new-joe-kuo-6.
+    Source: Joe, Kuo 2008, "Constructing Sobol sequences with better two-dimensional
+        projections", eq. 2 and the authors' table new-joe-kuo-6.
     """
     if dimension == 0:
         m = [1] * BITS
@@ -52,13 +53,16 @@ def direction_numbers(dimension: int) -> npt.NDArray[np.uint64]:
                 if inner >> (degree - 1 - i) & 1:
                     value ^= m[k - i] << i
             m.append(value)
-    return np.array([number << (BITS - 1 - k) for k, number in enumerate(m)], dtype=np.uint64)
+    return np.array(
+        [number << (BITS - 1 - k) for k, number in enumerate(m)], dtype=np.uint64
+    )
 
 
 def sobol(indices: npt.ArrayLike, dimension: int) -> npt.NDArray[np.uint64]:
     """One coordinate of the Sobol points of given indices, as integers below 2**BITS.
 
-    The order is that of the Gray code, in which the points are usually generated one after the other.
+    The order is that of the Gray code, in which the points are usually generated one
+    after the other.
 
     Source: Antonov, Saleev 1979.
     """
@@ -66,5 +70,7 @@ def sobol(indices: npt.ArrayLike, dimension: int) -> npt.NDArray[np.uint64]:
     gray = index ^ (index >> np.uint64(1))
     result = np.zeros_like(gray)
     for bit, direction in enumerate(direction_numbers(dimension)):
-        result ^= np.where(gray >> np.uint64(bit) & np.uint64(1), direction, np.uint64(0))
+        result ^= np.where(
+            gray >> np.uint64(bit) & np.uint64(1), direction, np.uint64(0)
+        )
     return result

@@ -1,4 +1,6 @@
-"""Statistics of a study: success rates, quantiles, paired differences between controllers; their report."""
+"""Statistics of a study: success rates, quantiles, paired differences between
+controllers; their report.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +16,24 @@ import numpy as np
 from skyarm.log.metrics.metric_catalogue import metric_words
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import Mask
-from skyarm.records.files import PathLike, did_you_mean, file_names, number, shown, write_inside
+from skyarm.records.files import (
+    PathLike,
+    did_you_mean,
+    file_names,
+    number,
+    shown,
+    write_inside,
+)
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import axis_label, words_of
 from skyarm.studies.flights.store import read_column, require_parquet
-from skyarm.studies.sweep.intervals import mean_interval, paired_difference, quantile_intervals, quantiles, wilson
+from skyarm.studies.sweep.intervals import (
+    mean_interval,
+    paired_difference,
+    quantile_intervals,
+    quantiles,
+    wilson,
+)
 from skyarm.studies.sweep.manifest import MANIFEST, Manifest, read_manifest
 from skyarm.studies.sweep.rows import not_counted, rows_there
 from skyarm.studies.sweep.study import StudyError
@@ -38,44 +53,73 @@ class Rows:
 
     Args:
         folder: folder that ``skyarm sweep`` wrote.
-        success: metric -> largest value of a successful episode; the study's own if left out.
+        success: metric -> largest value of a successful episode; the study's own if
+            left out.
 
     Attributes:
-        manifest: manifest of the folder. count: rows that are there. planned: rows of the whole study.
+        manifest: manifest of the folder. count: rows that are there. planned: rows of
+            the whole study.
         skipped: names of files that do not count.
 
     Raises:
         StudyError: no such folder, no rows, or an unknown metric.
     """
 
-    def __init__(self, folder: PathLike, success: Mapping[str, float] | None = None) -> None:
+    def __init__(
+        self, folder: PathLike, success: Mapping[str, float] | None = None
+    ) -> None:
         require_parquet()
         self.folder, manifest = Path(folder), read_manifest(folder)
         at = f"folder = {os.fspath(folder)!r}"
         if manifest is None:
-            raise StudyError(f"{at}: must be one that 'skyarm sweep' wrote; it has no whole {MANIFEST}")
+            raise StudyError(
+                f"{at}: must be one that 'skyarm sweep' wrote; it has no whole"
+                f" {MANIFEST}"
+            )
         self.manifest, there = manifest, rows_there(self.folder, manifest)
-        self.skipped, self._chunks, self._files = there.ignored, there.chunks, there.files
+        self.skipped, self._chunks, self._files = (
+            there.ignored,
+            there.chunks,
+            there.files,
+        )
         if not there.chunks:
             others = not_counted(self.skipped)
             why = f" ({'; '.join(others)})" if others else ""
-            raise StudyError(f"{at}: must hold rows; 'skyarm sweep' has not finished a chunk{why}")
-        self.parameters, self.metrics = manifest.parameters, tuple(manifest.study["metrics"])
+            raise StudyError(
+                f"{at}: must hold rows; 'skyarm sweep' has not finished a chunk{why}"
+            )
+        self.parameters, self.metrics = (
+            manifest.parameters,
+            tuple(manifest.study["metrics"]),
+        )
         self.controllers = tuple(manifest.scenarios)
         self.limits = dict(self.manifest.success if success is None else success)
         for name in self.limits:
             if name not in self.metrics:
-                listed = f"{did_you_mean(name, self.metrics)}there are {', '.join(self.metrics)}"
-                raise StudyError(f"success.{name}: is no metric of these rows; {listed}")
+                listed = (
+                    f"{did_you_mean(name, self.metrics)}there are"
+                    f" {', '.join(self.metrics)}"
+                )
+                raise StudyError(
+                    f"success.{name}: is no metric of these rows; {listed}"
+                )
         self.episodes = sum(len(manifest.span(index)) for index in there.chunks)
         self.count, self.planned = self.episodes * len(self.controllers), manifest.rows
 
     @property
     def deterministic(self) -> bool:
-        """True if the sweep has no random values: a grid of parameters without noise."""
+        """True if the sweep has no random values: a grid of parameters without
+        noise.
+        """
         study = self.manifest.study
-        kinds = [kind for distribution in (study.get("vary") or {}).values() for kind in distribution]
-        given = study["design"] == "grid" and all(kind in ("list", "grid") for kind in kinds)
+        kinds = [
+            kind
+            for distribution in (study.get("vary") or {}).values()
+            for kind in distribution
+        ]
+        given = study["design"] == "grid" and all(
+            kind in ("list", "grid") for kind in kinds
+        )
         return given and not self.manifest.noise
 
     def label(self, path: str) -> str:
@@ -101,32 +145,43 @@ class Rows:
         try:
             return read_column(files, name, controller if self.manifest.old else "")
         except ValueError as error:
-            raise StudyError(f"{self.folder}: column {name!r}: must be readable ({error})") from None
+            raise StudyError(
+                f"{self.folder}: column {name!r}: must be readable ({error})"
+            ) from None
 
     def succeeded(self, controller: str) -> Mask:
-        """Success of each flight of a controller: completed, with all metrics within their limits."""
+        """Success of each flight of a controller: completed, with all metrics within
+        their limits.
+        """
         success = self.of(controller, "status") == "completed"
         for name, limit in self.limits.items():
             success = success & (self.of(controller, name) <= limit)
         return np.asarray(success)
 
     def episode(self, controller: str, which: str) -> int:
-        """Number of a controller's first failed episode, or of the episode with the largest value of a metric.
+        """Number of a controller's first failed episode, or of the episode with the
+        largest value of a metric.
 
         Args:
             controller: label of the controller.
             which: "failed", or the name of a metric.
 
         Raises:
-            StudyError: the rows have no such metric; no episode failed; or no episode has a value of the metric.
+            StudyError: the rows have no such metric; no episode failed; or no episode
+                has a value of the metric.
         """
         if which == FAILED:
             matching = ~self.succeeded(controller)
         else:
             column = self.of(controller, which)
-            matching = column == np.max(column, initial=-np.inf, where=~np.isnan(column))
+            matching = column == np.max(
+                column, initial=-np.inf, where=~np.isnan(column)
+            )
         if not matching.any():
-            raise StudyError(f"{which!r}: is true of no episode of {controller} in {self.folder}; must be true of one")
+            raise StudyError(
+                f"{which!r}: is true of no episode of {controller} in {self.folder};"
+                " must be true of one"
+            )
         return int(self.of(controller, "episode")[int(matching.argmax())])
 
 
@@ -145,26 +200,32 @@ def parse_limits(texts: list[str]) -> dict[str, float]:
             limits[name.strip()] = number(float(value), name)
         except ValueError:
             raise StudyError(
-                f"--success = {shown(text)}: must be METRIC=LARGEST, such as position_error_mean=0.2"
+                f"--success = {shown(text)}: must be METRIC=LARGEST, such as"
+                " position_error_mean=0.2"
             ) from None
     return limits
 
 
 def statistics(rows: Rows, *, confidence: float = 0.95) -> Facts:
-    """Statistics of a sweep as plain data: success rates, quantiles and paired differences.
+    """Statistics of a sweep as plain data: success rates, quantiles and paired
+    differences.
 
     Args:
         rows: rows of the study.
         confidence: coverage of all intervals.
 
     Returns:
-        Success and quantiles of each controller, and differences of each pair. Metrics are those of episodes that flew
-        to their end; paired ones, of episodes that did so with both. Where nothing was drawn at random
-        ("deterministic") intervals are null: the same study gives the same numbers again, and samples no others. So is
+        Success and quantiles of each controller, and differences of each pair. Metrics
+        are those of episodes that flew to their end; paired ones, of episodes that did
+        so with both. Where nothing was drawn at random ("deterministic") intervals are
+        null: the same study gives the same numbers again, and samples no others. So is
         the interval of a mean or quantile of which there are too few values for one.
     """
     wins = {controller: rows.succeeded(controller) for controller in rows.controllers}
-    flew = {controller: rows.of(controller, "status") == "completed" for controller in rows.controllers}
+    flew = {
+        controller: rows.of(controller, "status") == "completed"
+        for controller in rows.controllers
+    }
     facts: Facts = {
         "schema": 1,
         "study": rows.manifest.name,
@@ -191,23 +252,39 @@ def statistics(rows: Rows, *, confidence: float = 0.95) -> Facts:
         }
     pairs = list(combinations(rows.controllers, 2))
     for one, other in pairs:
-        facts["paired"][f"{one} - {other}"] = _success_difference(wins[one], wins[other], confidence)
+        facts["paired"][f"{one} - {other}"] = _success_difference(
+            wins[one], wins[other], confidence
+        )
     for metric in rows.metrics:
-        columns = {controller: rows.of(controller, metric) for controller in rows.controllers}
+        columns = {
+            controller: rows.of(controller, metric) for controller in rows.controllers
+        }
         for controller, column in columns.items():
             flown = column[flew[controller] & np.isfinite(column)]
-            facts["controllers"][controller]["metrics"][metric] = _spread(flown, confidence)
+            facts["controllers"][controller]["metrics"][metric] = _spread(
+                flown, confidence
+            )
         for one, other in pairs:
             difference = columns[one] - columns[other]
             flown = difference[flew[one] & flew[other] & np.isfinite(difference)]
-            facts["paired"][f"{one} - {other}"]["metrics"][metric] = _difference_statistics(flown, confidence)
+            facts["paired"][f"{one} - {other}"]["metrics"][metric] = (
+                _difference_statistics(flown, confidence)
+            )
     return _without_intervals(facts) if rows.deterministic else facts
 
 
 def _without_intervals(facts: Facts) -> Facts:
-    """Statistics with every confidence interval set to None, for sweeps without random values."""
-    every = {key: _without_intervals(each) if isinstance(each, dict) else each for key, each in facts.items()}
-    return {key: None if key == "intervals" or key.endswith("_interval") else each for key, each in every.items()}
+    """Statistics with every confidence interval set to None, for sweeps without random
+    values.
+    """
+    every = {
+        key: _without_intervals(each) if isinstance(each, dict) else each
+        for key, each in facts.items()
+    }
+    return {
+        key: None if key == "intervals" or key.endswith("_interval") else each
+        for key, each in every.items()
+    }
 
 
 def _spread(values: Array, confidence: float) -> Facts | None:
@@ -216,13 +293,23 @@ def _spread(values: Array, confidence: float) -> Facts | None:
     return {
         "count": int(values.size),
         "mean": float(values.mean()),
-        "quantiles": dict(zip(map(str, SHARES), quantiles(values, SHARES), strict=True)),
-        "intervals": dict(zip(map(str, SHARES), quantile_intervals(values, SHARES, confidence), strict=True)),
+        "quantiles": dict(
+            zip(map(str, SHARES), quantiles(values, SHARES), strict=True)
+        ),
+        "intervals": dict(
+            zip(
+                map(str, SHARES),
+                quantile_intervals(values, SHARES, confidence),
+                strict=True,
+            )
+        ),
     }
 
 
 def _difference_statistics(difference: Array, confidence: float) -> Facts | None:
-    """Mean and median of paired differences, and share of negative ones (ties count half)."""
+    """Mean and median of paired differences, and share of negative ones (ties count
+    half).
+    """
     if not difference.size:
         return None
     smaller = float((difference < 0.0).sum() + 0.5 * (difference == 0.0).sum())
@@ -247,7 +334,9 @@ def _success_difference(one: Array, other: Array, confidence: float) -> Facts:
     return {
         "success": counts,
         "success_difference": (counts["only_first"] - counts["only_second"]) / one.size,
-        "success_difference_interval": paired_difference(**counts, confidence=confidence),
+        "success_difference_interval": paired_difference(
+            **counts, confidence=confidence
+        ),
         "metrics": {},
     }
 
@@ -257,7 +346,8 @@ class Pictures:
     """Robustness maps of a sweep as PNG pictures, by controller.
 
     Attributes:
-        maps: law -> PNG of its robustness map. constant: law -> the share of successes that all of its map has.
+        maps: law -> PNG of its robustness map. constant: law -> the share of successes
+            that all of its map has.
     """
 
     maps: Mapping[str, bytes] = field(default_factory=dict)
@@ -273,7 +363,8 @@ class Pictures:
 
 
 def page(found: Facts, manifest: Manifest, pictures: Pictures) -> str:
-    """HTML page of a sweep's statistics and robustness maps, in one self-contained file.
+    """HTML page of a sweep's statistics and robustness maps, in one self-contained
+    file.
 
     Args:
         found: statistics from :func:`skyarm.studies.sweep.stats.statistics`.
@@ -291,23 +382,37 @@ def page(found: Facts, manifest: Manifest, pictures: Pictures) -> str:
         image=image,
         **vars(pictures),
     )
-    facts = f"Study {manifest.name}; {_rows_there(found)}; skyarm {manifest.versions['skyarm']}"
+    facts = (
+        f"Study {manifest.name}; {_rows_there(found)}; skyarm"
+        f" {manifest.versions['skyarm']}"
+    )
     return plain_page(manifest.title or manifest.name, facts, body)
 
 
 def summary(found: Facts) -> list[str]:
-    """Text lines for a terminal: success rates of a sweep, and how many flights are missing."""
+    """Text lines for a terminal: success rates of a sweep, and how many flights are
+    missing.
+    """
 
     def interval(pair: Sequence[float] | None, form: str) -> str:
         return "" if pair is None else f" [{pair[0]:{form}}, {pair[1]:{form}}]"
 
     lines = []
     for name, each in found["controllers"].items():
-        ends = ", ".join(f"{count} {status}" for status, count in each["status"].items())
-        lines.append(f"{name}: success {each['success_rate']:.2%}{interval(each['success_interval'], '.2%')}; {ends}")
+        ends = ", ".join(
+            f"{count} {status}" for status, count in each["status"].items()
+        )
+        lines.append(
+            f"{name}: success"
+            f" {each['success_rate']:.2%}{interval(each['success_interval'], '.2%')};"
+            f" {ends}"
+        )
     for pair, each in found["paired"].items():
         within = interval(each["success_difference_interval"], "+.2%")
-        lines.append(f"{pair}: success {each['success_difference']:+.2%}{within} on the same draws")
+        lines.append(
+            f"{pair}: success {each['success_difference']:+.2%}{within} on the same"
+            " draws"
+        )
     if found["deterministic"]:
         lines.append("no intervals: a grid of given numbers, flown without noise")
     if not found["complete"]:
@@ -319,4 +424,7 @@ def _rows_there(facts: Facts) -> str:
     """Text on how many flights and episodes of a sweep have results."""
     if facts["complete"]:
         return f"{facts['rows']} rows of {facts['episodes']} episodes"
-    return f"incomplete: {facts['rows']} of {facts['rows_planned']} rows, {facts['episodes']} episodes so far"
+    return (
+        f"incomplete: {facts['rows']} of {facts['rows_planned']} rows,"
+        f" {facts['episodes']} episodes so far"
+    )

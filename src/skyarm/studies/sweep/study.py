@@ -1,4 +1,6 @@
-"""Definition of a study: varied parameters of a scenario, their distributions, number of episodes."""
+"""Definition of a study: varied parameters of a scenario, their distributions, number
+of episodes.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,8 @@ DESIGNS = ("random", "grid", "sobol")
 PRECISIONS = ("double", "single", "bit_exact")
 
 LARGEST_CHUNK, MOST_EPISODES = 2**20, 2**32
-"""Largest number of episodes of one file, which is held in memory with about 300 bytes each; and of a study, by the
-generator's 32 bits."""
+"""Largest number of episodes of one file, which is held in memory with about 300 bytes
+each; and of a study, by the generator's 32 bits."""
 
 
 class StudyError(ValueError):
@@ -27,16 +29,20 @@ class StudyError(ValueError):
 
 @immutable(slots=False)
 class Study(Design):
-    """Definition of a parameter sweep: scenario, controllers, distributions, metrics and seed.
+    """Definition of a parameter sweep: scenario, controllers, distributions, metrics
+    and seed.
 
     Attributes:
-        name: short name. title: one-line description. source: name of the study in messages.
-        scenarios: label of the controller -> scenario it flies; all of them fly the same draws.
+        name: short name. title: one-line description. source: name of the study in
+            messages.
+        scenarios: label of the controller -> scenario it flies; all of them fly the
+            same draws.
         chunk: episodes of one file.
-        precision: "double", "single", or "bit_exact" (double without fused multiply-add: the same bits on every
-            processor).
+        precision: "double", "single", or "bit_exact" (double without fused
+            multiply-add: the same bits on every processor).
         metrics: names and groups of those in the rows. windows: windows of the metrics.
-        success: metric -> largest value of a successful episode; it has to fly to its end in any case.
+        success: metric -> largest value of a successful episode; it has to fly to its
+            end in any case.
         document: the fields that the rows depend on, as plain values.
     """
 
@@ -54,7 +60,9 @@ class Study(Design):
     @property
     def paths(self) -> tuple[str, ...]:
         """Paths of the varied parameters, in order, derived ones last."""
-        return tuple(name for name in (*self.vary, *self.derived) if not is_own_name(name))
+        return tuple(
+            name for name in (*self.vary, *self.derived) if not is_own_name(name)
+        )
 
     @property
     def chunks(self) -> int:

@@ -4,22 +4,29 @@ A file has ``schema = 1`` and::
 
     name, title      of the study
     scenario         name of a shipped scenario, or the path of a file beside this one
-    controllers      presets that fly the same draws; left out: the scenario's own controller
+    controllers      presets that fly the same draws; left out: the scenario's own
+                     controller
     duration         s, in place of the scenario's
-    episodes         how many; in a grid design a multiple of its cells, or left out: one a cell
+    episodes         how many; in a grid design a multiple of its cells, or left out:
+                     one a cell
     seed             of draws and noise (0)
     chunk            episodes of one file of rows (4096)
     precision        "double", "single" or "bit_exact" (double)
     design           "random", "grid" or "sobol" (random)
-    metrics          names and groups (["standard", "rotor_jitter", "rotor_saturation"]); others cost no time. Of
-                     several agents "left/tilt_max" is that of one, "tilt_max" that of each
-    windows          steady, transient, gust, hover: [start, stop) in s; holds: a list of such; last: s before the
-                     end; what is left out is the scenario's, or else the flight after its first third
-    [vary]           "dotted.path" = { uniform = [low, high] } | { normal = [mean, std] } |
-                     { log_uniform = [low, high] } | { list = [...] } | { grid = [start, stop, count] }
-    [derived]        "dotted.path" = expression of what varies and of what is derived above it: + - * / ( ) sqrt; names
-                     of one's own, words without a dot, vary or are derived beside the paths
-    [success]        metric = largest value; an episode that ended early is never a success
+    metrics          names and groups (["standard", "rotor_jitter",
+                     "rotor_saturation"]); others cost no time. Of several agents
+                     "left/tilt_max" is that of one, "tilt_max" that of each
+    windows          steady, transient, gust, hover: [start, stop) in s; holds: a list
+                     of such; last: s before the end; what is left out is the
+                     scenario's, or else the flight after its first third
+    [vary]           "dotted.path" = { uniform = [low, high] } | { normal = [mean, std]
+                     } | { log_uniform = [low, high] } | { list = [...] } | { grid =
+                     [start, stop, count] }
+    [derived]        "dotted.path" = expression of what varies and of what is derived
+                     above it: + - * / ( ) sqrt; names of one's own, words without a
+                     dot, vary or are derived beside the paths
+    [success]        metric = largest value; an episode that ended early is never a
+                     success
 
 Every error is one line: file, field, value, what is allowed.
 """
@@ -35,7 +42,16 @@ from typing import Any
 from skyarm.control.catalogue import require_different
 from skyarm.log.metrics.metric_catalogue import row_names
 from skyarm.log.metrics.windows import Windows
-from skyarm.records.files import Fields, PathLike, did_you_mean, errors_as, file_name, number, one_line, shown
+from skyarm.records.files import (
+    Fields,
+    PathLike,
+    did_you_mean,
+    errors_as,
+    file_name,
+    number,
+    one_line,
+    shown,
+)
 from skyarm.records.files.names import names_in, read_named
 from skyarm.records.read_table import record_from
 from skyarm.records.registry.plugins import is_law_of_file
@@ -46,7 +62,14 @@ from skyarm.scenario.scenario_record import Scenario, check_name, noise_key
 from skyarm.studies.sweep.distributions import Distribution, distribution_from, finite
 from skyarm.studies.sweep.expressions import derived_from, is_own_name
 from skyarm.studies.sweep.sobol import DIMENSIONS
-from skyarm.studies.sweep.study import DESIGNS, LARGEST_CHUNK, MOST_EPISODES, PRECISIONS, Study, StudyError
+from skyarm.studies.sweep.study import (
+    DESIGNS,
+    LARGEST_CHUNK,
+    MOST_EPISODES,
+    PRECISIONS,
+    Study,
+    StudyError,
+)
 
 LIBRARY = resources.files("skyarm.studies.sweep") / "studies"
 
@@ -59,7 +82,9 @@ def list_studies() -> tuple[str, ...]:
     return names_in(LIBRARY)
 
 
-def load_study(name_or_path: PathLike, controllers: Sequence[str] | None = None) -> Study:
+def load_study(
+    name_or_path: PathLike, controllers: Sequence[str] | None = None
+) -> Study:
     """Load a study from the library by name or from a .toml file.
 
     Args:
@@ -74,7 +99,11 @@ def load_study(name_or_path: PathLike, controllers: Sequence[str] | None = None)
         document, folder = read_named(text, "study", LIBRARY)
     with errors_as(StudyError, f"{text}: "):
         _require_no_file_law(document.get("controllers"))
-        changed = document if controllers is None else {**document, "controllers": list(controllers)}
+        changed = (
+            document
+            if controllers is None
+            else {**document, "controllers": list(controllers)}
+        )
         return study_from(changed, folder, source=text)
 
 
@@ -82,10 +111,15 @@ def _require_no_file_law(controllers: object) -> None:
     """Refuse controllers from code files in a study file."""
     for name in controllers if isinstance(controllers, list) else ():
         if is_law_of_file(name):
-            raise ValueError(f"controllers = {shown(name)}: must not be a file's; only --laws takes FILE.py:make")
+            raise ValueError(
+                f"controllers = {shown(name)}: must not be a file's; only --laws takes"
+                " FILE.py:make"
+            )
 
 
-def study_from(document: Mapping[str, Any], folder: PathLike = "", *, source: str = "study") -> Study:
+def study_from(
+    document: Mapping[str, Any], folder: PathLike = "", *, source: str = "study"
+) -> Study:
     """Create a study from a parsed TOML document.
 
     Args:
@@ -125,7 +159,10 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     }
     if chosen["episodes"] > MOST_CHUNKS * chosen["chunk"]:
         least = -(-chosen["episodes"] // MOST_CHUNKS)
-        raise ValueError(f"chunk = {chosen['chunk']}: must be at least {least} for {chosen['episodes']} episodes")
+        raise ValueError(
+            f"chunk = {chosen['chunk']}: must be at least {least} for"
+            f" {chosen['episodes']} episodes"
+        )
     paths = [name for name in (*vary, *derived) if not (derived and is_own_name(name))]
     scenarios = _scenarios(top, folder, paths, derived)
     first = next(iter(scenarios.values()))
@@ -133,10 +170,19 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     windows = chosen["windows"].of_flight(first.duration, first.windows)
     success = _success(top, chosen["metrics"])
     top.done()
-    stated = {key: top.table.get(key) for key in ("scenario", "controllers", "duration", "vary")}
+    stated = {
+        key: top.table.get(key)
+        for key in ("scenario", "controllers", "duration", "vary")
+    }
     if stated["controllers"] is not None:
         stated["controllers"] = list(scenarios)
-    document = {"schema": 1, "name": name, **stated, **chosen, "windows": windows.plain()}
+    document = {
+        "schema": 1,
+        "name": name,
+        **stated,
+        **chosen,
+        "windows": windows.plain(),
+    }
     if derived:
         document["derived"] = {path: each.text for path, each in derived.items()}
     return Study(
@@ -154,28 +200,45 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
 
 def _whole(at: str, value: object, most: int) -> int:
     if type(value) is not int or not 1 <= value <= most:
-        raise ValueError(f"{at} = {shown(value)}: must be a whole number from 1 to {most}")
+        raise ValueError(
+            f"{at} = {shown(value)}: must be a whole number from 1 to {most}"
+        )
     return value
 
 
 def _vary(table: object, design: str) -> dict[str, Distribution]:
     fields = Fields(table, "vary")
-    vary = {path: distribution_from(value, f'vary."{path}"') for path, value in fields.table.items()}
+    vary = {
+        path: distribution_from(value, f'vary."{path}"')
+        for path, value in fields.table.items()
+    }
     if design == "sobol" and not 1 <= len(vary) <= DIMENSIONS:
-        raise ValueError(f"vary = {len(vary)} numbers: must be 1 to {DIMENSIONS} in a sobol design")
+        raise ValueError(
+            f"vary = {len(vary)} numbers: must be 1 to {DIMENSIONS} in a sobol design"
+        )
     if design == "grid" and not finite(vary):
-        raise ValueError(f"design = {design!r}: must come with a grid or a list under vary")
+        raise ValueError(
+            f"design = {design!r}: must come with a grid or a list under vary"
+        )
     return vary
 
 
 def _require_grid_design(top: Fields) -> None:
-    """Refuse a grid of values if neither the grid design nor a number of episodes is given."""
-    paths = [path for path, value in top.table["vary"].items() if "grid" in value] if "vary" in top.table else []
+    """Refuse a grid of values if neither the grid design nor a number of episodes is
+    given.
+    """
+    paths = (
+        [path for path, value in top.table["vary"].items() if "grid" in value]
+        if "vary" in top.table
+        else []
+    )
     if not paths or top.table.get("design", "random") == "grid":
         return
     at = f'vary."{paths[0]}" = {shown(top.table["vary"][paths[0]])}'
     if "episodes" not in top.table:
-        raise ValueError(f'{at}: must come with design = "grid", or with a number of episodes')
+        raise ValueError(
+            f'{at}: must come with design = "grid", or with a number of episodes'
+        )
 
 
 def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int:
@@ -184,7 +247,9 @@ def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int
     cells = prod(len(each.values) for each in finite(vary).values())
     episodes = _whole("episodes", top.take("episodes", cells), MOST_EPISODES)
     if episodes % cells:
-        raise ValueError(f"episodes = {episodes}: must be a multiple of the grid's {cells} cells")
+        raise ValueError(
+            f"episodes = {episodes}: must be a multiple of the grid's {cells} cells"
+        )
     return episodes
 
 
@@ -196,11 +261,18 @@ def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
     return row_names(names, scenario.setpoints)
 
 
-def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[str]) -> dict[str, Scenario]:
-    """Scenarios of a study by controller name, whose varied parameters are inputs of a batch of flights."""
+def _scenarios(
+    top: Fields, folder: Path, paths: list[str], derived: Collection[str]
+) -> dict[str, Scenario]:
+    """Scenarios of a study by controller name, whose varied parameters are inputs of a
+    batch of flights.
+    """
     named = top.take("scenario")
     if not isinstance(named, str):
-        raise ValueError(f"scenario = {shown(named)}: must be the name of a shipped scenario or a path")
+        raise ValueError(
+            f"scenario = {shown(named)}: must be the name of a shipped scenario or a"
+            " path"
+        )
     controllers = _controllers(top)
     duration = top.take("duration", None)
     if duration is not None:
@@ -209,16 +281,24 @@ def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[
     scenarios = {}
     for controller in controllers:
         scenario = load_scenario(file, controller=controller, duration=duration)
-        if any(path.startswith("changes.") for path in paths) and controller is not None:
+        if (
+            any(path.startswith("changes.") for path in paths)
+            and controller is not None
+        ):
             _require_numbered_alike(scenario, load_scenario(file, duration=duration))
         scenarios[controller or scenario.law_names] = _ready(scenario, paths, derived)
     return scenarios
 
 
 def _require_numbered_alike(scenario: Scenario, own: Scenario) -> None:
-    """Refuse to vary scheduled changes by index if a controller removes some and thus renumbers the others."""
+    """Refuse to vary scheduled changes by index if a controller removes some and thus
+    renumbers the others.
+    """
     if scenario.changes != own.changes:
-        words = "must be left out with vary.changes, since the scenario changes numbers of its own controller in flight"
+        words = (
+            "must be left out with vary.changes, since the scenario changes numbers of"
+            " its own controller in flight"
+        )
         raise ValueError(f"controllers: {words}")
 
 
@@ -227,17 +307,28 @@ def _controllers(top: Fields) -> list[str | None]:
     given = top.take("controllers", None)
     if given is None:
         return [None]
-    wrong = not isinstance(given, list) or not given or any(not isinstance(each, str) for each in given)
+    wrong = (
+        not isinstance(given, list)
+        or not given
+        or any(not isinstance(each, str) for each in given)
+    )
     if wrong:
-        raise ValueError(f"controllers = {shown(given)}: must be a list of different presets or laws")
+        raise ValueError(
+            f"controllers = {shown(given)}: must be a list of different presets or laws"
+        )
     require_different(given, "controllers")
     return list(given)
 
 
 def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Scenario:
-    """Scenario in which every varied parameter is an input of the compiled batch, even if it is zero."""
+    """Scenario in which every varied parameter is an input of the compiled batch, even
+    if it is zero.
+    """
     if scenario.kind != "rigid_body":
-        raise ValueError(f"scenario: plant.kind = {scenario.kind!r}: must be rigid_body, whose episodes fly in batches")
+        raise ValueError(
+            f"scenario: plant.kind = {scenario.kind!r}: must be rigid_body, whose"
+            " episodes fly in batches"
+        )
     for path in paths:
         at = f'{"derived" if path in derived else "vary"}."{path}"'
         with errors_as(ValueError, f"{at}: "):

@@ -1,1 +1,3 @@
-"""Trials: flights "like that scenario, but", described by tables of a file for any vehicle and value."""
+"""Trials: flights "like that scenario, but", described by tables of a file for any
+vehicle and value.
+"""

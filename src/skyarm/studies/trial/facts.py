@@ -1,13 +1,18 @@
-"""Vehicle of trials: its hover scenario, and facts by which speeds, distances and loads are scaled to it.
+"""Vehicle of trials: its hover scenario, and facts by which speeds, distances and loads
+are scaled to it.
 
-Amplitudes are stated for the paper's vehicle. Another vehicle is asked for as much as it can be asked for:
+Amplitudes are stated for the paper's vehicle. Another vehicle is asked for as much as
+it can be asked for:
 
 * forces, loads and the drag of the hull in proportion to its weight;
-* accelerations of the base by its hover thrust margin, (largest thrust / weight - 1) g against that of the paper's
-  vehicle, never more than the paper's: amplitudes and steps times that share, speeds on the circle times its root;
-* joints swing about the middle of their range or about zero, where zero lies within it, and by at most 0.7 of the way
-  to the nearer limit where the paper's arm swings by 1 (rad, or m); a passive joint is left where it hangs;
-* damping in proportion to what each joint moves: of one, the fastest motion falls to 1 / e within a control period.
+* accelerations of the base by its hover thrust margin, (largest thrust / weight - 1) g
+  against that of the paper's vehicle, never more than the paper's: amplitudes and steps
+  times that share, speeds on the circle times its root;
+* joints swing about the middle of their range or about zero, where zero lies within it,
+  and by at most 0.7 of the way to the nearer limit where the paper's arm swings by 1
+  (rad, or m); a passive joint is left where it hangs;
+* damping in proportion to what each joint moves: of one, the fastest motion falls to
+  1 / e within a control period.
 """
 
 from __future__ import annotations
@@ -35,7 +40,8 @@ Facts = dict[str, float]
 """Numbers by the names that expressions give them."""
 
 PAPER = "hummingbird_arm2_rotors"
-"""Vehicle for which the amplitudes are stated, as RotorS simulates it; the laws' model is the paper's Table 1."""
+"""Vehicle for which the amplitudes are stated, as RotorS simulates it; the laws' model
+is the paper's Table 1."""
 
 HEIGHT = 1.5
 """Height (m) of the base; more where an arm reaches further down than 1 m."""
@@ -44,7 +50,8 @@ CLEARANCE = 0.5
 """Least distance (m) between the tip of a hanging arm and the ground."""
 
 ROOM = 0.7
-"""Largest fraction of the distance to a joint's nearer limit that a swing of 1 (rad or m) uses."""
+"""Largest fraction of the distance to a joint's nearer limit that a swing of 1 (rad or
+m) uses."""
 
 DURATION = 20.0
 """Duration (s) of a trial."""
@@ -56,9 +63,11 @@ class Setting:
 
     Attributes:
         vehicle: name or file. hover: scenario that every trial is made from.
-        document: its file. folder: folder of its paths. given: words in place of the file's, such as the duration.
+        document: its file. folder: folder of its paths. given: words in place of the
+            file's, such as the duration.
         truth: simulated vehicle, as opposed to the controller's nominal model.
-        weight: over that of the paper's vehicle. climb: share of the paper's accelerations, at most 1.
+        weight: over that of the paper's vehicle. climb: share of the paper's
+            accelerations, at most 1.
         middle: middle of each joint's swing, rad or m.
         swing: amplitude of each joint, rad or m where the paper's arm swings by 1.
         damping: of each joint, N m s/rad or N s/m, as of :func:`fading`.
@@ -81,7 +90,9 @@ class Setting:
     @property
     def facts(self) -> Facts:
         """Numbers of the vehicle that expressions may name."""
-        height = float(next(iter(self.hover.agents.values())).reference.z.derivatives(0.0)[0])
+        height = float(
+            next(iter(self.hover.agents.values())).reference.z.derivatives(0.0)[0]
+        )
         own = {"mass": float(self.truth.mass), "rate": self.hover.rates.control}
         return {"weight": self.weight, "climb": self.climb, "height": height} | own
 
@@ -90,14 +101,22 @@ class Setting:
         """Numbers of each joint that expressions may name, by the joint's name."""
         columns = {"middle": self.middle, "swing": self.swing, "damping": self.damping}
         return {
-            joint.name: {"j": j, "even": 1 - j % 2, "odd": j % 2, **{name: own[j] for name, own in columns.items()}}
+            joint.name: {
+                "j": j,
+                "even": 1 - j % 2,
+                "odd": j % 2,
+                **{name: own[j] for name, own in columns.items()},
+            }
             for j, joint in enumerate(self.truth.joints)
         }
 
     @property
     def words(self) -> dict[str, Any]:
         """Words of the vehicle that entries may name in braces."""
-        return {"tip": self.truth.end_effector, "seconds": max(1, math.ceil(self.duration))}
+        return {
+            "tip": self.truth.end_effector,
+            "seconds": max(1, math.ceil(self.duration)),
+        }
 
 
 @lru_cache(maxsize=8)
@@ -128,27 +147,36 @@ def setting_of(
     _require_hover(f"{at} = {shown(vehicle)}", truth, armed)
     middles = [middle for middle, _ in map(_swing_range, truth.joints)]
     reference = {"base": {"kind": "signals", "z": _height(truth)}, "joints": middles}
-    given = {"duration": duration, "plant": plant} | ({"controller": law} if law else {})
+    given = {"duration": duration, "plant": plant} | (
+        {"controller": law} if law else {}
+    )
     return _setting(vehicle, _hover(vehicle) | {"reference": reference}, Path(), given)
 
 
-def setting_of_scenario(name: PathLike, folder: Path, given: Mapping[str, Any]) -> Setting:
+def setting_of_scenario(
+    name: PathLike, folder: Path, given: Mapping[str, Any]
+) -> Setting:
     """Scenario of a file and the scales of its vehicle, the first of several.
 
     Args:
         name: name of a shipped scenario, or path beside ``folder``.
         folder: folder of the file that names it.
-        given: words in place of the file's, as of :func:`skyarm.scenario.scenario_file.scenario_from`.
+        given: words in place of the file's, as of
+            :func:`skyarm.scenario.scenario_file.scenario_from`.
 
     Raises:
         ValueError: one line: no such scenario, or a wrong one.
     """
     text = file_name(name, "scenario")
-    document, place = read_named(str(folder / text) if text.endswith(".toml") else text, "scenario", LIBRARY)
+    document, place = read_named(
+        str(folder / text) if text.endswith(".toml") else text, "scenario", LIBRARY
+    )
     return _setting(text, document, place, given)
 
 
-def _setting(name: str, document: Mapping[str, Any], folder: Path, given: Mapping[str, Any]) -> Setting:
+def _setting(
+    name: str, document: Mapping[str, Any], folder: Path, given: Mapping[str, Any]
+) -> Setting:
     hover = scenario_from(document, folder, given)
     truth, paper = next(iter(hover.vehicles.values())), load_vehicle(PAPER)
     ranges = list(map(_swing_range, truth.joints))
@@ -170,15 +198,24 @@ def _setting(name: str, document: Mapping[str, Any], folder: Path, given: Mappin
 
 def _require_hover(where: str, truth: Vehicle, armed: bool) -> None:
     if armed and not (truth.n and truth.end_effector):
-        raise ScenarioError(f"{where}: must have an arm with an end_effector{truth.tip_cure}")
+        raise ScenarioError(
+            f"{where}: must have an arm with an end_effector{truth.tip_cure}"
+        )
     if not _spare_thrust(truth) > 0.0:
-        raise ScenarioError(f"{where}: must be able to hover; 'skyarm check' says why it is not")
+        raise ScenarioError(
+            f"{where}: must be able to hover; 'skyarm check' says why it is not"
+        )
 
 
 def _hover(vehicle: str) -> dict[str, Any]:
-    """Scenario file of a hover but its reference; that of Barakou et al. 2026 has the model of the publication."""
+    """Scenario file of a hover but its reference; that of Barakou et al. 2026 has the
+    model of the publication.
+    """
     if vehicle == PAPER:
-        return read_named("case3", "scenario", LIBRARY)[0] | {"name": "hover", "title": "hover"}
+        return read_named("case3", "scenario", LIBRARY)[0] | {
+            "name": "hover",
+            "title": "hover",
+        }
     words = {"plant": {"vehicle": vehicle}, "controller": {"law": "centroidal"}}
     return {"name": "hover", "duration": DURATION, **words}
 
@@ -188,24 +225,32 @@ def _height(truth: Vehicle) -> float:
 
 
 def _spare_thrust(vehicle: Vehicle) -> float:
-    """Thrust-to-weight ratio minus one; a ratio of 3 is assumed for rotors without a speed limit."""
+    """Thrust-to-weight ratio minus one; a ratio of 3 is assumed for rotors without a
+    speed limit.
+    """
     most = float(highest_thrust(vehicle)) / (9.81 * float(vehicle.mass))
     return (most if math.isfinite(most) else 3.0) - 1.0
 
 
 def _swing_range(joint: Joint) -> tuple[float, float]:
-    """Mid position of a joint's swing, and its amplitude: 1 rad (or m), less near limits, 0 for a passive joint."""
+    """Mid position of a joint's swing, and its amplitude: 1 rad (or m), less near
+    limits, 0 for a passive joint.
+    """
     low, high = joint.ends
-    middle = 0.0 if low < 0.0 < high or not math.isfinite(low + high) else 0.5 * (low + high)
+    middle = (
+        0.0 if low < 0.0 < high or not math.isfinite(low + high) else 0.5 * (low + high)
+    )
     room = min(middle - low, high - middle)
     still = joint.effort_limit == 0
     return middle, 0.0 if still else min(1.0, ROOM * room)
 
 
 def fading(vehicle: Vehicle, rate: float) -> tuple[float, ...]:
-    """Damping (joints,) in proportion to what each joint moves, of which the fastest motion fades at a rate (1/s).
+    """Damping (joints,) in proportion to what each joint moves, of which the fastest
+    motion fades at a rate (1/s).
 
-    What a joint moves is 1 / (M^-1)_ii, base and other joints free; of one joint the damping is rate / (M^-1)_ii.
+    What a joint moves is 1 / (M^-1)_ii, base and other joints free; of one joint the
+    damping is rate / (M^-1)_ii.
     """
     if not vehicle.n:
         return ()

@@ -1,4 +1,5 @@
-"""Tables of results: columns as data, each a statistic of a metric in the unit of its head.
+"""Tables of results: columns as data, each a statistic of a metric in the unit of its
+head.
 
 ``library/columns.toml`` has the columns of the shipped suites.
 """
@@ -31,7 +32,8 @@ class Column:
     """Column of a results table.
 
     Attributes:
-        head: heading. metric: name in the catalogue. factor: from SI to the heading's unit.
+        head: heading. metric: name in the catalogue. factor: from SI to the heading's
+            unit.
         statistic: "mean", "p95" or "max" of :func:`spread`.
         percentile: percentile of sizes, in % (:meth:`percentile_of`).
         case: case of the flights, where a row has several. name: key in the results.
@@ -48,12 +50,16 @@ class Column:
     fine: float = 0.0
 
     def statistic_of(self, spreads: Mapping[str, Spread | None]) -> float | None:
-        """Statistic of a row, SI, of several vehicles the largest; None if no flight was completed.
+        """Statistic of a row, SI, of several vehicles the largest; None if no flight
+        was completed.
 
         Args:
             spreads: metric -> its :func:`spread`.
         """
-        return max((each[self.statistic] for each in values_of(spreads, self.metric) if each), default=None)
+        return max(
+            (each[self.statistic] for each in values_of(spreads, self.metric) if each),
+            default=None,
+        )
 
     def text(self, spreads: Mapping[str, Spread | None]) -> str:
         """Cell of the column in a row with these spreads."""
@@ -74,19 +80,29 @@ class Column:
 COLUMNS: Mapping[str, Sequence[Column]] = {
     name: [Column(**row) for row in rows]
     for name, rows in tomllib.loads(
-        (resources.files("skyarm.studies.trial") / "library" / "columns.toml").read_text("utf-8")
+        (
+            resources.files("skyarm.studies.trial") / "library" / "columns.toml"
+        ).read_text("utf-8")
     ).items()
 }
 """Columns of the shipped suites by the name of their table."""
 
 
 def values_of(metrics: Mapping[str, V], name: str) -> list[V]:
-    """Values of a metric, of several vehicles one for each, or that of the one that the name begins with."""
-    return [each for full, each in metrics.items() if name in (full, full.rpartition(WITHIN)[2])]
+    """Values of a metric, of several vehicles one for each, or that of the one that the
+    name begins with.
+    """
+    return [
+        each
+        for full, each in metrics.items()
+        if name in (full, full.rpartition(WITHIN)[2])
+    ]
 
 
 def spread(values: Array) -> dict[str, Any] | None:
-    """Mean with its interval, order statistic at 95 % and largest of all finite values; None if there are none."""
+    """Mean with its interval, order statistic at 95 % and largest of all finite values;
+    None if there are none.
+    """
     finite = doubles(values)
     finite = finite[np.isfinite(finite)]
     if not finite.size:
@@ -110,10 +126,21 @@ def success_share(good: Mask) -> dict[str, Any]:
 
 
 def refusals(found: Mapping[str, Any]) -> list[str]:
-    """Sentences on laws that do not fly, of results with the reasons under "not_flown"."""
-    return [f"{law} does not fly: {why}" for law, why in found.get("not_flown", {}).items()]
+    """Sentences on laws that do not fly, of results with the reasons under
+    "not_flown".
+    """
+    return [
+        f"{law} does not fly: {why}" for law, why in found.get("not_flown", {}).items()
+    ]
 
 
-def report_of(title: str, facts: str, sections: Sequence[Section], **others: Any) -> Report:
+def report_of(
+    title: str, facts: str, sections: Sequence[Section], **others: Any
+) -> Report:
     """Report whose first line of facts ends with the version of skyarm."""
-    return Report(title=title, facts=f"{facts}; skyarm {versions()['skyarm']}", sections=sections, **others)
+    return Report(
+        title=title,
+        facts=f"{facts}; skyarm {versions()['skyarm']}",
+        sections=sections,
+        **others,
+    )

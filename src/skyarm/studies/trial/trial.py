@@ -1,7 +1,9 @@
-"""Trial: a hover scenario with entries in place of its own, and numbers that are expressions of a value.
+"""Trial: a hover scenario with entries in place of its own, and numbers that are
+expressions of a value.
 
-Expressions name the value and facts of the vehicle (:mod:`skyarm.studies.trial.facts`), so that one table serves every
-vehicle. ``library/motions.toml`` has motions by name, and says what the words of a table mean.
+Expressions name the value and facts of the vehicle (:mod:`skyarm.studies.trial.facts`),
+so that one table serves every vehicle. ``library/motions.toml`` has motions by name,
+and says what the words of a table mean.
 """
 
 from __future__ import annotations
@@ -22,19 +24,31 @@ from skyarm.sensing.measurement import SensorNoise
 from skyarm.studies.sweep.expressions import read_expression
 from skyarm.studies.trial.facts import Facts, Setting
 
-NOISE = SensorNoise(position=0.001, velocity=0.01, attitude=0.002, rate=0.01, joints=0.001, joint_rates=0.01)
-"""White noise of noisy trials: 1 mm, 1 cm/s, 2 mrad, 0.01 rad/s, joints 1 mrad and 0.01 rad/s."""
+NOISE = SensorNoise(
+    position=0.001,
+    velocity=0.01,
+    attitude=0.002,
+    rate=0.01,
+    joints=0.001,
+    joint_rates=0.01,
+)
+"""White noise of noisy trials: 1 mm, 1 cm/s, 2 mrad, 0.01 rad/s, joints 1 mrad and 0.01
+rad/s."""
 
 DELAY = 0.005
-"""Age (s) of a measurement in noisy trials, one control period; laws with an option for it receive it."""
+"""Age (s) of a measurement in noisy trials, one control period; laws with an option for
+it receive it."""
 
 MOTIONS: Mapping[str, dict[str, Any]] = tomllib.loads(
-    (resources.files("skyarm.studies.trial") / "library" / "motions.toml").read_text("utf-8")
+    (resources.files("skyarm.studies.trial") / "library" / "motions.toml").read_text(
+        "utf-8"
+    )
 )
 """Tables "parts", "bases" and "arms": entries of a scenario file by name."""
 
 Maker = Callable[[Scenario, Setting, float], Scenario]
-"""Function that completes the scenario of a trial, of its vehicle and value, where no entries of a file can."""
+"""Function that completes the scenario of a trial, of its vehicle and value, where no
+entries of a file can."""
 
 
 @immutable
@@ -47,11 +61,13 @@ class Trial:
         share: share of the values that another vehicle is given, an expression.
         file: scenario that the entries change; empty for the hover of a vehicle.
         base, arm: motions of that hover by name; an empty base stands.
-        entries: entries in place of those of the scenario's file; "*" is each joint by name.
-        numbers: path -> expression, where values are data of one scenario; * is every joint or rotor, "now" the number
-            that is there.
+        entries: entries in place of those of the scenario's file; "*" is each joint by
+            name.
+        numbers: path -> expression, where values are data of one scenario; * is every
+            joint or rotor, "now" the number that is there.
         made: name of a maker.
-        noisy: sensor noise and a measurement that is 5 ms old, a delay that the law knows.
+        noisy: sensor noise and a measurement that is 5 ms old, a delay that the law
+            knows.
     """
 
     name: str
@@ -89,21 +105,34 @@ class Trial:
         if not self.file:
             at = {"kind": "signals", "x": 0, "y": 0, "z": setting.facts["height"]}
             base = at | fill_in(MOTIONS["bases"].get(self.base, {}), facts, setting)
-            arm = [fill_in(MOTIONS["arms"][self.arm], facts | joint, setting) for joint in setting.joints.values()]
+            arm = [
+                fill_in(MOTIONS["arms"][self.arm], facts | joint, setting)
+                for joint in setting.joints.values()
+            ]
             document["reference"] = {"base": base, "joints": arm}
         if self.noisy:
-            document = with_entries(document, {"sensors": asdict(NOISE), "delays": {"measurement": DELAY}})
+            document = with_entries(
+                document, {"sensors": asdict(NOISE), "delays": {"measurement": DELAY}}
+            )
         whole = with_entries(document, fill_in(self.entries, facts, setting))
         return scenario_from(whole, setting.folder, setting.given)
 
     def numbers_of(self, setting: Setting, value: float) -> dict[str, float]:
-        """Numbers by path in which a value differs from another; empty where each value is a scenario of its own."""
+        """Numbers by path in which a value differs from another; empty where each value
+        is a scenario of its own.
+        """
         facts, found = setting.facts | {"value": value}, dict[str, float]()
-        built = self.built(setting, value) if "now" in " ".join(self.numbers.values()) else setting.hover
+        built = (
+            self.built(setting, value)
+            if "now" in " ".join(self.numbers.values())
+            else setting.hover
+        )
         for pattern, expression in self.numbers.items():
             for path, own in _each(pattern, setting):
                 now = {"now": number_at(built, path)} if "now" in expression else {}
-                found[path] = evaluate(expression, facts | own | now, f'numbers."{pattern}"')
+                found[path] = evaluate(
+                    expression, facts | own | now, f'numbers."{pattern}"'
+                )
         return found
 
 
@@ -112,7 +141,10 @@ def _each(pattern: str, setting: Setting) -> Iterator[tuple[str, Facts]]:
     if "*" not in pattern:
         yield pattern, {}
     elif ".rotors." in pattern:
-        yield from ((pattern.replace("*", str(i)), {}) for i, _ in enumerate(setting.truth.rotors))
+        yield from (
+            (pattern.replace("*", str(i)), {})
+            for i, _ in enumerate(setting.truth.rotors)
+        )
     else:
         for i, (name, own) in enumerate(setting.joints.items()):
             yield pattern.replace("*", name if ".drives." in pattern else str(i)), own
@@ -122,7 +154,8 @@ def evaluate(text: str, facts: Facts, field: str = "expression") -> float:
     """Number of an expression of facts.
 
     Args:
-        text: the expression, with or without the = by which entries tell it from a word.
+        text: the expression, with or without the = by which entries tell it from a
+            word.
         facts: numbers by name.
         field: name of the field in messages.
 
@@ -132,35 +165,59 @@ def evaluate(text: str, facts: Facts, field: str = "expression") -> float:
     return float(read_expression(text.removeprefix("="), facts, field).value(facts))
 
 
-def columns_of(numbers: Mapping[str, str], scenario: Scenario, draws: Mapping[str, Array]) -> dict[str, Array]:
+def columns_of(
+    numbers: Mapping[str, str], scenario: Scenario, draws: Mapping[str, Array]
+) -> dict[str, Array]:
     """Numbers of flights: parameter path -> values (flights,).
 
     Args:
-        numbers: path -> expression of the draws and of "now", the number of the scenario.
+        numbers: path -> expression of the draws and of "now", the number of the
+            scenario.
         scenario: scenario that all flights have in common.
         draws: name -> values (flights,).
 
     Raises:
         ExpressionError: one line that begins with the path.
     """
-    every = {path: read_expression(text, (*draws, "now"), f'numbers."{path}"') for path, text in numbers.items()}
-    return {path: each.value({**draws, "now": number_at(scenario, path)}) for path, each in every.items()}
+    every = {
+        path: read_expression(text, (*draws, "now"), f'numbers."{path}"')
+        for path, text in numbers.items()
+    }
+    return {
+        path: each.value({**draws, "now": number_at(scenario, path)})
+        for path, each in every.items()
+    }
 
 
 def fill_in(entry: Any, facts: Facts, setting: Setting, at: str = "entries") -> Any:
-    """Entry of a scenario file with its expressions and named parts filled in; ``at`` is its place, in messages.
+    """Entry of a scenario file with its expressions and named parts filled in; ``at``
+    is its place, in messages.
 
     Raises:
-        ValueError: one line: an expression that cannot be read, or a part that is not there.
+        ValueError: one line: an expression that cannot be read, or a part that is not
+            there.
     """
     match entry:
         case dict():
-            every = {name: facts | own for name, own in setting.joints.items()} if "*" in entry else {}
-            joints = {name: fill_in(entry["*"], own, setting, f"{at}.{name}") for name, own in every.items()}
+            every = (
+                {name: facts | own for name, own in setting.joints.items()}
+                if "*" in entry
+                else {}
+            )
+            joints = {
+                name: fill_in(entry["*"], own, setting, f"{at}.{name}")
+                for name, own in every.items()
+            }
             others = {key: each for key, each in entry.items() if key != "*"}
-            return {key: fill_in(each, facts, setting, f"{at}.{key}") for key, each in others.items()} | joints
+            return {
+                key: fill_in(each, facts, setting, f"{at}.{key}")
+                for key, each in others.items()
+            } | joints
         case list():
-            return [fill_in(each, facts, setting, f"{at}[{i}]") for i, each in enumerate(entry)]
+            return [
+                fill_in(each, facts, setting, f"{at}[{i}]")
+                for i, each in enumerate(entry)
+            ]
         case str() if entry.startswith("="):
             return evaluate(entry, facts, at)
         case "value":
@@ -168,13 +225,19 @@ def fill_in(entry: Any, facts: Facts, setting: Setting, at: str = "entries") -> 
         case str() if entry.startswith("{"):
             name, there = entry.strip("{}"), setting.words | MOTIONS["parts"]
             if name not in there:
-                raise ValueError(f"{at} = {shown(entry)}: {must_be_one_of(there, name)}")
+                raise ValueError(
+                    f"{at} = {shown(entry)}: {must_be_one_of(there, name)}"
+                )
             return fill_in(there[name], facts, setting, at)
     return entry
 
 
-def with_entries(table: Mapping[str, Any], entries: Mapping[str, Any]) -> dict[str, Any]:
-    """Table of a file with entries in place of its own, tables key by key; a table for a list in each of its tables."""
+def with_entries(
+    table: Mapping[str, Any], entries: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Table of a file with entries in place of its own, tables key by key; a table for
+    a list in each of its tables.
+    """
     changed = dict(table)
     for key, entry in entries.items():
         match table.get(key), entry:

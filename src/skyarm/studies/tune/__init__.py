@@ -1,1 +1,3 @@
-"""Automatic tuning of controller gains on perturbed plants under stability margin constraints."""
+"""Automatic tuning of controller gains on perturbed plants under stability margin
+constraints.
+"""

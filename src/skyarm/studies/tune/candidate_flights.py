@@ -32,27 +32,34 @@ OWN = len(KINDS)
 """Index of the kind of motion that is the scenario's own."""
 
 EVERY = 4
-"""Number of plants of which the last flies the scenario's own motion; no multiple of the other kinds, which stay
-balanced."""
+"""Number of plants of which the last flies the scenario's own motion; no multiple of
+the other kinds, which stay balanced."""
 
 LATEST, LOOKED_AT = 10.0, 5.0
-"""Latest start and duration (s) of the scored interval; later errors are left to the final check."""
+"""Latest start and duration (s) of the scored interval; later errors are left to the
+final check."""
 
 
 @immutable
 class Flown:
-    """Errors and control effort of tuning flights, as arrays (gain candidates, perturbed plants).
+    """Errors and control effort of tuning flights, as arrays (gain candidates,
+    perturbed plants).
 
     Attributes:
-        error: m, of what the law tracks: of the tip; a law that does not track the tip on its own is charged the mean
-            of the tip's error and of base error plus arm length times joint error; without a tip the latter. Of two
-            windows, before and in the gust, the geometric mean: each counts by its ratio of improvement.
-        tip, base: m, mean distances in the first window from the continuous reference; the tip's is that of the base
-            where there is none.
-        jitter: rad/s, RMS change of a rotor command per period. effort: N m or N, RMS of all joint efforts.
+        error: m, of what the law tracks: of the tip; a law that does not track the tip
+            on its own is charged the mean of the tip's error and of base error plus arm
+            length times joint error; without a tip the latter. Of two windows, before
+            and in the gust, the geometric mean: each counts by its ratio of
+            improvement.
+        tip, base: m, mean distances in the first window from the continuous reference;
+            the tip's is that of the base where there is none.
+        jitter: rad/s, RMS change of a rotor command per period. effort: N m or N, RMS
+            of all joint efforts.
         lost: ended early, or tilted by more than 80 degrees.
-        saturated: share of periods with a rotor at its limit, as the metric ``rotor_saturation``; NaN if not measured.
-        pull: N, RMS error of the pull between the members of a team; zero of one vehicle.
+        saturated: share of periods with a rotor at its limit, as the metric
+            ``rotor_saturation``; NaN if not measured.
+        pull: N, RMS error of the pull between the members of a team; zero of one
+            vehicle.
         kinds: (plants,) kind of motion of each.
     """
 
@@ -68,7 +75,8 @@ class Flown:
 
 
 def shorten(own: Scenario) -> Scenario:
-    """Scenario with a flight shortened for the gain search, to the first seconds of its steady window.
+    """Scenario with a flight shortened for the gain search, to the first seconds of its
+    steady window.
 
     Args:
         own: flight as :func:`skyarm.studies.tune.excitation.tuning_flight` makes it.
@@ -77,31 +85,41 @@ def shorten(own: Scenario) -> Scenario:
     start = min(steady.start, LATEST)
     stop = min(steady.stop, start + LOOKED_AT)
     periods = math.ceil(stop * own.rates.control - 1e-9)
-    return replace(own, duration=periods / own.rates.control, windows=Windows(steady=Window(start, stop)))
+    return replace(
+        own,
+        duration=periods / own.rates.control,
+        windows=Windows(steady=Window(start, stop)),
+    )
 
 
 def with_own(plants: Plants) -> Plants:
-    """Perturbed plants, every fourth of which flies the scenario's own reference, the others a random one."""
+    """Perturbed plants, every fourth of which flies the scenario's own reference, the
+    others a random one.
+    """
     kinds = plants.kinds.copy()
     kinds[EVERY - 1 :: EVERY] = OWN
     return replace(plants, kinds=kinds)
 
 
 LANES = 300
-"""Approximate number of flights of a work; a round consists of some works, which processes share."""
+"""Approximate number of flights of a work; a round consists of some works, which
+processes share."""
 
 
 class CandidateFlights:
     """Flights of many gain candidates on perturbed plants.
 
-    Gains that are good on drawn motions alone may be worse on the user's flight. The scenario's own motion is therefore
-    one more kind; its reference may be of any shape, so that the plants that fly it are works of their own.
+    Gains that are good on drawn motions alone may be worse on the user's flight. The
+    scenario's own motion is therefore one more kind; its reference may be of any shape,
+    so that the plants that fly it are works of their own.
 
     Args:
-        scenario: flight as :func:`skyarm.studies.tune.excitation.tuning_flight` made it. knobs: gains of its law.
+        scenario: flight as :func:`skyarm.studies.tune.excitation.tuning_flight` made
+            it. knobs: gains of its law.
         plants: plants to fly.
         crew: flies them; results do not depend on it.
-        own: along the scenario's own motion, as :func:`shorten` made it; the plants are those of :func:`with_own`.
+        own: along the scenario's own motion, as :func:`shorten` made it; the plants are
+            those of :func:`with_own`.
         seed: seed of the noise; each plant has its own, which all candidates share.
         gust: the flight has a window of a gust.
         saturation: measure it.
@@ -124,7 +142,11 @@ class CandidateFlights:
     ) -> None:
         self.knobs, self.plants, self._crew = tuple(knobs), plants, crew
         still = _without_motions(plants)
-        self._own = None if own is None else CandidateFlights(own, knobs, still, crew, seed=seed)
+        self._own = (
+            None
+            if own is None
+            else CandidateFlights(own, knobs, still, crew, seed=seed)
+        )
         self._windows = ("", "gust_") if gust else ("",)
         self._work = Work(
             label="",
@@ -146,15 +168,28 @@ class CandidateFlights:
         self._keeps_tip = scenario.agent.controller.keeps_tip
         # a servo receives setpoints: its torque is its own
         self._efforts = tuple(
-            f"tau{i + 1}_rms" for i, setpoint in enumerate(scenario.agent.commands_setpoints) if not setpoint
+            f"tau{i + 1}_rms"
+            for i, setpoint in enumerate(scenario.agent.commands_setpoints)
+            if not setpoint
         )
-        self._errors = ("position", "joint", "ee") if self._has_tip else ("position", "joint")
-        metrics = [_error(window, each) for window in self._windows for each in self._errors]
+        self._errors = (
+            ("position", "joint", "ee") if self._has_tip else ("position", "joint")
+        )
+        metrics = [
+            _error(window, each) for window in self._windows for each in self._errors
+        ]
         metrics += [LIMITED] if saturation else []
         return (*metrics, "rotor_jitter", "tilt_max", *self._efforts)
 
-    def fly(self, stage: str, logs: Array, plants: int | None = None, others: Plants | None = None) -> Flown:
-        """Simulate every gain candidate on the first perturbed plants, up to a given number.
+    def fly(
+        self,
+        stage: str,
+        logs: Array,
+        plants: int | None = None,
+        others: Plants | None = None,
+    ) -> Flown:
+        """Simulate every gain candidate on the first perturbed plants, up to a given
+        number.
 
         Args:
             stage: begins the labels of the works.
@@ -168,33 +203,57 @@ class CandidateFlights:
             works = self._works(stage, logs, flown)
             return self._results(len(logs), flown, self._crew.rows(works))
         mine = flown.kinds == OWN
-        drawn, own = flown.select(np.flatnonzero(~mine)), flown.select(np.flatnonzero(mine))
-        works, further = self._works(stage, logs, drawn), self._own._works(f"{stage}.own", logs, _without_motions(own))
+        drawn, own = (
+            flown.select(np.flatnonzero(~mine)),
+            flown.select(np.flatnonzero(mine)),
+        )
+        works, further = (
+            self._works(stage, logs, drawn),
+            self._own._works(f"{stage}.own", logs, _without_motions(own)),
+        )
         rows = self._crew.rows([*works, *further])
         one, other = rows[: len(works)], rows[len(works) :]
-        return _join(mine, self._results(len(logs), drawn, one), self._own._results(len(logs), own, other))
+        return _join(
+            mine,
+            self._results(len(logs), drawn, one),
+            self._own._results(len(logs), own, other),
+        )
 
     def _works(self, stage: str, logs: Array, plants: Plants) -> list[Work]:
-        """Work items for every gain candidate on every plant, split independently of the number of workers."""
+        """Work items for every gain candidate on every plant, split independently of
+        the number of workers.
+        """
         each = plants.count
-        pieces = np.array_split(np.exp(logs), max(1, min(len(logs), round(len(logs) * each / LANES))))
+        pieces = np.array_split(
+            np.exp(logs), max(1, min(len(logs), round(len(logs) * each / LANES)))
+        )
         works = []
         for i, piece in enumerate(pieces):
             values: dict[str, Array] = {}
             for knob, column in zip(self.knobs, piece.T, strict=True):
                 factors = np.repeat(column, each)
-                values |= {f"{self.word}.{'.'.join(place)}": factors * number for place, number in knob.numbers}
-            values |= {path: np.tile(numbers, len(piece)) for path, numbers in plants.values.items()}
+                values |= {
+                    f"{self.word}.{'.'.join(place)}": factors * number
+                    for place, number in knob.numbers
+                }
+            values |= {
+                path: np.tile(numbers, len(piece))
+                for path, numbers in plants.values.items()
+            }
             episodes = np.tile(np.arange(each), len(piece))
             label = f"{stage}.{i + 1}"
-            works.append(replace(self._work, label=label, columns=values, episodes=episodes))
+            works.append(
+                replace(self._work, label=label, columns=values, episodes=episodes)
+            )
         return works
 
     def _results(self, count: int, plants: Plants, rows: Sequence[Rows]) -> Flown:
         """Errors and control effort of some gain candidates, from their result rows."""
 
         def column(name: str) -> AnyArray:
-            return np.concatenate([each[name] for each in rows]).reshape(count, plants.count)
+            return np.concatenate([each[name] for each in rows]).reshape(
+                count, plants.count
+            )
 
         def table(name: str) -> Array:
             # a flight that ended before the window has NaN there
@@ -202,10 +261,15 @@ class CandidateFlights:
 
         return self._outcome(column("status") == "completed", table, plants.kinds)
 
-    def _outcome(self, completed: Mask, table: Callable[[str], Array], kinds: IntArray) -> Flown:
+    def _outcome(
+        self, completed: Mask, table: Callable[[str], Array], kinds: IntArray
+    ) -> Flown:
         """Errors and control effort from the metrics (candidates, plants)."""
         lost = ~completed | ~(table("tilt_max") < LARGEST_TILT)
-        parts = [{name: table(_error(window, name)) for name in self._errors} for window in self._windows]
+        parts = [
+            {name: table(_error(window, name)) for name in self._errors}
+            for window in self._windows
+        ]
         product = np.ones(lost.shape)
         for part in parts:
             product = product * self._tracking_error(part)
@@ -218,9 +282,17 @@ class CandidateFlights:
             base=penalize(base, lost),
             pull=np.zeros(lost.shape),
             jitter=np.nan_to_num(table("rotor_jitter"), nan=LOST, posinf=LOST),
-            effort=np.nan_to_num(np.sqrt(sum(squares)), nan=LOST) if squares else np.zeros(lost.shape),
+            effort=(
+                np.nan_to_num(np.sqrt(sum(squares)), nan=LOST)
+                if squares
+                else np.zeros(lost.shape)
+            ),
             lost=lost,
-            saturated=np.nan_to_num(table(LIMITED), nan=1.0) if measured else np.full(lost.shape, np.nan),
+            saturated=(
+                np.nan_to_num(table(LIMITED), nan=1.0)
+                if measured
+                else np.full(lost.shape, np.nan)
+            ),
             kinds=kinds,
         )
 
@@ -233,18 +305,26 @@ class CandidateFlights:
 
 
 def of_drawn(flown: Flown) -> Flown:
-    """Results of the plants that flew random reference motions, without the scenario's own motion."""
+    """Results of the plants that flew random reference motions, without the scenario's
+    own motion.
+    """
     which = flown.kinds != OWN
     return Flown(**{name: table[..., which] for name, table in parts(flown).items()})
 
 
 def _without_motions(plants: Plants) -> Plants:
-    values = {path: numbers for path, numbers in plants.values.items() if not path.startswith("reference.")}
+    values = {
+        path: numbers
+        for path, numbers in plants.values.items()
+        if not path.startswith("reference.")
+    }
     return replace(plants, values=values)
 
 
 def _join(mine: Mask, drawn: Flown, own: Flown) -> Flown:
-    """Merge flight results along random motions and along the scenario's own motion, in the order of the plants."""
+    """Merge flight results along random motions and along the scenario's own motion, in
+    the order of the plants.
+    """
     tables = {}
     for name, some in parts(drawn).items():
         tables[name] = np.empty((*some.shape[:-1], len(mine)), dtype=some.dtype)
@@ -253,7 +333,9 @@ def _join(mine: Mask, drawn: Flown, own: Flown) -> Flown:
 
 
 def _error(window: str, name: str) -> str:
-    """Name of the metric of a quantity's mean error in a time window, against the continuous reference."""
+    """Name of the metric of a quantity's mean error in a time window, against the
+    continuous reference.
+    """
     return f"{window}{name}_error_mean_continuous"
 
 
@@ -266,10 +348,12 @@ QUANTILE = 0.9
 """Quantile of the error over the plants of each kind of motion."""
 
 WEIGHTS = (2.0, 0.7, 0.25, 0.1, 0.03)
-"""Weights of the logarithms of jitter and effort against that of the error, from calm to stiff."""
+"""Weights of the logarithms of jitter and effort against that of the error, from calm
+to stiff."""
 
 LOSS = 100.0
-"""Weight of the fraction of lost plants; one of 16 costs more than error and jitter can gain."""
+"""Weight of the fraction of lost plants; one of 16 costs more than error and jitter can
+gain."""
 
 SMALLEST = 1e-5
 """Error (m) and jitter (rad/s) below which improvements no longer count."""
@@ -277,10 +361,12 @@ SMALLEST = 1e-5
 
 @positional
 class Scores:
-    """Scores (candidates,) of gain candidates: errors, rotor jitter, joint effort, crashes, missing margin.
+    """Scores (candidates,) of gain candidates: errors, rotor jitter, joint effort,
+    crashes, missing margin.
 
     Attributes:
-        error, tip: m, 90 % quantiles over the plants, of kinds of motion the geometric mean. pull: N, likewise.
+        error, tip: m, 90 % quantiles over the plants, of kinds of motion the geometric
+            mean. pull: N, likewise.
         jitter: rad/s, effort: N m, medians over the plants.
         lost: share of the plants. short: cost of falling short of the margins.
     """
@@ -298,12 +384,21 @@ class Scores:
         return Scores(**{name: values[which] for name, values in parts(self).items()})
 
     def cost(self, weight: float) -> Array:
-        """Cost of gain candidates: ln error + weight (ln jitter + ln effort) + penalties for crashes and margins.
+        """Cost of gain candidates: ln error + weight (ln jitter + ln effort) +
+        penalties for crashes and margins.
 
-        Logarithms make every ratio of improvement count alike, whatever the vehicle's size.
+        Logarithms make every ratio of improvement count alike, whatever the vehicle's
+        size.
         """
-        active = np.log(self.jitter + SMALLEST) + np.where(self.effort > 0.0, np.log(self.effort + SMALLEST), 0.0)
-        return np.log(self.error + SMALLEST) + weight * active + LOSS * self.lost + self.short
+        active = np.log(self.jitter + SMALLEST) + np.where(
+            self.effort > 0.0, np.log(self.effort + SMALLEST), 0.0
+        )
+        return (
+            np.log(self.error + SMALLEST)
+            + weight * active
+            + LOSS * self.lost
+            + self.short
+        )
 
 
 def scores(flown: Flown) -> Scores:
@@ -320,10 +415,16 @@ def scores(flown: Flown) -> Scores:
 
 
 def _error_quantile(errors: Array, kinds: IntArray) -> Array:
-    """90 % quantile of the error over plants per kind of motion, combined over kinds by geometric mean.
+    """90 % quantile of the error over plants per kind of motion, combined over kinds by
+    geometric mean.
 
     One quantile over all would be that of the hardest kind alone.
     """
-    each = [np.quantile(errors[:, kinds == kind], QUANTILE, axis=1, method="higher") for kind in np.unique(kinds)]
-    combined: Array = np.exp(np.mean([np.log(np.maximum(one, SMALLEST)) for one in each], axis=0))
+    each = [
+        np.quantile(errors[:, kinds == kind], QUANTILE, axis=1, method="higher")
+        for kind in np.unique(kinds)
+    ]
+    combined: Array = np.exp(
+        np.mean([np.log(np.maximum(one, SMALLEST)) for one in each], axis=0)
+    )
     return combined

@@ -1,10 +1,12 @@
 """Flight on which gains are tuned: reference motions, wind gust, and perturbed plants.
 
-Gains belong to the loop (vehicle, delay, noise, model mismatch), not to a path: every vehicle flies the same motions,
-scaled to its arm, base, heading and arm at once through a wind with a gust, then a step. The scenario keeps its plant,
-model, clocks, delays, sensors, drives, estimator and air; its motion, payloads, faults, surfaces to touch and what is
-scheduled stay away. With perfect sensors nothing would keep gains from growing without end, so that a scenario without
-noise gets that of :data:`skyarm.studies.compare.suite.NOISE`.
+Gains belong to the loop (vehicle, delay, noise, model mismatch), not to a path: every
+vehicle flies the same motions, scaled to its arm, base, heading and arm at once through
+a wind with a gust, then a step. The scenario keeps its plant, model, clocks, delays,
+sensors, drives, estimator and air; its motion, payloads, faults, surfaces to touch and
+what is scheduled stay away. With perfect sensors nothing would keep gains from growing
+without end, so that a scenario without noise gets that of
+:data:`skyarm.studies.compare.suite.NOISE`.
 """
 
 from __future__ import annotations
@@ -22,11 +24,33 @@ from skyarm.plant.interface import Truth
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.records.members import SOLE
-from skyarm.reference import Constant, Product, Ramp, Signal, Sine, Sum, Trajectory, Windowed
+from skyarm.reference import (
+    Constant,
+    Product,
+    Ramp,
+    Signal,
+    Sine,
+    Sum,
+    Trajectory,
+    Windowed,
+)
 from skyarm.scenario.controller_table import loop_facts, make_named_or_tuned
-from skyarm.scenario.scenario_record import PERFECT_SENSORS, Agent, Delays, FieldsByWord, Rates, Scenario, with_words
+from skyarm.scenario.scenario_record import (
+    PERFECT_SENSORS,
+    Agent,
+    Delays,
+    FieldsByWord,
+    Rates,
+    Scenario,
+    with_words,
+)
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
-from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
+from skyarm.studies.compare.perturbed_plants import (
+    Spread,
+    draw,
+    fitted_damping,
+    spread_of,
+)
 from skyarm.studies.trial.trial import DELAY, NOISE
 from skyarm.vehicle import Joint, Vehicle
 from skyarm.world import ForceWind
@@ -45,42 +69,64 @@ STEPPED = 8.0
 """Time (s) of the step of the base."""
 
 STEP = 0.3
-"""Position step (m) of the base that ends the excitation flight, as in Case 3 of Barakou et al. (2026)."""
+"""Position step (m) of the base that ends the excitation flight, as in Case 3 of
+Barakou et al. (2026)."""
 
 HEIGHT = 10.0
 """Height (m) of the flight, far from the ground."""
 
 TOGETHER = 2
-"""Number of joints that swing by a full amplitude; of more, each swings by its fraction."""
+"""Number of joints that swing by a full amplitude; of more, each swings by its
+fraction."""
 
 SPEED = (0.2, 0.8)
 """Lowest and highest speed (m/s) of the circles."""
 
 
 def motion(vehicle: Vehicle) -> Trajectory:
-    """Reference of a tuning flight: base on a lemniscate, arm swinging; amplitudes and frequencies are inputs."""
+    """Reference of a tuning flight: base on a lemniscate, arm swinging; amplitudes and
+    frequencies are inputs.
+    """
     return Trajectory(
         x=Sum((sine_from_rest(0.45, 0.2), Windowed(Constant(STEP), start=STEPPED))),
         y=sine_from_rest(0.15, 0.4),
         z=Sum((Constant(HEIGHT), sine_from_rest(0.15, 0.3))),
         yaw=sine_from_rest(0.2, 0.15),
-        joints=tuple(_joint(joint, vehicle.n, 0.5 + 0.07 * i) for i, joint in enumerate(vehicle.joints)),
+        joints=tuple(
+            _joint(joint, vehicle.n, 0.5 + 0.07 * i)
+            for i, joint in enumerate(vehicle.joints)
+        ),
     )
 
 
 def unseen_motion(vehicle: Vehicle) -> Trajectory:
     """Reference trajectory that validates tuned gains and is not used to tune them.
 
-    A spiral with two sines an axis, heading turned on, joints on two sines each; no step.
+    A spiral with two sines an axis, heading turned on, joints on two sines each; no
+    step.
     """
 
-    def two(amplitude: float, first: float, second: float, phase: float = 0.0) -> Signal:
-        return Sum((sine_from_rest(amplitude, first, phase), sine_from_rest(0.5 * amplitude, second, phase + 1.0)))
+    def two(
+        amplitude: float, first: float, second: float, phase: float = 0.0
+    ) -> Signal:
+        return Sum(
+            (
+                sine_from_rest(amplitude, first, phase),
+                sine_from_rest(0.5 * amplitude, second, phase + 1.0),
+            )
+        )
 
     joints = []
     for i, joint in enumerate(vehicle.joints):
         rest, size = rest_and_size(joint, vehicle.n)
-        joints.append(Sum((Constant(rest), two(0.8 * size, 0.33 + 0.05 * i, 0.71 - 0.04 * i, 0.8 * i))))
+        joints.append(
+            Sum(
+                (
+                    Constant(rest),
+                    two(0.8 * size, 0.33 + 0.05 * i, 0.71 - 0.04 * i, 0.8 * i),
+                )
+            )
+        )
     return Trajectory(
         x=two(0.3, 0.11, 0.29),
         y=two(0.4, 0.13, 0.23, 2.0),
@@ -90,8 +136,11 @@ def unseen_motion(vehicle: Vehicle) -> Trajectory:
     )
 
 
-def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, Array], IntArray]:
-    """Draw reference motions for ``count`` plants: parameter path -> values, and the kind of each motion (count,).
+def draw_motions(
+    vehicle: Vehicle, count: int, *, seed: int
+) -> tuple[dict[str, Array], IntArray]:
+    """Draw reference motions for ``count`` plants: parameter path -> values, and the
+    kind of each motion (count,).
 
     Args:
         vehicle: vehicle whose joints swing.
@@ -111,14 +160,22 @@ def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, 
     radius = uniform(2, *SPEED) / (2.0 * math.pi * rate)
     slow, wide = uniform(3, 0.0, 0.1), uniform(4, 0.2, 0.5)
     values = {
-        **_sine("reference.x.signals.0", of_kind(radius, slow, wide), of_kind(rate, turn, turn)),
+        **_sine(
+            "reference.x.signals.0",
+            of_kind(radius, slow, wide),
+            of_kind(rate, turn, turn),
+        ),
         **_sine(
             "reference.y",
             of_kind(radius, slow, 0.35 * wide),
             of_kind(rate, turn, 2.0 * turn),
             of_kind(0.5 * math.pi, 1.0, 0.0),
         ),
-        **_sine("reference.z.signals.1", uniform(5, 0.0, 0.15) * of_kind(0.5, 0.2, 1.0), uniform(6, 0.15, 0.35)),
+        **_sine(
+            "reference.z.signals.1",
+            uniform(5, 0.0, 0.15) * of_kind(0.5, 0.2, 1.0),
+            uniform(6, 0.15, 0.35),
+        ),
         **_sine("reference.yaw", uniform(7, 0.0, 0.4) * of_kind(1.0, 0.0, 1.0), turn),
     }
     for i, joint in enumerate(vehicle.joints):
@@ -126,8 +183,15 @@ def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, 
         _, size = rest_and_size(joint, vehicle.n)
         values |= _sine(
             f"reference.joints.{i}.signals.1",
-            size * of_kind(uniform(at, 0.4, 1.0), uniform(at, 0.8, 1.6), uniform(at, 0.4, 1.0)),
-            of_kind(uniform(at + 1, 0.3, 0.6), uniform(at + 1, 0.5, 1.1), uniform(at + 1, 0.3, 0.7)),
+            size
+            * of_kind(
+                uniform(at, 0.4, 1.0), uniform(at, 0.8, 1.6), uniform(at, 0.4, 1.0)
+            ),
+            of_kind(
+                uniform(at + 1, 0.3, 0.6),
+                uniform(at + 1, 0.5, 1.1),
+                uniform(at + 1, 0.3, 0.7),
+            ),
             uniform(at + 2, -math.pi, math.pi),
         )
     return values, kinds
@@ -138,8 +202,12 @@ def sine_from_rest(amplitude: float, frequency: float, phase: float = 0.0) -> Si
     return Product(Sine(amplitude=amplitude, frequency_hz=frequency, phase=phase), EASE)
 
 
-def _sine(path: str, amplitude: Array, frequency: Array, phase: Array | None = None) -> dict[str, Array]:
-    """Amplitude, frequency and phase values of a sine reference signal, by parameter path."""
+def _sine(
+    path: str, amplitude: Array, frequency: Array, phase: Array | None = None
+) -> dict[str, Array]:
+    """Amplitude, frequency and phase values of a sine reference signal, by parameter
+    path.
+    """
     at = f"{path}.signal"
     return {
         f"{at}.amplitude": amplitude,
@@ -158,45 +226,56 @@ def rest_and_size(joint: Joint, joints: int) -> tuple[float, float]:
 
     Args:
         joint: joint with its limits.
-        joints: number of joints of the arm; more than two share the amplitude of two, to limit the load on the base.
+        joints: number of joints of the arm; more than two share the amplitude of two,
+            to limit the load on the base.
 
-    A tenth of what the joint may do, about its rest or the nearest place that leaves as much room again; a joint that
-    may do little, as a short slide, swings about its middle.
+    A tenth of what the joint may do, about its rest or the nearest place that leaves as
+    much room again; a joint that may do little, as a short slide, swings about its
+    middle.
     """
     low, high = joint.ends
     size = min(0.25, 0.1 * (high - low))
-    return min(max(0.0, low + 4.0 * size), high - 4.0 * size), size * min(1.0, TOGETHER / joints)
+    return min(max(0.0, low + 4.0 * size), high - 4.0 * size), size * min(
+        1.0, TOGETHER / joints
+    )
 
 
 DURATION, SETTLED, BLOWN = 10.0, 2.0, 5.0
-"""Times (s): duration of the flight, start of the scored interval, start of the gust. Errors after the step do not
-count.
+"""Times (s): duration of the flight, start of the scored interval, start of the gust.
+Errors after the step do not count.
 
-Before the first the vehicle leaves a hover into the wind. The step is there to be survived: what error it leaves is the
-step's own, not that of gains.
+Before the first the vehicle leaves a hover into the wind. The step is there to be
+survived: what error it leaves is the step's own, not that of gains.
 """
 
 UNSEEN = Window(7.0, 12.0)
-"""Scored interval (s) of the errors along the path for the final check, which ends with it."""
+"""Scored interval (s) of the errors along the path for the final check, which ends with
+it."""
 
 UNKNOWN_DELAY = 0.010
-"""Longest unmodelled delay (s) of the commands, as in the comparison's perturbed plants."""
+"""Longest unmodelled delay (s) of the commands, as in the comparison's perturbed
+plants."""
 
 GUST, GUST_SHARE = Vec3(0.75, 0.5, 0.43), 0.15
 """Direction of the gust's force, and its size over the weight."""
 
 
-def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.81) -> Scenario:
+def of_vehicle(
+    vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.81
+) -> Scenario:
     """Tuning scenario of a vehicle, with a controller whose nominal model is exact.
 
     Args:
         vehicle: plant and belief.
-        law: any name of the catalogue; left out, the centroidal law, on the tip if there is one.
+        law: any name of the catalogue; left out, the centroidal law, on the tip if
+            there is one.
         gravity: m/s^2.
     """
     named = law or ("centroidal_tip" if vehicle.end_effector else "centroidal_joint")
     rates, delays = Rates(), Delays(measurement=DELAY)
-    controller = make_named_or_tuned(named, Model(vehicle=vehicle, gravity=gravity), loop_facts(rates, delays))
+    controller = make_named_or_tuned(
+        named, Model(vehicle=vehicle, gravity=gravity), loop_facts(rates, delays)
+    )
     agent = Agent(
         plant=Truth(vehicle=vehicle, gravity=gravity),
         controller=controller,
@@ -204,16 +283,24 @@ def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.8
         noise=NOISE,
         delays=delays,
     )
-    return Scenario(name=vehicle.name, rates=rates, duration=DURATION, agents={SOLE: agent})
+    return Scenario(
+        name=vehicle.name, rates=rates, duration=DURATION, agents={SOLE: agent}
+    )
 
 
 def with_noise(agent: Agent) -> Agent:
     """Vehicle with the comparison's noise if its sensors are perfect."""
-    noisy = agent.noise != PERFECT_SENSORS or agent.sensors or agent.estimator != PASS_THROUGH
+    noisy = (
+        agent.noise != PERFECT_SENSORS
+        or agent.sensors
+        or agent.estimator != PASS_THROUGH
+    )
     return agent if noisy else replace(agent, noise=NOISE)
 
 
-def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool = False) -> Scenario:
+def tuning_flight(
+    scenario: Scenario, *, own_motion: bool = False, unseen: bool = False
+) -> Scenario:
     """Tuning flight of a scenario, on which its gains are scored.
 
     Args:
@@ -223,12 +310,19 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
     """
     longest = float(scenario.agent.delays.command) + UNKNOWN_DELAY
     delays = replace(scenario.agent.delays, longest_command=longest)
-    words: FieldsByWord = {} if own_motion else {
-        "duration": UNSEEN.stop if unseen else DURATION,
-        "windows": Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
-        "reference": (unseen_motion if unseen else motion)(scenario.agent.vehicle),
-        "path_time": None,
-    }
+    words: FieldsByWord = (
+        {}
+        if own_motion
+        else {
+            "duration": UNSEEN.stop if unseen else DURATION,
+            "windows": Windows(
+                steady=UNSEEN if unseen else Window(SETTLED, BLOWN),
+                gust=Window(BLOWN, STEPPED),
+            ),
+            "reference": (unseen_motion if unseen else motion)(scenario.agent.vehicle),
+            "path_time": None,
+        }
+    )
     return with_words(
         with_words(scenario.as_begun.with_kind("rigid_body"), **words),
         noise=with_noise(scenario.agent).noise,
@@ -250,10 +344,12 @@ def _gust(scenario: Scenario) -> Gust:
 
 @immutable
 class Plants:
-    """Perturbed plants for gain tuning, which differ from the controller's nominal model.
+    """Perturbed plants for gain tuning, which differ from the controller's nominal
+    model.
 
     Attributes:
-        spread: model mismatch. eased: share of the comparison's payload and wind for which the spare thrust suffices.
+        spread: model mismatch. eased: share of the comparison's payload and wind for
+            which the spare thrust suffices.
         values: path of the scenario -> (plants,).
         kinds: (plants,) kind of motion that each flies; zeros where all fly the same.
     """
@@ -274,19 +370,27 @@ class Plants:
         return replace(self, values=values, kinds=self.kinds[which])
 
 
-def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = False) -> Plants:
+def draw_plants(
+    scenario: Scenario, count: int, *, seed: int, mixed: bool = False
+) -> Plants:
     """Draw perturbed plants for a tuning flight.
 
     Args:
-        scenario: scenario whose plant is the middle of the spread; its last force is the wind that is drawn.
+        scenario: scenario whose plant is the middle of the spread; its last force is
+            the wind that is drawn.
         count: plants; the first ones do not depend on it.
         seed: key.
-        mixed: a motion for each plant; the scenario flies that of :func:`skyarm.studies.tune.excitation.motion`.
+        mixed: a motion for each plant; the scenario flies that of
+            :func:`skyarm.studies.tune.excitation.motion`.
     """
     truth = scenario.agent.vehicle
     own = float(scenario.agent.delays.command)
     longest = scenario.agent.delays.longest_command
-    spread, eased = spread_of(truth, float(scenario.agent.plant.gravity), 0.0 if longest is None else longest - own)
+    spread, eased = spread_of(
+        truth,
+        float(scenario.agent.plant.gravity),
+        0.0 if longest is None else longest - own,
+    )
     values = draw(scenario, spread, count, seed=seed)
     if not truth.end_effector:
         del values["plant.payload.mass"]
@@ -295,7 +399,9 @@ def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = Fals
     values = fitted_damping(scenario, spread, values)
     blown = len(scenario.forces) - 1
     for axis in "xyz":
-        values[f"environment.forces.{blown}.force_W.{axis}"] = values.pop(f"environment.wind.force_W.{axis}")
+        values[f"environment.forces.{blown}.force_W.{axis}"] = values.pop(
+            f"environment.wind.force_W.{axis}"
+        )
     assert isinstance(scenario.forces[blown], ForceWind)
     kinds: IntArray = np.zeros(count, dtype=int)
     if mixed:
@@ -305,9 +411,11 @@ def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = Fals
 
 
 def with_lost(pool: Plants, count: int, lost: Mask) -> Plants:
-    """First plants of a pool, up to half of them replaced by plants on which gain candidates crashed.
+    """First plants of a pool, up to half of them replaced by plants on which gain
+    candidates crashed.
 
-    Those come first that some candidates lost and some flew: they tell one from another. Then those that all lost.
+    Those come first that some candidates lost and some flew: they tell one from
+    another. Then those that all lost.
 
     Args:
         pool: plants, more than ``count``.

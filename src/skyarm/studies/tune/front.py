@@ -1,4 +1,6 @@
-"""Pareto front of tuning candidates from low to high control effort, and the rule that selects the final gains."""
+"""Pareto front of tuning candidates from low to high control effort, and the rule that
+selects the final gains.
+"""
 
 from __future__ import annotations
 
@@ -15,15 +17,18 @@ POINTS = 16
 """Number of points of the front."""
 
 WORTH = 1.05
-"""Factor on the least error that meets the constraints, within which the calmest point is picked."""
+"""Factor on the least error that meets the constraints, within which the calmest point
+is picked."""
 
 SATURATED = 0.05
-"""Largest fraction of control periods with a rotor at its limit, median over the plants."""
+"""Largest fraction of control periods with a rotor at its limit, median over the
+plants."""
 
 RULE = (
-    "the calmest point that loses no plant, keeps its rotors below saturation, meets the margins, and whose error is "
-    f"within {WORTH - 1.0:.0%} of the least of such points and not above that of gains known before, "
-    "whose tip error it keeps within the same"
+    "the calmest point that loses no plant, keeps its rotors below saturation, meets"
+    f" the margins, and whose error is within {WORTH - 1.0:.0%} of the least of such"
+    " points and not above that of gains known before, whose tip error it keeps within"
+    " the same"
 )
 
 
@@ -37,7 +42,9 @@ class Required:
 
 @immutable
 class LoopMargins:
-    """Stability margins of gains in hover: delay (s), and gain intervals; or the reason why none were computed."""
+    """Stability margins of gains in hover: delay (s), and gain intervals; or the reason
+    why none were computed.
+    """
 
     delay: float
     rotors: tuple[float, float]
@@ -45,31 +52,46 @@ class LoopMargins:
     why_none: str = ""
 
     def meet(self, required: Required) -> bool:
-        """True if the stability margins meet the required ones, or could not be computed."""
+        """True if the stability margins meet the required ones, or could not be
+        computed.
+        """
         if self.why_none:
             return True
         lows, highs = zip(self.rotors, self.joints, strict=True)
         most, least = min(highs), max(lows)
-        return self.delay >= required.delay and most >= required.gain and least <= 1.0 / required.gain
+        return (
+            self.delay >= required.delay
+            and most >= required.gain
+            and least <= 1.0 / required.gain
+        )
 
     def shortness(self, required: Required) -> float:
-        """Largest ratio of required to actual margin; above 1 the requirement is violated."""
+        """Largest ratio of required to actual margin; above 1 the requirement is
+        violated.
+        """
         if self.why_none:
             return 0.0
         worst = max(required.delay / max(self.delay, 1e-9), 0.0)
         for low, high in (self.rotors, self.joints):
-            worst = max(worst, required.gain / high if high > 0.0 else math.inf, low * required.gain)
+            worst = max(
+                worst,
+                required.gain / high if high > 0.0 else math.inf,
+                low * required.gain,
+            )
         return worst
 
 
 @immutable
 class Point:
-    """Set of gains on the Pareto front, with its scores on plants that the search did not use.
+    """Set of gains on the Pareto front, with its scores on plants that the search did
+    not use.
 
     Attributes:
         logs: (knobs,) logarithms of factors.
-        error: m, 90 % quantile; the geometric mean of that in the gust and that along the scenario's own motion.
-        tip: m, 90 % quantile along the latter. pull: N, of a team. jitter: rad/s. effort: N m. lost, saturated: shares.
+        error: m, 90 % quantile; the geometric mean of that in the gust and that along
+            the scenario's own motion.
+        tip: m, 90 % quantile along the latter. pull: N, of a team. jitter: rad/s.
+            effort: N m. lost, saturated: shares.
         margins: margins in hover.
     """
 
@@ -90,23 +112,36 @@ class Point:
 
 
 def activity(jitter: float, effort: float) -> float:
-    """Control activity ln(rotor jitter) + ln(joint effort); the effort is left out if zero."""
-    return math.log(jitter + SMALLEST) + (math.log(effort + SMALLEST) if effort > 0.0 else 0.0)
+    """Control activity ln(rotor jitter) + ln(joint effort); the effort is left out if
+    zero.
+    """
+    return math.log(jitter + SMALLEST) + (
+        math.log(effort + SMALLEST) if effort > 0.0 else 0.0
+    )
 
 
 def finalists(found: Sequence[Scores], count: int = POINTS) -> list[int]:
-    """Indices of up to ``count`` candidates for the Pareto front, from low to high control effort.
+    """Indices of up to ``count`` candidates for the Pareto front, from low to high
+    control effort.
 
-    The cheapest of each weight, and between them those of the archive that nothing beats in both error and activity,
-    as far apart in activity as may be. Only candidates that meet the margins count there.
+    The cheapest of each weight, and between them those of the archive that nothing
+    beats in both error and activity, as far apart in activity as may be. Only
+    candidates that meet the margins count there.
     """
     error, lost, short = (
-        np.concatenate([getattr(each, name) for each in found]) for name in ("error", "lost", "short")
+        np.concatenate([getattr(each, name) for each in found])
+        for name in ("error", "lost", "short")
     )
     active = np.array(
-        [activity(float(j), float(e)) for each in found for j, e in zip(each.jitter, each.effort, strict=True)]
+        [
+            activity(float(j), float(e))
+            for each in found
+            for j, e in zip(each.jitter, each.effort, strict=True)
+        ]
     )
-    chosen = list(dict.fromkeys(int(costs(found, weight).argmin()) for weight in WEIGHTS))
+    chosen = list(
+        dict.fromkeys(int(costs(found, weight).argmin()) for weight in WEIGHTS)
+    )
     fewest = lost + short <= (lost + short).min()
     order = np.flatnonzero(fewest)[np.argsort(active[fewest], kind="stable")]
     least, front = math.inf, []
@@ -118,15 +153,22 @@ def finalists(found: Sequence[Scores], count: int = POINTS) -> list[int]:
         spare = [k for k in front if k not in chosen]
         if not spare:
             break
-        chosen.append(max(spare, key=lambda k: min(abs(active[k] - active[c]) for c in chosen)))
+        chosen.append(
+            max(spare, key=lambda k: min(abs(active[k] - active[c]) for c in chosen))
+        )
     chosen.sort(key=lambda k: float(active[k]))
     return chosen
 
 
 def pareto_front(points: Sequence[Point]) -> list[Point]:
-    """Pareto front in error and control effort of the points with fewest lost plants, by rising control effort."""
+    """Pareto front in error and control effort of the points with fewest lost plants,
+    by rising control effort.
+    """
     fewest = min(point.lost for point in points)
-    left = sorted((point for point in points if point.lost <= fewest), key=lambda point: (point.activity, point.error))
+    left = sorted(
+        (point for point in points if point.lost <= fewest),
+        key=lambda point: (point.activity, point.error),
+    )
     front: list[Point] = []
     for point in left:
         if not front or point.error < front[-1].error:
@@ -134,12 +176,16 @@ def pareto_front(points: Sequence[Point]) -> list[Point]:
     return front
 
 
-def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required) -> tuple[list[Point], int]:
-    """Pareto front of tuned gains, and index of the selected gains, no worse than the initial ones.
+def front_of(
+    starts: Sequence[Point], found: Sequence[Point], required: Required
+) -> tuple[list[Point], int]:
+    """Pareto front of tuned gains, and index of the selected gains, no worse than the
+    initial ones.
 
-    Where a start meets the constraints, the best of them is the measure: points whose error is above its own, or their
-    tip's more than 5 % above, are not picked, though they stay on the front; where none is left, the start is picked.
-    Else starts stay away: they are often calmer, and the rule would pick one for 5 % of the error.
+    Where a start meets the constraints, the best of them is the measure: points whose
+    error is above its own, or their tip's more than 5 % above, are not picked, though
+    they stay on the front; where none is left, the start is picked. Else starts stay
+    away: they are often calmer, and the rule would pick one for 5 % of the error.
     """
 
     def rank(point: Point) -> tuple[bool, float, float]:
@@ -148,25 +194,41 @@ def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required
     best = min(starts, key=rank)
     if is_allowed(best, required):
         allowed = [each for each in found if is_allowed(each, required)]
-        fit = [each for each in allowed if each.error <= best.error and each.tip <= WORTH * best.tip] or [best]
+        fit = [
+            each
+            for each in allowed
+            if each.error <= best.error and each.tip <= WORTH * best.tip
+        ] or [best]
     else:
-        fit = [best, *found] if all(rank(best) <= rank(each) for each in found) else list(found)
+        fit = (
+            [best, *found]
+            if all(rank(best) <= rank(each) for each in found)
+            else list(found)
+        )
     picked = fit[pick(fit, required)]
     front = pareto_front([*found, picked])
     if picked not in front:
         # what beats it is not to be picked
-        front = sorted([*front, picked], key=lambda point: (point.activity, point.error))
+        front = sorted(
+            [*front, picked], key=lambda point: (point.activity, point.error)
+        )
     return front, front.index(picked)
 
 
 def pick(points: Sequence[Point], required: Required) -> int:
-    """Index of the selected gains: least control effort among allowed ones, else least violation of the constraints."""
+    """Index of the selected gains: least control effort among allowed ones, else least
+    violation of the constraints.
+    """
     allowed = [i for i, point in enumerate(points) if is_allowed(point, required)]
     if not allowed:
 
         def short(i: int) -> tuple[float, float, float]:
             # of equals, as where no hover settles, the one of least error
-            return points[i].lost, points[i].margins.shortness(required), points[i].error
+            return (
+                points[i].lost,
+                points[i].margins.shortness(required),
+                points[i].error,
+            )
 
         return min(range(len(points)), key=short)
     least = min(points[i].error for i in allowed)
@@ -175,5 +237,11 @@ def pick(points: Sequence[Point], required: Required) -> int:
 
 
 def is_allowed(point: Point, required: Required) -> bool:
-    """True if gains crash no plant, stay below rotor saturation and meet the required margins."""
-    return point.lost <= 0.0 and not point.saturated > SATURATED and point.margins.meet(required)
+    """True if gains crash no plant, stay below rotor saturation and meet the required
+    margins.
+    """
+    return (
+        point.lost <= 0.0
+        and not point.saturated > SATURATED
+        and point.margins.meet(required)
+    )

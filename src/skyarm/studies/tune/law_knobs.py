@@ -1,13 +1,17 @@
-"""Tunable gains of a controller, and known gain sets of its law: default, tuned and preset.
+"""Tunable gains of a controller, and known gain sets of its law: default, tuned and
+preset.
 
-A knob is one factor on all numbers below a path of the law's constants, which keep their ratios. For a law with tuned
-gains (:func:`skyarm.control.catalogue.tuned_factors`) they are the paths there. For any other law, a user-defined one
-among them, they are found: every positive number of its constants whose field states no unit, or the unit of a gain
-(per second, per metre, per radian) and not that it is a bound. A vector and a tuple of any length are one knob; each
-item of a tuple of fixed length, as ``tuple[float, float]``, is one.
+A knob is one factor on all numbers below a path of the law's constants, which keep
+their ratios. For a law with tuned gains
+(:func:`skyarm.control.catalogue.tuned_factors`) they are the paths there. For any other
+law, a user-defined one among them, they are found: every positive number of its
+constants whose field states no unit, or the unit of a gain (per second, per metre, per
+radian) and not that it is a bound. A vector and a tuple of any length are one knob;
+each item of a tuple of fixed length, as ``tuple[float, float]``, is one.
 
-A search goes about the gains of the catalogue: gains that are off by three or by ten lead to the same candidates. The
-given ones are flown next to them, so that good ones are not lost either.
+A search goes about the gains of the catalogue: gains that are off by three or by ten
+lead to the same candidates. The given ones are flown next to them, so that good ones
+are not lost either.
 """
 
 from __future__ import annotations
@@ -40,7 +44,8 @@ GAIN = re.compile(r"/(s|rad|m)\b|rad/s|\bHz\b")
 """Units of gains and bandwidths."""
 
 LARGEST_FACTOR = 30.0
-"""Largest factor on a knob, and its reciprocal; good gains stay in reach of gains detuned tenfold."""
+"""Largest factor on a knob, and its reciprocal; good gains stay in reach of gains
+detuned tenfold."""
 
 
 class KnobError(ValueError):
@@ -52,7 +57,8 @@ class GainKnob:
     """Tunable gain: one common factor on several parameter values of a controller.
 
     Attributes:
-        path: path of the constants. unit: unit of the numbers, or nothing. numbers: place among the constants -> value.
+        path: path of the constants. unit: unit of the numbers, or nothing. numbers:
+            place among the constants -> value.
         least, most: bounds of the numbers.
     """
 
@@ -69,13 +75,21 @@ class GainKnob:
 
 
 def numbers_at(knobs: Sequence[GainKnob], logs: Sequence[float]) -> dict[Place, float]:
-    """Numbers of tunable gains by place, multiplied by each gain's factor, whose logarithm is given."""
+    """Numbers of tunable gains by place, multiplied by each gain's factor, whose
+    logarithm is given.
+    """
     pairs = zip(knobs, logs, strict=True)
-    return {place: value * math.exp(log) for knob, log in pairs for place, value in knob.numbers}
+    return {
+        place: value * math.exp(log)
+        for knob, log in pairs
+        for place, value in knob.numbers
+    }
 
 
 def inner_place(controller: Controller) -> Place:
-    """Parameter path of the innermost controller, inside wrappers such as the safety layer and the actuator layer."""
+    """Parameter path of the innermost controller, inside wrappers such as the safety
+    layer and the actuator layer.
+    """
     place: Place = ()
     par = controller.par
     while is_record(inner := getattr(par, "inner", None)):
@@ -83,7 +97,9 @@ def inner_place(controller: Controller) -> Place:
     return place
 
 
-def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | None = None) -> tuple[GainKnob, ...]:
+def find_knobs(
+    controller: Controller, law: str = "", chosen: Sequence[str] | None = None
+) -> tuple[GainKnob, ...]:
     """Find the tunable gains of a controller.
 
     Args:
@@ -97,18 +113,29 @@ def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | No
     layers = inner_place(controller)
     par = part(controller.par, layers)
     listed = tuned_factors().get(law)
-    candidates = [_knob_at(par, path) for path in listed] if listed else [*_gains_within(par, (), NUMBER, False)]
+    candidates = (
+        [_knob_at(par, path) for path in listed]
+        if listed
+        else [*_gains_within(par, (), NUMBER, False)]
+    )
     knobs = tuple(
-        replace(each, numbers=tuple(((*layers, *at), value) for at, value in each.numbers))
+        replace(
+            each, numbers=tuple(((*layers, *at), value) for at, value in each.numbers)
+        )
         for each in candidates
         if each is not None
     )
     if not knobs:
-        raise KnobError(f"controller = {shown(controller.name)}: has no gains: no positive number of its constants")
+        raise KnobError(
+            f"controller = {shown(controller.name)}: has no gains: no positive number"
+            " of its constants"
+        )
     return chosen_knobs(knobs, chosen)
 
 
-def chosen_knobs(knobs: tuple[GainKnob, ...], chosen: Sequence[str] | None) -> tuple[GainKnob, ...]:
+def chosen_knobs(
+    knobs: tuple[GainKnob, ...], chosen: Sequence[str] | None
+) -> tuple[GainKnob, ...]:
     """Tunable gains at the chosen paths or below them; all for None.
 
     Raises:
@@ -119,8 +146,13 @@ def chosen_knobs(knobs: tuple[GainKnob, ...], chosen: Sequence[str] | None) -> t
     for path in chosen:
         if not any(_is_meant(path, knob.path) for knob in knobs):
             there = [knob.path for knob in knobs]
-            raise KnobError(f"--knobs: {shown(path)}: {did_you_mean(path, there)}must be one of {', '.join(there)}")
-    return tuple(knob for knob in knobs if any(_is_meant(path, knob.path) for path in chosen))
+            raise KnobError(
+                f"--knobs: {shown(path)}: {did_you_mean(path, there)}must be one of"
+                f" {', '.join(there)}"
+            )
+    return tuple(
+        knob for knob in knobs if any(_is_meant(path, knob.path) for path in chosen)
+    )
 
 
 def _is_meant(word: str, path: str) -> bool:
@@ -134,20 +166,33 @@ def _knob_at(par: Tree, path: str) -> GainKnob | None:
         below = parts(record)
         if name not in below:
             return None
-        unit = declared_fields(type(record)).get(name, (None, unit))[1] if is_record(record) else unit
+        unit = (
+            declared_fields(type(record)).get(name, (None, unit))[1]
+            if is_record(record)
+            else unit
+        )
         record = below[name]
     return _knob(place, record, unit)
 
 
-def _gains_within(record: Tree, place: Place, unit: Unit, fixed: bool) -> Iterator[GainKnob]:
-    """Tunable gains in a nested dataclass of a controller's parameters, by the units of its fields."""
+def _gains_within(
+    record: Tree, place: Place, unit: Unit, fixed: bool
+) -> Iterator[GainKnob]:
+    """Tunable gains in a nested dataclass of a controller's parameters, by the units of
+    its fields.
+    """
     if is_record(record) and not isinstance(record, Vec3):
         declared = declared_fields(type(record))
         for name, value in parts(record).items():
             if not place and name in NOT_GAINS:
                 continue
             kind, own = declared.get(name, (None, NUMBER))
-            yield from _gains_within(value, (*place, name), own if own is not NUMBER else unit, _fixed_length(kind))
+            yield from _gains_within(
+                value,
+                (*place, name),
+                own if own is not NUMBER else unit,
+                _fixed_length(kind),
+            )
         return
     if not _is_gain(unit):
         return
@@ -172,9 +217,19 @@ def _is_gain(unit: Unit) -> bool:
 
 
 def _knob(place: Place, record: Tree, unit: Unit) -> GainKnob | None:
-    """Tunable gain made of all positive numbers in a parameter dataclass; None if all are zero."""
-    numbers = tuple((at, value) for at, value in walk(record, place) if type(value) is float and value > 0.0)
-    return GainKnob(path=".".join(place), unit=unit.unit, numbers=numbers) if numbers else None
+    """Tunable gain made of all positive numbers in a parameter dataclass; None if all
+    are zero.
+    """
+    numbers = tuple(
+        (at, value)
+        for at, value in walk(record, place)
+        if type(value) is float and value > 0.0
+    )
+    return (
+        GainKnob(path=".".join(place), unit=unit.unit, numbers=numbers)
+        if numbers
+        else None
+    )
 
 
 Numbers = list[tuple[float, ...]]
@@ -190,7 +245,8 @@ class Centred:
 
     Attributes:
         flight: flight with these gains. knobs: gains whose factors are 1 there.
-        starts: name -> (knobs,) logarithms of factors: the given gains first, then those of the catalogue.
+        starts: name -> (knobs,) logarithms of factors: the given gains first, then
+            those of the catalogue.
     """
 
     flight: Scenario
@@ -203,8 +259,11 @@ class Centred:
         return np.array(list(self.starts.values()))
 
 
-def with_catalogue_gains(flight: Scenario, knobs: tuple[GainKnob, ...], label: str) -> Centred:
-    """Tuning flight with the search centred at known gains of its law if there are any, else at the present gains.
+def with_catalogue_gains(
+    flight: Scenario, knobs: tuple[GainKnob, ...], label: str
+) -> Centred:
+    """Tuning flight with the search centred at known gains of its law if there are any,
+    else at the present gains.
 
     Args:
         flight: flight with the given gains.
@@ -226,7 +285,8 @@ def centre(
     catalogue: Mapping[str, Numbers],
     moved: Callable[[Mapping[Place, float]], Scenario],
 ) -> Centred:
-    """Flight with the search centred at the first of known gains if there are any, else at the present ones.
+    """Flight with the search centred at the first of known gains if there are any, else
+    at the present ones.
 
     Args:
         knobs: gains of the law.
@@ -234,28 +294,43 @@ def centre(
         moved: returns the flight with other numbers of the law.
     """
     names = list(catalogue)
-    if not names or not all(_same_shares(knob, at) for knob, at in zip(knobs, catalogue[names[0]], strict=True)):
+    if not names or not all(
+        _same_shares(knob, at)
+        for knob, at in zip(knobs, catalogue[names[0]], strict=True)
+    ):
         middle = [knob.values for knob in knobs]
     else:
         middle = catalogue[names[0]]
     centred = tuple(
-        replace(knob, numbers=tuple((place, at[i]) for i, (place, _) in enumerate(knob.numbers)))
+        replace(
+            knob,
+            numbers=tuple((place, at[i]) for i, (place, _) in enumerate(knob.numbers)),
+        )
         for knob, at in zip(knobs, middle, strict=True)
     )
     place = moved({place: number for knob in centred for place, number in knob.numbers})
     starts = {GIVEN: _log_factors([knob.values for knob in knobs], middle)}
     for name in dict.fromkeys(names):
         row = _log_factors(catalogue[name], middle)
-        # the given gains do not count: with good ones and with bad ones a search asks for as many others
-        if not any(np.allclose(row, other, atol=1e-9) for key, other in starts.items() if key != GIVEN):
+        # the given gains do not count: with good ones and with bad ones a search asks
+        # for as many others
+        if not any(
+            np.allclose(row, other, atol=1e-9)
+            for key, other in starts.items()
+            if key != GIVEN
+        ):
             starts[name] = row
     return Centred(flight=place, knobs=centred, starts=starts)
 
 
-def _catalogue_gains(scenario: Scenario, knobs: tuple[GainKnob, ...]) -> dict[str, Numbers]:
-    """Known gains of a control law: name of default, tuned or preset gains -> their values.
+def _catalogue_gains(
+    scenario: Scenario, knobs: tuple[GainKnob, ...]
+) -> dict[str, Numbers]:
+    """Known gains of a control law: name of default, tuned or preset gains -> their
+    values.
 
-    None for a law that the catalogue does not know; no numbers of a knob that a preset does not have.
+    None for a law that the catalogue does not know; no numbers of a knob that a preset
+    does not have.
     """
     law = scenario.agent.controller.name
     names = [f"{law}{TUNED}"] if law in tuned_factors() else []
@@ -272,16 +347,21 @@ def _catalogue_gains(scenario: Scenario, knobs: tuple[GainKnob, ...]) -> dict[st
         except KnobError:
             continue
         gains[name] = [
-            theirs[knob.path].values
-            if knob.path in theirs and len(theirs[knob.path].numbers) == len(knob.numbers)
-            else ()
+            (
+                theirs[knob.path].values
+                if knob.path in theirs
+                and len(theirs[knob.path].numbers) == len(knob.numbers)
+                else ()
+            )
             for knob in knobs
         ]
     return gains
 
 
 def _make(name: str, model: object, facts: Mapping[str, object]) -> Controller | None:
-    """Create a controller from its catalogue name; None if it does not fit the vehicle."""
+    """Create a controller from its catalogue name; None if it does not fit the
+    vehicle.
+    """
     try:
         return make_named(name, model, facts)  # type: ignore[arg-type]
     except (ControllerError, AllocationError):
@@ -297,8 +377,13 @@ def _same_shares(knob: GainKnob, numbers: tuple[float, ...]) -> bool:
 
 
 def _log_factors(numbers: Numbers, middle: Numbers) -> tuple[float, ...]:
-    """Logarithms of the factors between two sets of gains, by the geometric means of their values."""
-    return tuple(_mean(at) - _mean(base) if at else 0.0 for at, base in zip(numbers, middle, strict=True))
+    """Logarithms of the factors between two sets of gains, by the geometric means of
+    their values.
+    """
+    return tuple(
+        _mean(at) - _mean(base) if at else 0.0
+        for at, base in zip(numbers, middle, strict=True)
+    )
 
 
 def _mean(numbers: tuple[float, ...]) -> float:

@@ -1,4 +1,6 @@
-"""Law that a search for gains tunes: its flights, scores and tables; here the law of one vehicle."""
+"""Law that a search for gains tunes: its flights, scores and tables; here the law of
+one vehicle.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,12 @@ from skyarm.studies.tune.candidate_flights import CandidateFlights, shorten
 from skyarm.studies.tune.excitation import KINDS, draw_plants, tuning_flight
 from skyarm.studies.tune.front import POINTS
 from skyarm.studies.tune.hover_margins import HoverMargins, required_margins
-from skyarm.studies.tune.law_knobs import GainKnob, find_knobs, inner_place, with_catalogue_gains
+from skyarm.studies.tune.law_knobs import (
+    GainKnob,
+    find_knobs,
+    inner_place,
+    with_catalogue_gains,
+)
 from skyarm.view.pages import Facts
 
 
@@ -23,11 +30,15 @@ class SearchSizes:
     """Sizes of a search: its usual numbers, and those of the stages after its rounds.
 
     Attributes:
-        candidates, plants: usual numbers of sets of gains, and of perturbed plants that each flies.
+        candidates, plants: usual numbers of sets of gains, and of perturbed plants that
+            each flies.
         pool: plants for the leaders of the scatter, over those of the search.
-        semifinalists, further: candidates that fly once more, and plants that they fly, since a few plants flatter.
-        points: largest number of sets of the front. unseen: plants that judge it, none of which is in the search.
-        aside: plants of the final check of the pick and the starts, by which nothing is chosen.
+        semifinalists, further: candidates that fly once more, and plants that they fly,
+            since a few plants flatter.
+        points: largest number of sets of the front. unseen: plants that judge it, none
+            of which is in the search.
+        aside: plants of the final check of the pick and the starts, by which nothing is
+            chosen.
     """
 
     candidates: int = 1640
@@ -41,14 +52,19 @@ class SearchSizes:
 
 
 class Subject:
-    """Law of one vehicle that a search tunes, on drawn motions, with margins in hover; base class of the law of a team.
+    """Law of one vehicle that a search tunes, on drawn motions, with margins in hover;
+    base class of the law of a team.
 
     Attributes:
         stages: sizes of a search. kinds: kinds of motion, or of disturbance.
-        score_names: score of a set of gains -> its name in files. further: columns of a table beside the usual.
-        has_gains_file: whether gains are written as a file for ``--laws``, else as scenarios.
-        after: plants of the final check, in words. draw: draws perturbed plants; of mixed ones each has one kind.
-        centred: flight with the search centred at known gains. flights: flies candidates. margins: their margins.
+        score_names: score of a set of gains -> its name in files. further: columns of a
+            table beside the usual.
+        has_gains_file: whether gains are written as a file for ``--laws``, else as
+            scenarios.
+        after: plants of the final check, in words. draw: draws perturbed plants; of
+            mixed ones each has one kind.
+        centred: flight with the search centred at known gains. flights: flies
+            candidates. margins: their margins.
         required: margins that gains must have.
     """
 
@@ -67,7 +83,9 @@ class Subject:
     required = staticmethod(required_margins)
 
     def label(self, scenario: Scenario, named: str | None = None) -> str:
-        """Name of the law that is tuned; ``named`` is a law in place of the scenario's."""
+        """Name of the law that is tuned; ``named`` is a law in place of the
+        scenario's.
+        """
         return named or scenario.agent.controller.name
 
     def title(self, scenario: Scenario) -> str:
@@ -75,37 +93,63 @@ class Subject:
         return scenario.agent.vehicle.name
 
     def error(self, scenario: Scenario) -> str:
-        """Column head of the position error: of the tip, or of the base if there is no tip."""
+        """Column head of the position error: of the tip, or of the base if there is no
+        tip.
+        """
         return "tip error" if scenario.agent.vehicle.end_effector else "base error"
 
     def columns(self, scenario: Scenario) -> Collection[str]:
         """Groups of columns in the tables of results, beside those that all have."""
-        return ("margins", "effort", "joints") if scenario.agent.vehicle.n else ("margins",)
+        return (
+            ("margins", "effort", "joints")
+            if scenario.agent.vehicle.n
+            else ("margins",)
+        )
 
     def scenes(self, scenario: Scenario, moves: bool) -> dict[str, Scenario]:
-        """Scenarios of a plan by their names there; its own motion is flown, too, if it ``moves``."""
+        """Scenarios of a plan by their names there; its own motion is flown, too, if it
+        ``moves``.
+        """
         flight, own = tuning_flight(scenario), tuning_flight(scenario, own_motion=True)
-        scenes = {"flight": flight, "check": flight, "aside": tuning_flight(scenario, unseen=True)}
+        scenes = {
+            "flight": flight,
+            "check": flight,
+            "aside": tuning_flight(scenario, unseen=True),
+        }
         return scenes | ({"check": own, "own": shorten(own)} if moves else {})
 
     def constants(self, scenario: Scenario) -> tuple[Tree, Place]:
-        """Record with the numbers of the law, and the place in it where the paths of gains begin."""
+        """Record with the numbers of the law, and the place in it where the paths of
+        gains begin.
+        """
         return scenario.agent.controller.par, inner_place(scenario.agent.controller)
 
-    def knobs(self, scenario: Scenario, chosen: Sequence[str] | None) -> tuple[GainKnob, ...]:
+    def knobs(
+        self, scenario: Scenario, chosen: Sequence[str] | None
+    ) -> tuple[GainKnob, ...]:
         """Tunable gains of the law; all for None."""
-        return find_knobs(scenario.agent.controller, scenario.agent.controller.name, chosen)
+        return find_knobs(
+            scenario.agent.controller, scenario.agent.controller.name, chosen
+        )
 
     def under(self, scenario: Scenario, numbers: Mapping[Place, float]) -> Scenario:
-        """Scenario with other numbers of the law, by their places among its constants."""
+        """Scenario with other numbers of the law, by their places among its
+        constants.
+        """
         law = scenario.agent.controller
-        return scenario.with_controller(dataclasses.replace(law, par=replace_at(law.par, numbers)))
+        return scenario.with_controller(
+            dataclasses.replace(law, par=replace_at(law.par, numbers))
+        )
 
     def origin(self, scenario: Scenario) -> Facts:
         """Digests of what flew, as plain data."""
         vehicle = scenario.agent.vehicle
         model = scenario.agent.model.vehicle
-        return {"vehicle": vehicle.name, "vehicle_digest": identity(vehicle), "belief_digest": identity(model)}
+        return {
+            "vehicle": vehicle.name,
+            "vehicle_digest": identity(vehicle),
+            "belief_digest": identity(model),
+        }
 
 
 VEHICLE = Subject()

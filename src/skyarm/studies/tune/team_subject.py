@@ -1,12 +1,15 @@
-"""Law of a team as the subject of a search: what its candidates fly, and how they are scored.
+"""Law of a team as the subject of a search: what its candidates fly, and how they are
+scored.
 
-The flight is the scenario's own. The plants are those of the conditions "noise", "masses" and "misplaced" of the team
-suite (:mod:`skyarm.studies.compare.team_suite`) in turn: as the scenario has them; every vehicle and the body heavier
-or lighter; the grasp of each member 2 cm off. All have noise. At last the masses are drawn and a grasp is off in the
-same flight.
+The flight is the scenario's own. The plants are those of the conditions "noise",
+"masses" and "misplaced" of the team suite (:mod:`skyarm.studies.compare.team_suite`) in
+turn: as the scenario has them; every vehicle and the body heavier or lighter; the grasp
+of each member 2 cm off. All have noise. At last the masses are drawn and a grasp is off
+in the same flight.
 
-Knobs are the options whose fields state an effect. The error of a flight is the geometric mean of the body's error of
-position and of the RMS error of the pull: each counts by its ratio of improvement. A team has no margins.
+Knobs are the options whose fields state an effect. The error of a flight is the
+geometric mean of the body's error of position and of the RMS error of the pull: each
+counts by its ratio of improvement. A team has no margins.
 """
 
 from __future__ import annotations
@@ -29,11 +32,25 @@ from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.studies.trial.trial import NOISE
-from skyarm.studies.tune.candidate_flights import LARGEST_TILT, LIMITED, LOST, OWN, CandidateFlights, Flown, penalize
+from skyarm.studies.tune.candidate_flights import (
+    LARGEST_TILT,
+    LIMITED,
+    LOST,
+    OWN,
+    CandidateFlights,
+    Flown,
+    penalize,
+)
 from skyarm.studies.tune.excitation import Plants, with_noise
 from skyarm.studies.tune.front import Required
 from skyarm.studies.tune.hover_margins import HoverMargins
-from skyarm.studies.tune.law_knobs import Centred, GainKnob, KnobError, centre, chosen_knobs
+from skyarm.studies.tune.law_knobs import (
+    Centred,
+    GainKnob,
+    KnobError,
+    centre,
+    chosen_knobs,
+)
 from skyarm.studies.tune.subject import SearchSizes, Subject
 from skyarm.view.pages import Facts
 
@@ -42,17 +59,25 @@ if TYPE_CHECKING:
     from skyarm.world.team.team import Team
 
 AS_IT_IS, MASSES, FIRST_OFF = 0, 1, OWN + 1
-"""Kinds of plants: as the scenario has it, with other masses, and from the last one on a grasp off, one a member.
+"""Kinds of plants: as the scenario has it, with other masses, and from the last one on
+a grasp off, one a member.
 
-Kinds have quantiles of their own: what a leader's grasp that is off costs, no options of followers mend."""
+Kinds have quantiles of their own: what a leader's grasp that is off costs, no options
+of followers mend."""
 
 OFF = 0.02
-"""Distance (m) by which a grasp is off, along the line from the middle of all grasps, outward or inward."""
+"""Distance (m) by which a grasp is off, along the line from the middle of all grasps,
+outward or inward."""
 
 CHANNEL = 31
 """Channel of the random generator, separate from those of plants, motions and noise."""
 
-POSITION, PULL, JITTER, TILT = "team_position_mean", "team_pull_rms", "rotor_jitter", "tilt_max"
+POSITION, PULL, JITTER, TILT = (
+    "team_position_mean",
+    "team_pull_rms",
+    "rotor_jitter",
+    "tilt_max",
+)
 
 WITHOUT = "they are of one vehicle, and the law of a team was tuned"
 """Reason why no margins are computed."""
@@ -64,14 +89,20 @@ def team_of(scenario: Scenario) -> Team:
 
 
 def team_flight(scenario: Scenario) -> Scenario:
-    """Scenario with noise where it has none, and with paths of tips whose grasps can be off."""
+    """Scenario with noise where it has none, and with paths of tips whose grasps can be
+    off.
+    """
     team, agents = team_of(scenario), dict(scenario.agents)
     if not (team.position_noise or team.attitude_noise):
-        team = replace(team, position_noise=NOISE.position, attitude_noise=NOISE.attitude)
+        team = replace(
+            team, position_noise=NOISE.position, attitude_noise=NOISE.attitude
+        )
     for member in team.members:
         own = agents[member.agent].reference
         if own.tip is not None and team.motion is not None:
-            path = replace(member, taken=member.taken or member.place).path(team.motion, team.take)
+            path = replace(member, taken=member.taken or member.place).path(
+                team.motion, team.take
+            )
             tip = replace(own.tip, x=path.x, y=path.y, z=path.z)
             moved = replace(own, tip=tip)
             agents[member.agent] = replace(agents[member.agent], reference=moved)
@@ -80,16 +111,22 @@ def team_flight(scenario: Scenario) -> Scenario:
 
 
 def masses(scenario: Scenario) -> list[list[str]]:
-    """Paths of the masses of each vehicle, and last of the body that the team carries."""
+    """Paths of the masses of each vehicle, and last of the body that the team
+    carries.
+    """
     own = [
-        [f"agents.{name}.plant.vehicle.{body}.mass" for body in ("base", *(f"links.{i}.body" for i in range(each.n)))]
+        [
+            f"agents.{name}.plant.vehicle.{body}.mass"
+            for body in ("base", *(f"links.{i}.body" for i in range(each.n)))
+        ]
         for name, each in scenario.vehicles.items()
     ]
     return [*own, [f"world.objects.{team_of(scenario).object}.mass"]]
 
 
 def grasp_numbers(scenario: Scenario, member: int, along: Array) -> dict[str, Array]:
-    """Numbers of flights whose grasp is further from the middle of all than the team supposes.
+    """Numbers of flights whose grasp is further from the middle of all than the team
+    supposes.
 
     Args:
         scenario: flight as :func:`team_flight` makes it.
@@ -97,23 +134,37 @@ def grasp_numbers(scenario: Scenario, member: int, along: Array) -> dict[str, Ar
         along: m, (flights,) how much further.
     """
     team = team_of(scenario)
-    agent, equal = team.members[member].agent, team.with_masses([1.0] * len(team.members))
+    agent, equal = (
+        team.members[member].agent,
+        team.with_masses([1.0] * len(team.members)),
+    )
     outward = equal.outward([each.place for each in team.members])[member]
     held = enumerate(cast("Contact", scenario.world).grasps)
-    grasp = next(i for i, each in held if (each.agent, each.body) == (agent, team.object))
+    grasp = next(
+        i for i, each in held if (each.agent, each.body) == (agent, team.object)
+    )
     values: dict[str, Array] = {}
     for k, axis in enumerate("xyz"):
-        # a tip takes hold where it is, and the team supposes another place; on a cable the place itself is another
+        # a tip takes hold where it is, and the team supposes another place; on a cable
+        # the place itself is another
         tip = f"agents.{agent}.reference.tip"
-        paths = [f"team.members.{member}.place.{axis}", *(f"{tip}.{c}.place.{k}.signals.1.height" for c in "xyz")]
+        paths = [
+            f"team.members.{member}.place.{axis}",
+            *(f"{tip}.{c}.place.{k}.signals.1.height" for c in "xyz"),
+        ]
         on_cable = scenario.agents[agent].reference.tip is None
         for path in [f"world.grasps.{grasp}.place.{axis}"] if on_cable else paths:
-            values[path] = number_at(scenario, path) + along * float(outward[k]) * (1.0 if on_cable else -1.0)
+            values[path] = number_at(scenario, path) + along * float(outward[k]) * (
+                1.0 if on_cable else -1.0
+            )
     return values
 
 
-def draw_team_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = False) -> Plants:
-    """Draw perturbed plants: of ``mixed`` ones each is of one kind, else all have other masses and a grasp off.
+def draw_team_plants(
+    scenario: Scenario, count: int, *, seed: int, mixed: bool = False
+) -> Plants:
+    """Draw perturbed plants: of ``mixed`` ones each is of one kind, else all have other
+    masses and a grasp off.
 
     Args:
         scenario: flight as :func:`team_flight` makes it.
@@ -130,15 +181,22 @@ def draw_team_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool =
         factor = 1.0 + spread.mass * numbers * ((kinds == MASSES) | (not mixed))
         values |= {path: number_at(scenario, path) * factor for path in paths}
     for i, kind in enumerate(offs):
-        values |= grasp_numbers(scenario, i, OFF * np.sign(drawn[:, -1]) * (kinds == kind))
+        values |= grasp_numbers(
+            scenario, i, OFF * np.sign(drawn[:, -1]) * (kinds == kind)
+        )
     return Plants(spread=spread, eased=1.0, values=values, kinds=kinds)
 
 
 def at_defaults(flight: Scenario, knobs: tuple[GainKnob, ...], label: str) -> Centred:
     """Flight with the search centred at the defaults of the law of its team."""
-    usual: dict[str, Any] = {each.name: each.default for each in fields(team_of(flight))}
+    usual: dict[str, Any] = {
+        each.name: each.default for each in fields(team_of(flight))
+    }
     # an option whose default is 0, or that has none, is searched around its given value
-    numbers = [(float(usual[k.path]),) if _is_above_0(usual[k.path]) else k.values for k in knobs]
+    numbers = [
+        (float(usual[k.path]),) if _is_above_0(usual[k.path]) else k.values
+        for k in knobs
+    ]
     return centre(knobs, {label: numbers}, lambda moved: with_options(flight, moved))
 
 
@@ -158,16 +216,28 @@ class TeamCandidates(CandidateFlights):
     word = "team"
 
     def _stiffest(self, scenario: Scenario) -> Scenario:
-        lightest = {path: number_at(scenario, path) * (1.0 - Spread().mass) for path in masses(scenario)[-1]}
+        lightest = {
+            path: number_at(scenario, path) * (1.0 - Spread().mass)
+            for path in masses(scenario)[-1]
+        }
         return with_numbers(scenario, lightest)
 
     def _metrics(self, scenario: Scenario, saturation: bool) -> tuple[str, ...]:
         return row_names((POSITION, PULL, JITTER, LIMITED, TILT), scenario.setpoints)
 
-    def _outcome(self, completed: Mask, table: Callable[[str], Array], kinds: IntArray) -> Flown:
+    def _outcome(
+        self, completed: Mask, table: Callable[[str], Array], kinds: IntArray
+    ) -> Flown:
         def largest(name: str) -> Array:
             """Metric of the vehicle that has the largest."""
-            found: Array = np.max([table(each) for each in self._work.metrics if catalogue_names([each]) == {name}], 0)
+            found: Array = np.max(
+                [
+                    table(each)
+                    for each in self._work.metrics
+                    if catalogue_names([each]) == {name}
+                ],
+                0,
+            )
             return found
 
         lost = ~completed | ~(largest(TILT) < LARGEST_TILT)
@@ -201,7 +271,12 @@ class TeamSubject(Subject):
     """Law of a team, on the scenario's own motion."""
 
     score_names = MappingProxyType(
-        {"error": "error", "tip": "position_m", "pull": "pull_n", "jitter": "jitter_rad_s"}
+        {
+            "error": "error",
+            "tip": "position_m",
+            "pull": "pull_n",
+            "jitter": "jitter_rad_s",
+        }
         | {name: name for name in ("lost", "saturated")}
     )
     kinds = ("noise", "masses", "misplaced")
@@ -214,7 +289,16 @@ class TeamSubject(Subject):
     margins = NoMargins
     required = staticmethod(no_required_margins)
 
-    stages = SearchSizes(candidates=234, plants=8, pool=2, semifinalists=12, further=16, points=8, unseen=24, aside=24)
+    stages = SearchSizes(
+        candidates=234,
+        plants=8,
+        pool=2,
+        semifinalists=12,
+        further=16,
+        points=8,
+        unseen=24,
+        aside=24,
+    )
 
     def label(self, scenario: Scenario, named: str | None = None) -> str:
         """Name of the team's law."""
@@ -240,15 +324,23 @@ class TeamSubject(Subject):
         """Law with its options."""
         return team_of(scenario), ()
 
-    def knobs(self, scenario: Scenario, chosen: Sequence[str] | None) -> tuple[GainKnob, ...]:
+    def knobs(
+        self, scenario: Scenario, chosen: Sequence[str] | None
+    ) -> tuple[GainKnob, ...]:
         """Options above zero whose fields state an effect."""
         team = team_of(scenario)
         knobs = tuple(
             GainKnob(
-                path=name, unit=unit.unit, numbers=(((name,), float(value)),), least=max(unit.low, 0.0), most=unit.high
+                path=name,
+                unit=unit.unit,
+                numbers=(((name,), float(value)),),
+                least=max(unit.low, 0.0),
+                most=unit.high,
             )
             for name, unit in units(type(team)).items()
-            if unit.effect and not unit.fixed and _is_above_0(value := getattr(team, name))
+            if unit.effect
+            and not unit.fixed
+            and _is_above_0(value := getattr(team, name))
         )
         if not knobs:
             words = "has no options to tune: none above 0 that states an effect"

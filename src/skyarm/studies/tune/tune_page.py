@@ -1,4 +1,6 @@
-"""Results of a tuning: gain files for scenarios, lines of text, and a page with a slider over control effort."""
+"""Results of a tuning: gain files for scenarios, lines of text, and a page with a
+slider over control effort.
+"""
 
 from __future__ import annotations
 
@@ -19,23 +21,37 @@ DIGITS = 6
 """Number of significant digits of a gain in a file."""
 
 
-GROUPS = {"pull error": "pull", "effort": "effort", "delay": "margins", "rotors": "margins", "joints": "joints"}
+GROUPS = {
+    "pull error": "pull",
+    "effort": "effort",
+    "delay": "margins",
+    "rotors": "margins",
+    "joints": "joints",
+}
 """Head of a column that not every table has -> group of columns that it is of."""
 
 
 def front_name(number: int) -> str:
-    """File name of a set of gains of the Pareto front, numbered from low to high control effort."""
+    """File name of a set of gains of the Pareto front, numbered from low to high
+    control effort.
+    """
     return f"front_{number + 1}.toml"
 
 
 def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
-    """Gains of one set of the Pareto front, as in a gain file: parameter path -> value or list."""
+    """Gains of one set of the Pareto front, as in a gain file: parameter path -> value
+    or list.
+    """
     subject, flight = tuning.plan.subject, tuning.plan.flight
     tuned, below = subject.constants(tuning.under(flight, point))
     gains: dict[str, float | list[float]] = {}
     for knob in tuning.plan.knobs:
         place = (*below, *knob.path.split("."))
-        values = [_short(float(value)) for _, value in walk(part(tuned, place), place) if isinstance(value, float)]
+        values = [
+            _short(float(value))
+            for _, value in walk(part(tuned, place), place)
+            if isinstance(value, float)
+        ]
         gains[knob.path] = values[0] if len(set(values)) == 1 else values
     return gains
 
@@ -54,16 +70,28 @@ def gains_text(tuning: Tuning, point: Point, words: Facts, kept: Facts) -> str:
     before = gains_of(tuning, tuning.before)
     units = {knob.path: knob.unit for knob in plan.knobs}
     lines = [
-        f"# Gains of {plan.label} for {plan.subject.title(plan.flight)}, written by skyarm tune.",
-        '# In a scenario: [controller] tuned = "THIS FILE"; on a command line: --laws THIS FILE',
+        (
+            f"# Gains of {plan.label} for {plan.subject.title(plan.flight)}, written by"
+            " skyarm tune."
+        ),
+        (
+            '# In a scenario: [controller] tuned = "THIS FILE"; on a command line:'
+            " --laws THIS FILE"
+        ),
         "schema = 1",
         *_table("law", words),
         "",
         "[gains]",
     ]
     for path, value in gains.items():
-        note = f"    # {units[path]}, was {toml_value(before[path])}" if path in units else ""
-        lines.append(f"{toml_key(path)} = {toml_value(value)}{note.replace('# , was', '# was')}")
+        note = (
+            f"    # {units[path]}, was {toml_value(before[path])}"
+            if path in units
+            else ""
+        )
+        lines.append(
+            f"{toml_key(path)} = {toml_value(value)}{note.replace('# , was', '# was')}"
+        )
     lines += _table("about", about(tuning))
     lines += _table("about.before", plain_point(tuning, tuning.before))
     lines += _table("about.after", plain_point(tuning, point))
@@ -74,7 +102,9 @@ def gains_text(tuning: Tuning, point: Point, words: Facts, kept: Facts) -> str:
 
 
 def about(tuning: Tuning) -> Facts:
-    """Origin of the tuned gains: scenario, vehicle, digests and search settings, as plain data."""
+    """Origin of the tuned gains: scenario, vehicle, digests and search settings, as
+    plain data.
+    """
     plan = tuning.plan
     return {
         **plan.facts(),
@@ -106,14 +136,22 @@ def plain_aside(tuning: Tuning, aside: Aside) -> dict[str, float | str | bool]:
 def _scores(tuning: Tuning, scored: Point | Aside) -> dict[str, float | str]:
     """Scores that the subject of a tuning has, by their names in files."""
     names, numbers = tuning.plan.subject.score_names, parts(scored)
-    return {names[name]: _short(float(numbers[name])) for name in names if name in numbers}
+    return {
+        names[name]: _short(float(numbers[name])) for name in names if name in numbers
+    }
 
 
 def plain_margins(margins: LoopMargins) -> dict[str, float | str]:
-    """Stability margins as plain data; margins beyond the examined range are omitted."""
+    """Stability margins as plain data; margins beyond the examined range are
+    omitted.
+    """
     if margins.why_none:
         return {"no_margins": margins.why_none}
-    delay: dict[str, float | str] = {"delay_margin_s": _short(margins.delay)} if math.isfinite(margins.delay) else {}
+    delay: dict[str, float | str] = (
+        {"delay_margin_s": _short(margins.delay)}
+        if math.isfinite(margins.delay)
+        else {}
+    )
     return delay | {
         f"{name}_gain_{side}": _short(value)
         for name, pair in (("rotor", margins.rotors), ("joint", margins.joints))
@@ -123,7 +161,11 @@ def plain_margins(margins: LoopMargins) -> dict[str, float | str]:
 
 
 def _table(head: str, values: Facts) -> Sequence[str]:
-    return ["", f"[{head}]", *(f"{toml_key(name)} = {toml_value(value)}" for name, value in values.items())]
+    return [
+        "",
+        f"[{head}]",
+        *(f"{toml_key(name)} = {toml_value(value)}" for name, value in values.items()),
+    ]
 
 
 def _short(value: float) -> float:
@@ -134,14 +176,17 @@ def tune_page(found: Tuning) -> str:
     """HTML page of a tuning's results, in one self-contained file."""
     plan, subject = found.plan, found.plan.subject
     facts = (
-        f"{plan.effort.candidates} candidates on {plan.effort.plants} perturbed plants; the front on "
-        f"{plan.stages.unseen} plants that the search did not use; seed {plan.seed}"
+        f"{plan.effort.candidates} candidates on {plan.effort.plants} perturbed plants;"
+        f" the front on {plan.stages.unseen} plants that the search did not use; seed"
+        f" {plan.seed}"
     )
     body = render_template(
         "studies/tune/tune.html",
         found=found,
         rule=rule_words(found),
-        style=(resources.files("skyarm.studies.tune") / "tune_page.css").read_text("utf-8"),
+        style=(resources.files("skyarm.studies.tune") / "tune_page.css").read_text(
+            "utf-8"
+        ),
         error=subject.error(plan.flight),
         columns=subject.columns(plan.flight),
         table="gains" if subject.has_gains_file else "team",
@@ -158,7 +203,8 @@ def tune_page(found: Tuning) -> str:
 
 
 def front_lines(found: Tuning, seconds: float) -> list[str]:
-    """Lines of text with the Pareto front of a tuning, and a check on plants and a path not used for tuning.
+    """Lines of text with the Pareto front of a tuning, and a check on plants and a path
+    not used for tuning.
 
     Args:
         found: result.
@@ -167,29 +213,63 @@ def front_lines(found: Tuning, seconds: float) -> list[str]:
     plan, subject = found.plan, found.plan.subject
     error, columns = subject.error(plan.flight), subject.columns(plan.flight)
     absent = {name for name, group in GROUPS.items() if group not in columns}
-    head: Row = ("", error, "pull error", "jitter", "effort", "lost", "saturated", "delay", "rotors", "joints")
+    head: Row = (
+        "",
+        error,
+        "pull error",
+        "jitter",
+        "effort",
+        "lost",
+        "saturated",
+        "delay",
+        "rotors",
+        "joints",
+    )
     rows = list[Row]()
     for i, point in enumerate((found.before, *found.points)):
         mark = "before" if i == 0 else "pick" if i - 1 == found.picked else ""
-        numbers = (f"{point.jitter:.3g}", f"{point.effort:.3g}", f"{point.lost:.0%}", f"{point.saturated:.1%}")
+        numbers = (
+            f"{point.jitter:.3g}",
+            f"{point.effort:.3g}",
+            f"{point.lost:.0%}",
+            f"{point.saturated:.1%}",
+        )
         rows.append((mark, *_errors(point), *numbers, *_margins(point.margins)))
     aside = [
-        (name, *_errors(x), f"{x.jitter:.3g}", f"{x.lost:.1%}", "yes" if x.meets else "no")
+        (
+            name,
+            *_errors(x),
+            f"{x.jitter:.3g}",
+            f"{x.lost:.1%}",
+            "yes" if x.meets else "no",
+        )
         for name, x in found.aside.items()
     ]
     return [
         f"{plan.label} for {subject.title(plan.flight)}, from calm to stiff",
         *aligned_lines(_without(absent, [head, *rows])),
-        f"{plan.effort.candidates} candidates on {plan.effort.plants} perturbed plants, the front on "
-        f"{plan.stages.unseen} others: {seconds:.0f} s",
+        (
+            f"{plan.effort.candidates} candidates on {plan.effort.plants} perturbed"
+            f" plants, the front on {plan.stages.unseen} others: {seconds:.0f} s"
+        ),
         f"on {plan.stages.aside} {subject.after}:",
-        *aligned_lines(_without(absent, [("", error, "pull error", "jitter", "lost", "meets all"), *aside])),
+        *aligned_lines(
+            _without(
+                absent,
+                [("", error, "pull error", "jitter", "lost", "meets all"), *aside],
+            )
+        ),
     ]
 
 
 def _without(absent: Collection[str], rows: Sequence[Row]) -> list[Row]:
     """Rows without the columns of some heads; the first row has the heads."""
-    return [tuple(cell for name, cell in zip(rows[0], row, strict=True) if name not in absent) for row in rows]
+    return [
+        tuple(
+            cell for name, cell in zip(rows[0], row, strict=True) if name not in absent
+        )
+        for row in rows
+    ]
 
 
 def _errors(scored: Point | Aside) -> tuple[str, str]:
@@ -201,7 +281,9 @@ def _margins(margins: LoopMargins) -> tuple[str, str, str]:
     """Format delay and gain margins for a table row; dashes if they are missing."""
     if margins.why_none:
         return "-", "-", "-"
-    rotors, joints = ("-".join(f"{k:.2f}" for k in pair) for pair in (margins.rotors, margins.joints))
+    rotors, joints = (
+        "-".join(f"{k:.2f}" for k in pair) for pair in (margins.rotors, margins.joints)
+    )
     return f"{1e3 * margins.delay:.3g} ms", rotors, joints
 
 
@@ -212,7 +294,10 @@ def plain_tuning(found: Tuning) -> Facts:
         "scenario": found.plan.check.name,
         "about": about(found),
         "before": plain_point(found, found.before),
-        "front": [plain_point(found, point) | {"gains": gains_of(found, point)} for point in found.points],
+        "front": [
+            plain_point(found, point) | {"gains": gains_of(found, point)}
+            for point in found.points
+        ],
         "picked": found.picked,
         "aside": {name: plain_aside(found, each) for name, each in found.aside.items()},
         "meets_constraints": found.meets,

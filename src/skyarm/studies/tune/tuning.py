@@ -1,11 +1,14 @@
-"""Gain tuning for one vehicle and its loop, or for a team: from a scenario to a Pareto front and the selected gains.
+"""Gain tuning for one vehicle and its loop, or for a team: from a scenario to a Pareto
+front and the selected gains.
 
-The search flies :func:`skyarm.studies.tune.excitation.tuning_flight` through perturbed plants, each with its own
-motion, every fourth with the scenario's where there is one; its best candidates from calm to stiff fly further plants,
-and the rest of them others again, along the scenario's own motion, and have their margins computed in hover. The given
-gains and those of the catalogue for this law go all that way with them. The pick follows from
-:data:`skyarm.studies.tune.front.RULE`; at last it and all starts fly plants and a path by which nothing was chosen.
-What a team flies instead is in :mod:`skyarm.studies.tune.team_subject`.
+The search flies :func:`skyarm.studies.tune.excitation.tuning_flight` through perturbed
+plants, each with its own motion, every fourth with the scenario's where there is one;
+its best candidates from calm to stiff fly further plants, and the rest of them others
+again, along the scenario's own motion, and have their margins computed in hover. The
+given gains and those of the catalogue for this law go all that way with them. The pick
+follows from :data:`skyarm.studies.tune.front.RULE`; at last it and all starts fly
+plants and a path by which nothing was chosen. What a team flies instead is in
+:mod:`skyarm.studies.tune.team_subject`.
 """
 
 from __future__ import annotations
@@ -26,7 +29,15 @@ from skyarm.scenario.scenario_file import as_scenario, is_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.flights import Crew, Store
 from skyarm.studies.flights.executor import LOCAL, Progress, require_place
-from skyarm.studies.tune.candidate_flights import WEIGHTS, CandidateFlights, Flown, Scores, of_drawn, scores, with_own
+from skyarm.studies.tune.candidate_flights import (
+    WEIGHTS,
+    CandidateFlights,
+    Flown,
+    Scores,
+    of_drawn,
+    scores,
+    with_own,
+)
 from skyarm.studies.tune.excitation import Plants, of_vehicle, with_lost
 from skyarm.studies.tune.front import Point, Required, finalists, front_of, is_allowed
 from skyarm.studies.tune.gain_search import Effort, search, with_margins
@@ -39,7 +50,8 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.pages import Facts
 
 LEADERS = 3
-"""Number of leading candidates of the scatter, for each weight, whose margins are evaluated."""
+"""Number of leading candidates of the scatter, for each weight, whose margins are
+evaluated."""
 
 PICKED = "pick"
 """Name of the pick among the checked gains."""
@@ -50,10 +62,13 @@ class TuningPlan:
     """Settings of a gain tuning: flights, tunable gains, size of the search, seed.
 
     Attributes:
-        flight: scores candidates. check: scores the front, with another motion. aside: validates the result, along
-            a path not used in tuning. own: scores candidates along the scenario's own motion, where it has one.
-        knobs: tunable gains. effort: size of the search. seed: seed of plants, noise and search.
-        label: name of the law as requested. subject: how the law is flown and scored. stages: sizes after its rounds.
+        flight: scores candidates. check: scores the front, with another motion. aside:
+            validates the result, along a path not used in tuning. own: scores
+            candidates along the scenario's own motion, where it has one.
+        knobs: tunable gains. effort: size of the search. seed: seed of plants, noise
+            and search.
+        label: name of the law as requested. subject: how the law is flown and scored.
+            stages: sizes after its rounds.
     """
 
     flight: Scenario
@@ -68,9 +83,15 @@ class TuningPlan:
     subject: Subject = VEHICLE
 
     def facts(self) -> Facts:
-        """Settings that determine a tuning's result besides scenario and controller, as plain data."""
+        """Settings that determine a tuning's result besides scenario and controller, as
+        plain data.
+        """
         return {
-            **{name: text for name, text in versions("cmaes").items() if name != "python"},
+            **{
+                name: text
+                for name, text in versions("cmaes").items()
+                if name != "python"
+            },
             "motions": [*self.subject.kinds, *(["own"] if self.own else [])],
             "seed": self.seed,
             "scatter": self.effort.scatter,
@@ -82,10 +103,12 @@ class TuningPlan:
 
 @immutable
 class Aside:
-    """Scores of gains on validation plants and a reference path that are not used in tuning.
+    """Scores of gains on validation plants and a reference path that are not used in
+    tuning.
 
     Attributes:
-        tip: m, 90 % quantile. pull: N, of a team, likewise. jitter: rad/s, median. lost: share.
+        tip: m, 90 % quantile. pull: N, of a team, likewise. jitter: rad/s, median.
+            lost: share.
         meets: whether the gains met all constraints where the front was judged.
     """
 
@@ -98,13 +121,17 @@ class Aside:
 
 @immutable(slots=False)
 class Tuning:
-    """Result of a gain tuning: Pareto front of gains, selected gains, validation scores.
+    """Result of a gain tuning: Pareto front of gains, selected gains, validation
+    scores.
 
     Attributes:
         plan: plan of the tuning, its knobs about the centre of the search.
-        before: the given gains, flown as the front was. points: points of the front from calm to stiff.
-        picked: index of the selected point. required: required margins. plants: plants of the search.
-        aside: name -> validation scores of the selected point and of every initial set of gains.
+        before: the given gains, flown as the front was. points: points of the front
+            from calm to stiff.
+        picked: index of the selected point. required: required margins. plants: plants
+            of the search.
+        aside: name -> validation scores of the selected point and of every initial set
+            of gains.
     """
 
     plan: TuningPlan
@@ -122,11 +149,15 @@ class Tuning:
 
     def under(self, scenario: Scenario, point: Point) -> Scenario:
         """Scenario with the gains of a point in place of its own."""
-        return self.plan.subject.under(scenario, numbers_at(self.plan.knobs, point.logs))
+        return self.plan.subject.under(
+            scenario, numbers_at(self.plan.knobs, point.logs)
+        )
 
     @property
     def controller(self) -> Controller:
-        """Controller with the selected gains; of a team there is none: :meth:`under` has its scenario."""
+        """Controller with the selected gains; of a team there is none: :meth:`under`
+        has its scenario.
+        """
         return self.under(self.plan.flight, self.pick).agent.controller
 
     @property
@@ -136,14 +167,18 @@ class Tuning:
 
 
 class Tuner:
-    """Evaluator of gain candidates in all stages of a tuning, from search to validation.
+    """Evaluator of gain candidates in all stages of a tuning, from search to
+    validation.
 
     Args:
         plan: plan of the tuning. plants: plants of the search.
-        crew: flies them; results do not depend on it. progress: called after every round.
+        crew: flies them; results do not depend on it. progress: called after every
+            round.
     """
 
-    def __init__(self, plan: TuningPlan, plants: Plants, crew: Crew, progress: Progress) -> None:
+    def __init__(
+        self, plan: TuningPlan, plants: Plants, crew: Crew, progress: Progress
+    ) -> None:
         self._plan, self._crew = plan, crew
         self._plants = with_own(plants) if plan.own else plants
         self._progress, self._done = progress, 0
@@ -151,69 +186,122 @@ class Tuner:
         effort = plan.effort
         rounds = effort.scatter * effort.first_plants
         self._stages = sizes = plan.stages
-        rounds += (effort.candidates - effort.scatter) * effort.plants + len(WEIGHTS) * sizes.pool * effort.plants
-        self._total = rounds + sizes.semifinalists * sizes.further + sizes.points * plan.stages.unseen
+        rounds += (effort.candidates - effort.scatter) * effort.plants + len(
+            WEIGHTS
+        ) * sizes.pool * effort.plants
+        self._total = (
+            rounds
+            + sizes.semifinalists * sizes.further
+            + sizes.points * plan.stages.unseen
+        )
 
     @cached_property
     def _flights(self) -> CandidateFlights:
         plan = self._plan
         self._progress(self._done, self._total, "making machine code")
         return plan.subject.flights(
-            plan.flight, plan.knobs, self._plants, self._crew, own=plan.own, seed=plan.seed, gust=True
+            plan.flight,
+            plan.knobs,
+            self._plants,
+            self._crew,
+            own=plan.own,
+            seed=plan.seed,
+            gust=True,
         )
 
     @cached_property
     def _margins(self) -> HoverMargins:
-        return self._plan.subject.margins(self._plan.flight, self._plan.knobs, self._crew.workers)
+        return self._plan.subject.margins(
+            self._plan.flight, self._plan.knobs, self._crew.workers
+        )
 
     def judge(self, number: int, asked: Array, plants: int) -> Scores:
         """Simulate and score the gain candidates of one search round."""
         others = self._search_plants if number else None
         flown = scores(self._flights.fly(f"round_{number:03d}", asked, plants, others))
-        judged = with_margins(flown, asked, self._candidates_for_margins(number, len(asked)), self._margins.costs)
+        judged = with_margins(
+            flown,
+            asked,
+            self._candidates_for_margins(number, len(asked)),
+            self._margins.costs,
+        )
         if number == 0:
             self._first = (asked, judged)
         self._done += len(asked) * plants
-        self._progress(self._done, self._total, f"round {number} of {self._plan.effort.rounds}")
+        self._progress(
+            self._done, self._total, f"round {number} of {self._plan.effort.rounds}"
+        )
         return judged
 
     @cached_property
     def _search_plants(self) -> Plants:
-        """Plants of all search rounds after the first, some of which made the first round's best candidates crash.
+        """Plants of all search rounds after the first, some of which made the first
+        round's best candidates crash.
 
         A search that loses one plant in fifty does not see it on two dozen.
         """
         assert self._first is not None
         asked, first_scores = self._first
-        leaders = list(dict.fromkeys(int(first_scores.cost(weight).argmin()) for weight in WEIGHTS))
+        leaders = list(
+            dict.fromkeys(int(first_scores.cost(weight).argmin()) for weight in WEIGHTS)
+        )
         pool = self._drawn(self._stages.pool * self._plants.count, self._plan.seed)
-        return with_lost(pool, self._plants.count, self._flights.fly("pool", asked[leaders], others=pool).lost)
+        return with_lost(
+            pool,
+            self._plants.count,
+            self._flights.fly("pool", asked[leaders], others=pool).lost,
+        )
 
     def _drawn(self, count: int, seed: int) -> Plants:
-        plants = self._plan.subject.draw(self._plan.flight, count, seed=seed, mixed=True)
+        plants = self._plan.subject.draw(
+            self._plan.flight, count, seed=seed, mixed=True
+        )
         return with_own(plants) if self._plan.own else plants
 
-    def _candidates_for_margins(self, number: int, count: int) -> list[tuple[float, slice, int]]:
-        """Groups of gain candidates whose stability margins are computed in a search round."""
+    def _candidates_for_margins(
+        self, number: int, count: int
+    ) -> list[tuple[float, slice, int]]:
+        """Groups of gain candidates whose stability margins are computed in a search
+        round.
+        """
         if number == 0:
             return [(weight, slice(0, count), LEADERS) for weight in WEIGHTS]
         each = self._plan.effort.population
-        return [(weight, slice(i * each, (i + 1) * each), (each + 1) // 2) for i, weight in enumerate(WEIGHTS)]
+        return [
+            (weight, slice(i * each, (i + 1) * each), (each + 1) // 2)
+            for i, weight in enumerate(WEIGHTS)
+        ]
 
     def again(self, asked: Array) -> tuple[Scores, Scores]:
-        """Scores of the best gain candidates on further plants: over all motions, and over random motions only."""
+        """Scores of the best gain candidates on further plants: over all motions, and
+        over random motions only.
+        """
         self._progress(self._done, self._total, "the best once more")
-        flown = self._flights.fly("again", asked, others=self._drawn(self._stages.further, self._plan.seed + 2))
+        flown = self._flights.fly(
+            "again",
+            asked,
+            others=self._drawn(self._stages.further, self._plan.seed + 2),
+        )
         short = self._margins.costs(asked)
-        every, drawn = (replace(scores(each), short=short) for each in (flown, of_drawn(flown)))
+        every, drawn = (
+            replace(scores(each), short=short) for each in (flown, of_drawn(flown))
+        )
         self._done += len(asked) * self._stages.further
         return every, drawn
 
     def check(self, rows: Array, again: Scores) -> list[Point]:
-        """Evaluate initial gains and the best candidates on unseen plants, with their stability margins."""
+        """Evaluate initial gains and the best candidates on unseen plants, with their
+        stability margins.
+        """
         plan = self._plan
         flown = self._flown_once(
-            "unseen", plan.check, plan.stages.unseen, 1, rows, mixed=plan.own is None, saturation=True
+            "unseen",
+            plan.check,
+            plan.stages.unseen,
+            1,
+            rows,
+            mixed=plan.own is None,
+            saturation=True,
         )
         self._progress(self._total, self._total, "margins")
         scored, margins = scores(flown), self._margins.measure(rows)
@@ -233,12 +321,18 @@ class Tuner:
         ]
 
     def fly_aside(self, points: dict[str, Point]) -> dict[str, Aside]:
-        """Validate the selected and the initial gains on plants and a reference path not used in tuning."""
+        """Validate the selected and the initial gains on plants and a reference path
+        not used in tuning.
+        """
         required = self._plan.subject.required(self._plan.flight)
         self._progress(self._total, self._total, "plants and a path kept aside")
         rows = np.array([each.logs for each in points.values()])
-        flown = scores(self._flown_once("aside", self._plan.aside, self._stages.aside, 3, rows))
-        tables = zip(points.items(), flown.tip, flown.jitter, flown.lost, flown.pull, strict=True)
+        flown = scores(
+            self._flown_once("aside", self._plan.aside, self._stages.aside, 3, rows)
+        )
+        tables = zip(
+            points.items(), flown.tip, flown.jitter, flown.lost, flown.pull, strict=True
+        )
         return {
             name: Aside(
                 tip=float(tip),
@@ -261,11 +355,20 @@ class Tuner:
         mixed: bool = False,
         saturation: bool = False,
     ) -> Flown:
-        """Simulate some gain candidates on another scenario, with plants and noise not used in the search."""
+        """Simulate some gain candidates on another scenario, with plants and noise not
+        used in the search.
+        """
         seed = self._plan.seed + further
         subject = self._plan.subject
         plants = subject.draw(scenario, count, seed=seed, mixed=mixed)
-        flights = subject.flights(scenario, self._plan.knobs, plants, self._crew, seed=seed, saturation=saturation)
+        flights = subject.flights(
+            scenario,
+            self._plan.knobs,
+            plants,
+            self._crew,
+            seed=seed,
+            saturation=saturation,
+        )
         return flights.fly(stage, rows)
 
 
@@ -288,9 +391,15 @@ BOUNDS = {"candidates": (64, 100_000), "plants": (4, 1000), "seed": (0, 2**31 - 
 """Option -> its smallest and largest value."""
 
 
-def require_size(candidates: int | None, plants: int | None, seed: int, prefix: str = "") -> None:
-    """Raise an error if the size of a search is out of bounds; ``prefix`` precedes the parameter's name."""
-    for (name, (low, high)), value in zip(BOUNDS.items(), (candidates, plants, seed), strict=True):
+def require_size(
+    candidates: int | None, plants: int | None, seed: int, prefix: str = ""
+) -> None:
+    """Raise an error if the size of a search is out of bounds; ``prefix`` precedes the
+    parameter's name.
+    """
+    for (name, (low, high)), value in zip(
+        BOUNDS.items(), (candidates, plants, seed), strict=True
+    ):
         if value is not None and not low <= value <= high:
             raise ValueError(f"{prefix}{name} = {value}: must be from {low} to {high}")
 
@@ -314,9 +423,11 @@ def tune(
     folder: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Tuning:
-    """Tune a law's gains, as ``skyarm tune`` does; ``controller`` of the result has the selected ones.
+    """Tune a law's gains, as ``skyarm tune`` does; ``controller`` of the result has the
+    selected ones.
 
-    Of a scenario with [team] the options of the team's law; ``under(scenario, pick)`` of the result has them.
+    Of a scenario with [team] the options of the team's law; ``under(scenario, pick)``
+    of the result has them.
 
     Args:
         what: a scenario or a vehicle, or the name or path of one.
@@ -327,28 +438,43 @@ def tune(
         seed: seed of plants, noise and search.
         workers: threads or processes that fly; results do not depend on it.
         on: "local", "processes", "ray" or "ray:HOST:PORT".
-        folder: keeps the rows of all flights where pyarrow is installed, so that an interrupted search goes on.
+        folder: keeps the rows of all flights where pyarrow is installed, so that an
+            interrupted search goes on.
         progress: called with (done, all, stage).
 
     Raises:
-        ValueError: one line: what cannot be read or tuned, a number out of bounds, or a folder that another search
-            writes into.
+        ValueError: one line: what cannot be read or tuned, a number out of bounds, or a
+            folder that another search writes into.
         OSError: the folder cannot be written.
     """
     require_place(on)
     require_size(candidates, plants, seed)
-    if isinstance(what, Vehicle) or not (isinstance(what, Scenario) or is_scenario(str(what))):
-        moves, scenario = False, of_vehicle(what if isinstance(what, Vehicle) else load_vehicle(what), controller)
+    if isinstance(what, Vehicle) or not (
+        isinstance(what, Scenario) or is_scenario(str(what))
+    ):
+        moves, scenario = (
+            False,
+            of_vehicle(
+                what if isinstance(what, Vehicle) else load_vehicle(what), controller
+            ),
+        )
     else:
         moves, scenario = True, as_scenario(what, controller)
     subject = subject_of(scenario)
     label = subject.label(scenario, controller)
-    plan = plan_of(scenario, moves, label, knobs, effort_of(subject, candidates, plants), seed)
+    plan = plan_of(
+        scenario, moves, label, knobs, effort_of(subject, candidates, plants), seed
+    )
     return tune_plan(plan, workers=workers, on=on, folder=folder, progress=progress)
 
 
 def plan_of(
-    scenario: Scenario, moves: bool, label: str, knobs: Sequence[str] | None, effort: Effort, seed: int
+    scenario: Scenario,
+    moves: bool,
+    label: str,
+    knobs: Sequence[str] | None,
+    effort: Effort,
+    seed: int,
 ) -> TuningPlan:
     """Plan of a tuning for a scenario.
 
@@ -382,7 +508,8 @@ def tune_plan(
     folder: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Tuning:
-    """Tune the gains of a controller; an interrupted search resumes from the results in its folder.
+    """Tune the gains of a controller; an interrupted search resumes from the results in
+    its folder.
 
     Args:
         plan: plan of the tuning.
@@ -396,7 +523,11 @@ def tune_plan(
         OSError: the folder cannot be written, or a process ended unexpectedly.
     """
     store = None if folder is None else Store.if_kept(folder)
-    with store.alone() if store else nullcontext(), Crew(on, workers, store) as crew, one_blas_thread():
+    with (
+        store.alone() if store else nullcontext(),
+        Crew(on, workers, store) as crew,
+        one_blas_thread(),
+    ):
         return _tune(plan, crew, progress or (lambda *_: None))
 
 
@@ -415,13 +546,18 @@ def _tune(plan: TuningPlan, crew: Crew, progress: Progress) -> Tuning:
     )
     plants = subject.draw(plan.flight, plan.effort.plants, seed=plan.seed, mixed=True)
     tuner = Tuner(plan, plants, crew, progress)
-    logs, rounds = search(plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows)
+    logs, rounds = search(
+        plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows
+    )
     # of the scatter nobody flew all plants; the starts come along
     best = len(rounds[0].error) + np.array(finalists(rounds[1:], sizes.semifinalists))
     count = len(start.starts)
     asked = logs[[*range(count), *best]]
     again, drawn = tuner.again(asked)
-    last = [*range(count), *(count + k for k in finalists([again.part(slice(count, None))], sizes.points))]
+    last = [
+        *range(count),
+        *(count + k for k in finalists([again.part(slice(count, None))], sizes.points)),
+    ]
     points = tuner.check(asked[last], drawn.part(last))
     required = subject.required(plan.flight)
     front, picked = front_of(points[:count], points[count:], required)

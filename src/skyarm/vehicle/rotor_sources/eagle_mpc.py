@@ -1,6 +1,7 @@
 """Rotors of eagle-mpc's platform files (YAML).
 
-A spin direction of -1 is counter-clockwise: the torque on the base along the thrust is spin cm / cf times the thrust.
+A spin direction of -1 is counter-clockwise: the torque on the base along the thrust is
+spin cm / cf times the thrust.
 Source: eagle-mpc, src/multicopter-base-params.cpp.
 """
 
@@ -38,7 +39,9 @@ def eagle_mpc_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
         import yaml
 
         loader: Any = type("Loader", (yaml.SafeLoader,), {})
-        loader.add_implicit_resolver("tag:yaml.org,2002:float", EXPONENT, [*"+-.0123456789"])
+        loader.add_implicit_resolver(
+            "tag:yaml.org,2002:float", EXPONENT, [*"+-.0123456789"]
+        )
         top = yaml.load(file.path.read_bytes(), loader)
     except ImportError:
         refuse("file", name, needs_extra("yaml"))
@@ -48,7 +51,9 @@ def eagle_mpc_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
         return ()
     with errors_as(VehicleError):
         platform = Fields(top["platform"], "platform")
-        cf, thrust = (platform.number(word, low=0.0, strict=True) for word in ("cf", MAX_THRUST))
+        cf, thrust = (
+            platform.number(word, low=0.0, strict=True) for word in ("cf", MAX_THRUST)
+        )
         values = {
             "thrust_coefficient": cf,
             "moment_coefficient": platform.number("cm", low=0.0) / cf,
@@ -56,20 +61,35 @@ def eagle_mpc_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
         }
         where = {field: f"{word} of {name}" for field, word in WORDS.items()}
         if least := platform.take("min_thrust", 0.0):
-            where["min_thrust"] = f"{least} N in {name}; not read: a rotor may stand still here"
+            where["min_thrust"] = (
+                f"{least} N in {name}; not read: a rotor may stand still here"
+            )
         tables = platform.tables("$rotors" if "$rotors" in platform.table else "rotors")
         if (count := platform.take("n_rotors", len(tables))) != len(tables):
-            refuse("platform.n_rotors", count, f"must be the number of rotors, {len(tables)}")
+            refuse(
+                "platform.n_rotors",
+                count,
+                f"must be the number of rotors, {len(tables)}",
+            )
         link = platform.text("base_link_name", "base")
-        return tuple(_rotor(table, f"rotor_{k}", link, values, where) for k, table in enumerate(tables))
+        return tuple(
+            _rotor(table, f"rotor_{k}", link, values, where)
+            for k, table in enumerate(tables)
+        )
 
 
-def _rotor(table: Fields, name: str, link: str, values: dict[str, float], where: dict[str, str]) -> StatedRotor:
+def _rotor(
+    table: Fields, name: str, link: str, values: dict[str, float], where: dict[str, str]
+) -> StatedRotor:
     turn, four = table.numbers("spin_direction"), table.numbers("orientation")
     if turn not in ((1.0,), (-1.0,)):
         refuse(table.at("spin_direction"), list(turn), "must be [1] (cw) or [-1] (ccw)")
     if len(four) != 4 or not any(four):
-        refuse(table.at("orientation"), list(four), "must be the four numbers x, y, z, w of a quaternion")
+        refuse(
+            table.at("orientation"),
+            list(four),
+            "must be the four numbers x, y, z, w of a quaternion",
+        )
     axis = Quaternion(four[3], *four[:3]).normalized().rotation().apply(Vec3(0, 0, 1))
     return StatedRotor(
         name,

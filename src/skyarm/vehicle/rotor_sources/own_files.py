@@ -1,6 +1,8 @@
-"""Rotors of skyarm's own exported files, whose element ``skyarm:rotors`` holds the tables of a vehicle file.
+"""Rotors of skyarm's own exported files, whose element ``skyarm:rotors`` holds the
+tables of a vehicle file.
 
-MuJoCo, ROS and Gazebo have no word for tilts, thrust tables or two lags; they skip the element.
+MuJoCo, ROS and Gazebo have no word for tilts, thrust tables or two lags; they skip the
+element.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ def own_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of a file that skyarm wrote.
 
     Raises:
-        VehicleError: the element was changed to what is no table of a vehicle file, or has not as many as plugins.
+        VehicleError: the element was changed to what is no table of a vehicle file, or
+            has not as many as plugins.
     """
     content = getattr(file.content, "model", file.content)
     joints: list[str] = []
@@ -42,17 +45,28 @@ def own_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
         top = Fields(tomllib.loads(text), "")
         tables, tilts = read_rotor_tables(top), top.inner("tilts")
         every = [(name, {**tables.usual, **own}) for name, own in tables.own.items()]
-        joints = joints or [tilts.text(name, f"{name}_tilt") if "tilt" in values else "" for name, values in every]
+        joints = joints or [
+            tilts.text(name, f"{name}_tilt") if "tilt" in values else ""
+            for name, values in every
+        ]
         if len(joints) != len(every):
-            refuse("rotors", len(every), f"must be {len(joints)}, as many as motor-model plugins")
+            refuse(
+                "rotors",
+                len(every),
+                f"must be {len(joints)}, as many as motor-model plugins",
+            )
         for fields in tables.tables.values():
             fields.take("position")
-        return tuple(_rotor(*each, joint) for each, joint in zip(every, joints, strict=True))
+        return tuple(
+            _rotor(*each, joint) for each, joint in zip(every, joints, strict=True)
+        )
 
 
 def _custom_text(model: Any) -> str:
     """Custom text of a MuJoCo model that holds rotors; "" without."""
-    for name, begin, size in zip(*(getattr(model, each, ()) for each in TEXTS), strict=True):
+    for name, begin, size in zip(
+        *(getattr(model, each, ()) for each in TEXTS), strict=True
+    ):
         if model.names[name:].startswith(b"skyarm:rotors\0"):
             return bytes(model.text_data[begin : begin + size - 1]).decode()
     return ""
@@ -62,4 +76,6 @@ def _rotor(name: str, values: dict[str, Any], joint: str) -> StatedRotor:
     position, axis = values.pop("position"), values.pop("axis", UP)
     values.setdefault("max_speed", math.inf)
     where = dict.fromkeys(values, "skyarm's own element in the file")
-    return StatedRotor(name=name, position=position, axis=axis, values=values, where=where, joint=joint)
+    return StatedRotor(
+        name=name, position=position, axis=axis, values=values, where=where, joint=joint
+    )

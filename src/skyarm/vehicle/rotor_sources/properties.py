@@ -1,7 +1,9 @@
-"""Rotors of the URDF files of gym-pybullet-drones and its kin: ``<properties kf km thrust2weight>``, ``propN`` links.
+"""Rotors of the URDF files of gym-pybullet-drones and its kin: ``<properties kf km
+thrust2weight>``, ``propN`` links.
 
-The coefficients are per squared rev/min; hubs are the inertial origins of massless links. Which rotor turns which way
-stands in the programs' code. thrust2weight is of the weight of the first link alone, without what is fixed to it.
+The coefficients are per squared rev/min; hubs are the inertial origins of massless
+links. Which rotor turns which way stands in the programs' code. thrust2weight is of the
+weight of the first link alone, without what is fixed to it.
 Source: gym-pybullet-drones, envs/BaseAviary.py.
 """
 
@@ -27,7 +29,11 @@ def properties_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     if properties is None:
         return ()
     kf = number(properties, "kf", "properties", 0.0)
-    links = [each for each in root.findall("link") if re.match(r"prop\D*\d", each.get("name", ""))]
+    links = [
+        each
+        for each in root.findall("link")
+        if re.match(r"prop\D*\d", each.get("name", ""))
+    ]
     mass = number(root.find("link[1]/inertial/mass"), "value", "mass", 0.0)
     scales = {
         "kf": ("thrust_coefficient", PER_RPM),
@@ -37,14 +43,19 @@ def properties_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     }
     stated = {word: each for word, each in scales.items() if properties.get(word)}
     where = {ours: f"{word} of <properties>" for word, (ours, _) in stated.items()}
-    if others := ", ".join(word for word in properties.attrib if word not in (*scales, "arm")):
+    if others := ", ".join(
+        word for word in properties.attrib if word not in (*scales, "arm")
+    ):
         where["properties"] = f"{others}: not read; [drag] states what the air takes"
     return tuple(
         StatedRotor(
             name=name,
             link=name,
             position=centre_of_mass(each),
-            values={ours: number(properties, word, "properties", 0.0) * by for word, (ours, by) in stated.items()},
+            values={
+                ours: number(properties, word, "properties", 0.0) * by
+                for word, (ours, by) in stated.items()
+            },
             where=where,
             absent={"direction": "it stands in the program's code"},
             elements=(properties,),

@@ -1,4 +1,6 @@
-"""Figures of controller comparisons: errors, success rates and performance envelopes."""
+"""Figures of controller comparisons: errors, success rates and performance
+envelopes.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,13 @@ from typing import TypedDict
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, PercentFormatter
+from matplotlib.ticker import (
+    FixedLocator,
+    FuncFormatter,
+    LogLocator,
+    NullFormatter,
+    PercentFormatter,
+)
 
 from skyarm.records.immutable import positional
 from skyarm.view.figures.style import PAGE, Style, plain_numbers
@@ -18,7 +26,8 @@ ROW, MARGIN = 0.27, 1.2
 """Height (in) of a law's row, and of title and axis together."""
 
 APART = 0.4
-"""Distance between the dots of the first and the last series, in rows, so that equal values are both visible."""
+"""Distance between the dots of the first and the last series, in rows, so that equal
+values are both visible."""
 
 MARKERS = (("o", "#0072b2"), ("s", "#d55e00"), ("^", "#009e73"))
 """Marker and colour of each series, distinguishable without colour."""
@@ -27,7 +36,8 @@ ACROSS, PANEL, LEGEND = 3, 2.1, 0.6
 """Number of panels side by side; height (in) of a panel and of the legend."""
 
 LOW, HIGH, TOP = 0.1, 1500.0, 9000.0
-"""Limits (mm) of the errors, and of the band above them for lost laws; smaller errors lower the first."""
+"""Limits (mm) of the errors, and of the band above them for lost laws; smaller errors
+lower the first."""
 
 LOWEST = 1e-3
 """Smallest drawn error (mm)."""
@@ -44,18 +54,23 @@ LINES = (
 """Colour, marker and dashes of a law; each alone is distinguishable."""
 
 KNOWN = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "nmpc")
-"""Laws with the same look in every picture; others take the remaining looks in order."""
+"""Laws with the same look in every picture; others take the remaining looks in
+order."""
 
 
 class EnvelopePoint(TypedDict):
-    """Result of a control law at one value of a condition: whether the vehicle is lost, and tracking error (m)."""
+    """Result of a control law at one value of a condition: whether the vehicle is lost,
+    and tracking error (m).
+    """
 
     lost: bool
     judged: float
 
 
 class EnvelopePanel(TypedDict):
-    """Varied condition of a performance envelope: its values, their unit, and a point per control law and value."""
+    """Varied condition of a performance envelope: its values, their unit, and a point
+    per control law and value.
+    """
 
     values: Sequence[float]
     unit: str
@@ -64,7 +79,9 @@ class EnvelopePanel(TypedDict):
 
 @positional
 class Share:
-    """Success rate of a control law with its confidence interval, as fractions from 0 to 1."""
+    """Success rate of a control law with its confidence interval, as fractions from 0
+    to 1.
+    """
 
     value: float
     low: float
@@ -79,7 +96,8 @@ def laws_figure(
     error_label: str,
     share_label: str,
 ) -> Figure:
-    """Draw tracking errors of control laws as dots on a log axis, and success rates on perturbed plants as bars.
+    """Draw tracking errors of control laws as dots on a log axis, and success rates on
+    perturbed plants as bars.
 
     Args:
         names: names of the laws, top to bottom.
@@ -89,14 +107,18 @@ def laws_figure(
         share_label: label of the axis of shares.
     """
     figure = PAGE.blank(PAGE.width, MARGIN + ROW * len(names))
-    left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [3, 2]})
+    left, right = figure.subplots(
+        1, 2, sharey=True, gridspec_kw={"width_ratios": [3, 2]}
+    )
     for panel, label in ((left, error_label), (right, share_label)):
         PAGE.dress(panel).set_xlabel(label, **PAGE.words)
     _draw_errors(left, errors)
     for row, share in enumerate(shares):
         if share is not None:
             right.barh(row, share.value, height=0.6, color="#9ecae1")
-            right.plot((share.low, share.high), (row, row), color=PAGE.frame, linewidth=1.0)
+            right.plot(
+                (share.low, share.high), (row, row), color=PAGE.frame, linewidth=1.0
+            )
     right.set_xlim(0.0, 1.0)
     right.xaxis.set_major_formatter(PercentFormatter(1.0))
     left.set_yticks(range(len(names)), names, **PAGE.words)
@@ -105,20 +127,35 @@ def laws_figure(
 
 
 def _draw_errors(ax: Axes, errors: Mapping[str, Sequence[float | None]]) -> None:
-    for i, ((name, series), (marker, color)) in enumerate(zip(errors.items(), MARKERS, strict=False)):
+    for i, ((name, series), (marker, color)) in enumerate(
+        zip(errors.items(), MARKERS, strict=False)
+    ):
         down = APART * (i / (len(errors) - 1) - 0.5) if len(errors) > 1 else 0.0
-        places = [(value, row + down) for row, value in enumerate(series) if value is not None and value > 0.0]
+        places = [
+            (value, row + down)
+            for row, value in enumerate(series)
+            if value is not None and value > 0.0
+        ]
         if places:
             x, y = zip(*places, strict=True)
-            ax.plot(x, y, marker, color=color, markersize=5, label=name, linestyle="none")
+            ax.plot(
+                x, y, marker, color=color, markersize=5, label=name, linestyle="none"
+            )
     ax.set_xscale("log")
     plain_numbers(ax.xaxis)
     if errors:
-        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False, prop=PAGE.prop)
+        ax.legend(
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            ncols=3,
+            frameon=False,
+            prop=PAGE.prop,
+        )
 
 
 def envelope_figure(axes: Mapping[str, EnvelopePanel], laws: Sequence[str]) -> Figure:
-    """Draw performance envelopes: a panel per varied condition, a line per controller, a cross where it crashes.
+    """Draw performance envelopes: a panel per varied condition, a line per controller,
+    a cross where it crashes.
 
     Args:
         axes: name -> values, unit, and of each law a point for every value
@@ -132,13 +169,23 @@ def envelope_figure(axes: Mapping[str, EnvelopePanel], laws: Sequence[str]) -> F
         if i % ACROSS == 0:
             panel.set_ylabel("error [mm]", **PAGE.words)
     handles = {law: Line2D([], [], markersize=5, **look) for law, look in looks.items()}
-    cross = Line2D([], [], color=PAGE.frame, linestyle="none", marker="x", markersize=7, markeredgewidth=2)
+    cross = Line2D(
+        [],
+        [],
+        color=PAGE.frame,
+        linestyle="none",
+        marker="x",
+        markersize=7,
+        markeredgewidth=2,
+    )
     PAGE.legend(figure, {**handles, "lost": cross})
     return figure
 
 
 def _lower_limit(axes: Mapping[str, EnvelopePanel]) -> float:
-    """Lower limit (mm) of the logarithmic error axis: a power of ten below all errors."""
+    """Lower limit (mm) of the logarithmic error axis: a power of ten below all
+    errors.
+    """
     errors = [
         1e3 * point["judged"]
         for axis in axes.values()
@@ -146,22 +193,39 @@ def _lower_limit(axes: Mapping[str, EnvelopePanel]) -> float:
         for point in points
         if not point["lost"] and point["judged"] > 0.0
     ]
-    return min(LOW, max(LOWEST, 10.0 ** math.floor(math.log10(min(errors, default=LOW)))))
+    return min(
+        LOW, max(LOWEST, 10.0 ** math.floor(math.log10(min(errors, default=LOW))))
+    )
 
 
 def _line_styles(laws: Sequence[str]) -> dict[str, Style]:
-    """Return the line style (colour, marker, dashes) of each controller, by its name."""
+    """Return the line style (colour, marker, dashes) of each controller, by its
+    name.
+    """
     fixed = {law: KNOWN.index(law) for law in laws if law in KNOWN}
-    free = iter([place for place in range(len(LINES) + len(laws)) if place not in fixed.values()])
+    free = iter(
+        [
+            place
+            for place in range(len(LINES) + len(laws))
+            if place not in fixed.values()
+        ]
+    )
     places = {law: fixed[law] if law in fixed else next(free) for law in laws}
     looks = {law: LINES[place % len(LINES)] for law, place in places.items()}
     return {
-        law: {"color": color, "marker": marker, "linestyle": (0, dash) if dash else "-", "linewidth": 1.3}
+        law: {
+            "color": color,
+            "marker": marker,
+            "linestyle": (0, dash) if dash else "-",
+            "linewidth": 1.3,
+        }
         for law, (color, marker, dash) in looks.items()
     }
 
 
-def _draw_panel(panel: Axes, name: str, axis: EnvelopePanel, looks: Mapping[str, Style], low: float) -> None:
+def _draw_panel(
+    panel: Axes, name: str, axis: EnvelopePanel, looks: Mapping[str, Style], low: float
+) -> None:
     places = range(len(axis["values"]))
     panel.axhspan(HIGH, TOP, facecolor="#f6dcdc", edgecolor="none", zorder=0.2)
     for k, (law, look) in enumerate(looks.items()):
@@ -170,12 +234,16 @@ def _draw_panel(panel: Axes, name: str, axis: EnvelopePanel, looks: Mapping[str,
     panel.set_yscale("log")
     panel.set_ylim(low, TOP)
     panel.yaxis.set_major_locator(LogLocator(numticks=9))
-    panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}" if value <= HIGH else ""))
+    panel.yaxis.set_major_formatter(
+        FuncFormatter(lambda value, _: f"{value:g}" if value <= HIGH else "")
+    )
     panel.yaxis.set_minor_formatter(NullFormatter())
     panel.set_xlim(-0.35, len(axis["values"]) - 0.65)
     panel.xaxis.set_major_locator(FixedLocator(list(places)))
     panel.set_xticklabels([f"{value:g}" for value in axis["values"]])
-    panel.set_title(f"{name.replace('_', ' ')} [{axis['unit']}]", loc="left", pad=4, **PAGE.words)
+    panel.set_title(
+        f"{name.replace('_', ' ')} [{axis['unit']}]", loc="left", pad=4, **PAGE.words
+    )
 
 
 def _draw_law(
@@ -186,10 +254,23 @@ def _draw_law(
     place: float,
     low: float,
 ) -> None:
-    """Draw a controller's error curve; where the vehicle is lost, a cross at the top replaces the point."""
-    error = [float("nan") if p["lost"] else min(max(1e3 * p["judged"], low), HIGH) for p in points]
+    """Draw a controller's error curve; where the vehicle is lost, a cross at the top
+    replaces the point.
+    """
+    error = [
+        float("nan") if p["lost"] else min(max(1e3 * p["judged"], low), HIGH)
+        for p in points
+    ]
     panel.plot(places, error, markersize=4, zorder=3 + place, **look)
     height = HIGH * (TOP / HIGH) ** (0.15 + 0.85 * place)
     lost = [at for at, point in zip(places, points, strict=True) if point["lost"]]
     heights = [height] * len(lost)
-    panel.plot(lost, heights, "x", color=look["color"], markersize=6, markeredgewidth=2.0, zorder=4)
+    panel.plot(
+        lost,
+        heights,
+        "x",
+        color=look["color"],
+        markersize=6,
+        markeredgewidth=2.0,
+        zorder=4,
+    )

@@ -1,4 +1,6 @@
-"""Plot below a film's pictures: tip error or contact force over time, one curve per flight, as pixels."""
+"""Plot below a film's pictures: tip error or contact force over time, one curve per
+flight, as pixels.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,8 @@ TEXT = 12.5
 """Text size (pt) at 720 lines."""
 
 SMALLEST, LARGEST = 1e-5, 1e2
-"""Errors (m) at which smaller ones (on a logarithmic axis) and larger ones are drawn, so that none stretches the
-axis."""
+"""Errors (m) at which smaller ones (on a logarithmic axis) and larger ones are drawn,
+so that none stretches the axis."""
 
 RATIO_OF_LOGARITHM = 30.0
 """Ratio of the median errors of two flights above which the axis is logarithmic."""
@@ -32,7 +34,9 @@ POINTS = 1500
 
 @positional
 class Curve:
-    """Curve of one flight in a film's plot, with its colour: tip error (m) or force (N) over time (s)."""
+    """Curve of one flight in a film's plot, with its colour: tip error (m) or force (N)
+    over time (s).
+    """
 
     time: Array
     error: Array
@@ -41,10 +45,12 @@ class Curve:
 
 @positional
 class Strip:
-    """Rendered plot of a film: pixels (height, width, 3), and the pixel positions of its time axis.
+    """Rendered plot of a film: pixels (height, width, 3), and the pixel positions of
+    its time axis.
 
     Attributes:
-        left, right: columns of the first and last instant. top, bottom: rows of the axes' edges.
+        left, right: columns of the first and last instant. top, bottom: rows of the
+            axes' edges.
     """
 
     pixels: Pixels
@@ -55,9 +61,16 @@ class Strip:
 
 
 def error_strip(
-    curves: Sequence[Curve], span: tuple[float, float], width: int, height: int, scale: float, *, forces: bool = False
+    curves: Sequence[Curve],
+    span: tuple[float, float],
+    width: int,
+    height: int,
+    scale: float,
+    *,
+    forces: bool = False,
 ) -> Strip:
-    """Render the plot of tip errors or contact forces over time that a film shows below its pictures.
+    """Render the plot of tip errors or contact forces over time that a film shows below
+    its pictures.
 
     Args:
         curves: at least one.
@@ -73,7 +86,9 @@ def error_strip(
     # ticks and pads do not shrink with the texts
     edge = 78.0 * scale + 10.0
     bottom, top = (40.0 * scale + 9.0) / height, 1.0 - 10.0 * scale / height
-    ax = figure.add_axes((edge / width, bottom, 1.0 - (edge + 26.0 * scale) / width, top - bottom))
+    ax = figure.add_axes(
+        (edge / width, bottom, 1.0 - (edge + 26.0 * scale) / width, top - bottom)
+    )
     style.dress(ax)
     logarithmic, unit = not forces and _far_apart(curves), 1.0 if forces else 1e3
     for curve in curves:
@@ -81,7 +96,9 @@ def error_strip(
         every = max(1, len(clipped) // POINTS)
         whole = len(clipped) // every * every
         error = unit * clipped[:whole].reshape(-1, every).max(axis=1)
-        ax.plot(curve.time[:whole:every], error, color=curve.color, linewidth=1.7 * scale)
+        ax.plot(
+            curve.time[:whole:every], error, color=curve.color, linewidth=1.7 * scale
+        )
     if logarithmic:
         ax.set_yscale("log")
         plain_numbers(ax.yaxis)
@@ -95,7 +112,13 @@ def error_strip(
     canvas.draw()
     box = ax.get_window_extent()
     pixels = np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
-    return Strip(pixels, float(box.x0), float(box.x1), round(height - box.y1), round(height - box.y0))
+    return Strip(
+        pixels,
+        float(box.x0),
+        float(box.x1),
+        round(height - box.y1),
+        round(height - box.y0),
+    )
 
 
 def _far_apart(curves: Sequence[Curve]) -> bool:

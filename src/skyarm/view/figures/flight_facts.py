@@ -1,4 +1,6 @@
-"""Labels, end times, forces and events of a flight, as its figures and films show them."""
+"""Labels, end times, forces and events of a flight, as its figures and films show
+them.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ Span = tuple[float, float]
 
 @positional
 class Event:
-    """Event in a flight, such as a gust or fault: label, start and stop time (s), which are equal for an instant."""
+    """Event in a flight, such as a gust or fault: label, start and stop time (s), which
+    are equal for an instant.
+    """
 
     label: str
     start: float
@@ -52,20 +56,38 @@ def scenario_of(log: Log) -> Scenario | None:
 
 def end_time(log: Log) -> float:
     """End time (s) of a log's last control period."""
-    return round(float(log.time[-1]) + 1.0 / float(log.info["rates_hz"]["control"]), 9) if log.time.size else 0.0
+    return (
+        round(float(log.time[-1]) + 1.0 / float(log.info["rates_hz"]["control"]), 9)
+        if log.time.size
+        else 0.0
+    )
 
 
 def gust_interval(log: Log) -> Span | None:
-    """Time interval (s) from the first gust of air or force to the last; None without gusts within the flight.
+    """Time interval (s) from the first gust of air or force to the last; None without
+    gusts within the flight.
 
-    Of a log without a scenario it is where the wind's force is not zero, unless it is so throughout.
+    Of a log without a scenario it is where the wind's force is not zero, unless it is
+    so throughout.
     """
     scenario = scenario_of(log)
     if scenario is not None and log.time.size:
         last = float(log.time[-1])
-        gusts = [each[1:] for part in scenario.components for each in part.events if each[0] == "gust"]
+        gusts = [
+            each[1:]
+            for part in scenario.components
+            for each in part.events
+            if each[0] == "gust"
+        ]
         gusts = [(start, stop) for start, stop in gusts if start <= last]
-        return (min(start for start, _ in gusts), min(last, max(stop for _, stop in gusts))) if gusts else None
+        return (
+            (
+                min(start for start, _ in gusts),
+                min(last, max(stop for _, stop in gusts)),
+            )
+            if gusts
+            else None
+        )
     blowing = np.flatnonzero(lengths(log.wind_force) > 0.0)
     if not blowing.size or blowing.size == log.time.size:
         return None
@@ -82,30 +104,52 @@ Flights = Flight | Sequence[Flight] | Mapping[str, Flight]
 def flights_by_label(flights: Flights) -> dict[str, Log]:
     """Return logs by their legend labels, in the order given."""
     if isinstance(flights, Mapping):
-        return {shorten_label(str(label)): as_log(log) for label, log in flights.items()}
-    given = list(flights) if isinstance(flights, Sequence) and not isinstance(flights, str) else [flights]
+        return {
+            shorten_label(str(label)): as_log(log) for label, log in flights.items()
+        }
+    given = (
+        list(flights)
+        if isinstance(flights, Sequence) and not isinstance(flights, str)
+        else [flights]
+    )
     logs = [as_log(each) for each in given]
     files = [os.fspath(each) for each in given if not isinstance(each, Log)]
-    return dict(zip(flight_labels(logs, files if len(files) == len(logs) else ()), logs, strict=True))
+    return dict(
+        zip(
+            flight_labels(logs, files if len(files) == len(logs) else ()),
+            logs,
+            strict=True,
+        )
+    )
 
 
 def flight_labels(logs: Sequence[Log], files: Sequence[str] = ()) -> list[str]:
-    """Make a unique legend label for each of several flights, from file names, laws, scenarios, plants or seeds.
+    """Make a unique legend label for each of several flights, from file names, laws,
+    scenarios, plants or seeds.
 
     Args:
         logs: logs of the flights.
         files: their paths, where they come from files.
 
     Returns:
-        names of the files, or of the laws, or law and scenario, law and plant, law and seed, whichever tells all
-        flights apart; at last numbers. Empty for a single flight of several vehicles, which their names tell apart.
+        names of the files, or of the laws, or law and scenario, law and plant, law and
+        seed, whichever tells all flights apart; at last numbers. Empty for a single
+        flight of several vehicles, which their names tell apart.
     """
     if len(logs) == 1 and len(logs[0].agents) > 1:
         return [""]
-    every = [dict.fromkeys(str(own.info.get("controller", "")) for own in log.agents.values()) for log in logs]
+    every = [
+        dict.fromkeys(
+            str(own.info.get("controller", "")) for own in log.agents.values()
+        )
+        for log in logs
+    ]
     laws = [" and ".join(each) for each in every]
     told_by = (
-        [f"{law}, {log.info.get(field, '')}" for law, log in zip(laws, logs, strict=True)]
+        [
+            f"{law}, {log.info.get(field, '')}"
+            for law, log in zip(laws, logs, strict=True)
+        ]
         for field in ("scenario", "plant", "seed")
     )
     for labels in ([Path(file).stem for file in files], laws, *told_by, files):
@@ -116,31 +160,51 @@ def flight_labels(logs: Sequence[Log], files: Sequence[str] = ()) -> list[str]:
 
 
 def vehicle_logs(label: str, log: Log) -> list[tuple[str, Log]]:
-    """Log of each vehicle with its label: that of the flight, and the vehicle's name where there are several."""
+    """Log of each vehicle with its label: that of the flight, and the vehicle's name
+    where there are several.
+    """
     if len(log.agents) == 1:
         return [(label, log)]
-    return [(f"{label}, {name}" if label else name, own) for name, own in log.agents.items()]
+    return [
+        (f"{label}, {name}" if label else name, own) for name, own in log.agents.items()
+    ]
 
 
 def vehicles_by_label(flights: Named) -> dict[str, Log]:
     """Return the log of each vehicle of several flights by its legend label."""
-    return {shorten_label(name): own for label, log in flights.items() for name, own in vehicle_logs(label, log)}
+    return {
+        shorten_label(name): own
+        for label, log in flights.items()
+        for name, own in vehicle_logs(label, log)
+    }
 
 
 def shorten_label(text: str) -> str:
     """Shorten a label in its middle to the length of a legend entry."""
     half = (LONGEST - 1) // 2
-    return text if len(text) <= LONGEST else f"{text[:half]}\N{HORIZONTAL ELLIPSIS}{text[-half:]}"
+    return (
+        text
+        if len(text) <= LONGEST
+        else f"{text[:half]}\N{HORIZONTAL ELLIPSIS}{text[-half:]}"
+    )
 
 
 def ending_of(log: Log) -> str:
-    """Text to add to the legend label of a flight that ended early, such as " (diverged)"; empty for others."""
+    """Text to add to the legend label of a flight that ended early, such as "
+    (diverged)"; empty for others.
+    """
     return "" if log.status == "completed" else f" ({log.status.replace('_', ' ')})"
 
 
 def applied_force(log: Log) -> Array | None:
-    """Contact force (N) on the vehicle over time: normal to surfaces, of the grip on a handle, of grasps; else None."""
-    touches, grips, pulls = (own_forces(log, "contact_force"), own_forces(log, "gripper_force"), grasp_pulls(log))
+    """Contact force (N) on the vehicle over time: normal to surfaces, of the grip on a
+    handle, of grasps; else None.
+    """
+    touches, grips, pulls = (
+        own_forces(log, "contact_force"),
+        own_forces(log, "gripper_force"),
+        grasp_pulls(log),
+    )
     if not touches.size:
         return np.linalg.norm([*pulls.values()], axis=2).sum(axis=0) if pulls else None
     normal, grip = np.asarray(touches.sum(axis=1)), np.asarray(grips.sum(axis=1))
@@ -148,16 +212,24 @@ def applied_force(log: Log) -> Array | None:
 
 
 def own_forces(log: Log, array: str) -> Array:
-    """Logged forces (N, k) at the contact points or of the grippers of a log's vehicle, without those of others."""
+    """Logged forces (N, k) at the contact points or of the grippers of a log's vehicle,
+    without those of others.
+    """
     table, others = log.component(array), parts_of_others(log)
     if not others:
         return table
-    own = [i for i, label in enumerate(component_labels(log, array)) if others.isdisjoint(label.split("/"))]
+    own = [
+        i
+        for i, label in enumerate(component_labels(log, array))
+        if others.isdisjoint(label.split("/"))
+    ]
     return table[:, own]
 
 
 def parts_of_others(log: Log) -> frozenset[str]:
-    """Names of the vehicles that fly beside that of a log, and of their contact points, grippers and grasps."""
+    """Names of the vehicles that fly beside that of a log, and of their contact points,
+    grippers and grasps.
+    """
     scenario = scenario_of(log)
     if scenario is None or scenario.world is None:
         return frozenset()
@@ -165,12 +237,19 @@ def parts_of_others(log: Log) -> frozenset[str]:
     names = [each.name for each in world.points if each.agent not in own]
     names += [each.name for each in world.grippers if each.agent not in own]
     grasps = [each for each in world.grasps if each.agent not in own]
-    return frozenset([*names, *(each.label for each in grasps), *(each.agent for each in grasps)])
+    return frozenset(
+        [*names, *(each.label for each in grasps), *(each.agent for each in grasps)]
+    )
 
 
 def grasp_pulls(log: Log) -> dict[str, Array]:
-    """Force (N, 3), world axes, of a log's vehicle on each body that it holds by grasps, by the body's name."""
-    pulls, forces = log.component("grasp_pull").reshape(log.time.size, -1, 3), dict[str, Array]()
+    """Force (N, 3), world axes, of a log's vehicle on each body that it holds by
+    grasps, by the body's name.
+    """
+    pulls, forces = (
+        log.component("grasp_pull").reshape(log.time.size, -1, 3),
+        dict[str, Array](),
+    )
     scenario = scenario_of(log) if pulls.size else None
     if scenario is None or scenario.world is None:
         return {}
@@ -187,28 +266,45 @@ def desired_push(log: Log) -> Array | None:
 
 
 def flight_events(log: Log) -> tuple[Event, ...]:
-    """List the gusts, faults, payloads and scheduled parameter changes of a flight, sorted by kind.
+    """List the gusts, faults, payloads and scheduled parameter changes of a flight,
+    sorted by kind.
 
-    An interval keeps its end behind that of the flight: flights that were lost at other times met the same gust.
+    An interval keeps its end behind that of the flight: flights that were lost at other
+    times met the same gust.
     """
     scenario, end = scenario_of(log), end_time(log)
     if scenario is None:
         gust = gust_interval(log)
         return () if gust is None else (Event("gust", *gust),)
-    events = [Event(*each) for component in scenario.components for each in component.events]
+    events = [
+        Event(*each) for component in scenario.components for each in component.events
+    ]
     for fault in scenario.agent.faults:
         actuator = f"rotor {fault.rotor}" if fault.rotor else f"joint {fault.joint}"
         if fault.stuck or fault.signal is not None:
-            events.append(Event(f"{actuator} {'stuck' if fault.stuck else 'varies'}", float(fault.start), np.inf))
+            events.append(
+                Event(
+                    f"{actuator} {'stuck' if fault.stuck else 'varies'}",
+                    float(fault.start),
+                    np.inf,
+                )
+            )
         elif float(fault.effectiveness) < 1.0:
             share = f"{actuator} at {100.0 * float(fault.effectiveness):.3g} %"
             events.append(Event(share, float(fault.start), np.inf))
-    return (*(each for each in events if each.start < min(each.stop, end)), *_changes(scenario, end))
+    return (
+        *(each for each in events if each.start < min(each.stop, end)),
+        *_changes(scenario, end),
+    )
 
 
 def _changes(scenario: Scenario, end: float) -> Iterator[Event]:
-    """List scheduled parameter changes of a scenario as events, labelled by parameter path and value."""
-    changes = [change for change in scheduled_changes(scenario) if float(change.at) < end]
+    """List scheduled parameter changes of a scenario as events, labelled by parameter
+    path and value.
+    """
+    changes = [
+        change for change in scheduled_changes(scenario) if float(change.at) < end
+    ]
     paths = [change.path for change in changes]
     for change in changes:
         alike, value = paths.count(change.path), change.value

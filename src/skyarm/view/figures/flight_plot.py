@@ -26,9 +26,24 @@ from skyarm.view.figures.flight_facts import (
     scenario_of,
     vehicles_by_label,
 )
-from skyarm.view.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, Panel, measured_flights, panels_of
+from skyarm.view.figures.flight_panels import (
+    ALL,
+    ESTIMATED,
+    MEASURED,
+    PATH,
+    Panel,
+    measured_flights,
+    panels_of,
+)
 from skyarm.view.figures.projection import SIDE, TOP, Projection, outline
-from skyarm.view.figures.style import PAPER, Handles, Picture, Style, limits, save_picture
+from skyarm.view.figures.style import (
+    PAPER,
+    Handles,
+    Picture,
+    Style,
+    limits,
+    save_picture,
+)
 from skyarm.world.scene.component_scenes import scene_in_log
 from skyarm.world.scene.scene import Instants, Line, Scene
 from skyarm.world.scene.shapes import Solid
@@ -40,7 +55,8 @@ ROOM, LEAST = 0.3, 0.15
 """Room around the paths, as a fraction of their extent, and at least this much (m)."""
 
 FACE_ON = 0.5
-"""Cosine of the angle to the view above which a plane is not drawn, since it would cover everything."""
+"""Cosine of the angle to the view above which a plane is not drawn, since it would
+cover everything."""
 
 FILLS = {"surface": "#cfc9bd", "object": "#d9b48f"}
 """Role of a shape -> fill colour; other roles have that of an object."""
@@ -54,8 +70,9 @@ def path_figure(flights: Named, span: Span) -> Picture:
         span: first and last instant, s.
 
     Returns:
-        a figure with the world of the first flight that has one: filled as it is at first, what moves also as a line
-        where it is at last. A plane is drawn where it is seen from its edge.
+        a figure with the world of the first flight that has one: filled as it is at
+        first, what moves also as a line where it is at last. A plane is drawn where it
+        is seen from its edge.
     """
     figure = PAPER.blank(PAPER.wide, HEIGHT)
     axes = figure.subplots(1, 2)
@@ -63,16 +80,24 @@ def path_figure(flights: Named, span: Span) -> Picture:
     named, world = vehicles_by_label(flights), world_of(flights, span)
     for ax, view in zip(axes, (TOP, SIDE), strict=True):
         handles |= draw_view(ax, view, named, span, world)
-    PAPER.legend(figure, {each: handles[each] for each in sorted(handles, key="desired".__eq__)})
+    PAPER.legend(
+        figure, {each: handles[each] for each in sorted(handles, key="desired".__eq__)}
+    )
     return figure
 
 
-SEEN = {TOP: ("from above", "x [m]", "y [m]"), SIDE: ("from the right", "x [m]", "z [m]")}
+SEEN = {
+    TOP: ("from above", "x [m]", "y [m]"),
+    SIDE: ("from the right", "x [m]", "z [m]"),
+}
 """View -> viewpoint in words, and labels of its axes."""
 
 
 def draw_view(
-    ax: Axes, view: Projection, named: Named, span: Span,
+    ax: Axes,
+    view: Projection,
+    named: Named,
+    span: Span,
     world: Scene,
 ) -> Handles:
     """Draw tip paths and surroundings in one projection; returns the legend entries.
@@ -95,7 +120,9 @@ def draw_view(
     for line in world.lines:
         _draw_line(ax, view, line)
     if world.ground is not None and view is not TOP:
-        ax.axhspan(-1e3, world.ground, facecolor=FILLS["surface"], edgecolor="none", zorder=0.5)
+        ax.axhspan(
+            -1e3, world.ground, facecolor=FILLS["surface"], edgecolor="none", zorder=0.5
+        )
     title, right, up = SEEN[view]
     ax.set_xlabel(right, **PAPER.words)
     ax.set_ylabel(up, **PAPER.words)
@@ -104,12 +131,16 @@ def draw_view(
 
 
 def _paths(ax: Axes, view: Projection, named: Named, span: Span) -> Handles:
-    """Draw the tip's path of each flight and its reference; returns the legend entries."""
+    """Draw the tip's path of each flight and its reference; returns the legend
+    entries.
+    """
     handles: Handles = {}
     for i, (label, log) in enumerate(named.items()):
         inside = _inside(log, span)
         name = label + ending_of(log)
-        (handles[name],) = ax.plot(*view.flat(log.tip[inside]).T, label=name, **PAPER.look(i).line)
+        (handles[name],) = ax.plot(
+            *view.flat(log.tip[inside]).T, label=name, **PAPER.look(i).line
+        )
         desired = view.flat(log.tip_reference[inside]).T
         (handles["desired"],) = ax.plot(*desired, label="desired", **PAPER.desired.line)
     return handles
@@ -134,42 +165,75 @@ def _frame(ax: Axes) -> None:
 
 
 def world_of(named: Named, span: Span) -> Scene:
-    """Surfaces and objects at the start and end of a time interval, from the first flight that has any."""
+    """Surfaces and objects at the start and end of a time interval, from the first
+    flight that has any.
+    """
     for log in named.values():
         scenario = scenario_of(log)
         inside = np.flatnonzero(_inside(log, span))
         if scenario is None or not inside.size:
             continue
-        ends, agents, team = inside[[0, -1]], dict[str, Instants](), [*log.agents.values()]
+        ends, agents, team = (
+            inside[[0, -1]],
+            dict[str, Instants](),
+            [*log.agents.values()],
+        )
         around = np.mean(np.concatenate([own.tip[inside] for own in team]), axis=0)
         for own, (name, agent) in zip(team, scenario.agents.items(), strict=True):
             agents[name] = Instants(
-                vehicle=agent.vehicle, times=log.time[ends], position=own.position[ends],
-                quaternion=own.quaternion[ends], joints=own.joints[ends], around=around, name=name,
+                vehicle=agent.vehicle,
+                times=log.time[ends],
+                position=own.position[ends],
+                quaternion=own.quaternion[ends],
+                joints=own.joints[ends],
+                around=around,
+                name=name,
             )
         name, first = next(iter(agents)), team[0]
         seen = replace(agents[name], agents=agents)
-        scene = scene_in_log(scenario.of(name).components, seen, lambda name: first.component(name)[ends])  # noqa: B023
+        scene = scene_in_log(
+            scenario.of(name).components, seen, lambda name: first.component(name)[ends]
+        )  # noqa: B023
         if scene.solids or scene.lines or scene.ground is not None:
             return scene
     return Scene()
 
 
 def _draw_line(ax: Axes, view: Projection, line: Line) -> None:
-    """Draw a line-shaped object, such as a cable: solid at its initial position, dashed at its final one."""
+    """Draw a line-shaped object, such as a cable: solid at its initial position, dashed
+    at its final one.
+    """
     for places, style in zip(line.places, ("-", "--"), strict=True):
-        ax.plot(*view.flat(places).T, label=line.name, color=PAPER.frame, linestyle=style, linewidth=0.09 * PAPER.small)
+        ax.plot(
+            *view.flat(places).T,
+            label=line.name,
+            color=PAPER.frame,
+            linestyle=style,
+            linewidth=0.09 * PAPER.small,
+        )
 
 
 def _draw_solid(ax: Axes, view: Projection, solid: Solid) -> None:
-    """Draw the outline of a solid: filled at its initial pose, as a line at its final pose."""
+    """Draw the outline of a solid: filled at its initial pose, as a line at its final
+    pose.
+    """
     for k in (0, 1) if solid.moves else (0,):
-        if solid.shape.kind == "patch" and abs(solid.rotation[k, :, 2] @ view.toward) > FACE_ON:
+        if (
+            solid.shape.kind == "patch"
+            and abs(solid.rotation[k, :, 2] @ view.toward) > FACE_ON
+        ):
             continue
         corners = outline(solid.shape, solid.rotation[k], solid.position[k], view)
-        drawn = Polygon(corners, closed=True, label=solid.shape.name, zorder=0.6 + 0.1 * k)
+        drawn = Polygon(
+            corners, closed=True, label=solid.shape.name, zorder=0.6 + 0.1 * k
+        )
         fill = "none" if k else FILLS.get(solid.shape.role, FILLS["object"])
-        drawn.set(facecolor=fill, edgecolor=PAPER.frame, linewidth=0.09 * PAPER.small, linestyle="--" if k else "-")
+        drawn.set(
+            facecolor=fill,
+            edgecolor=PAPER.frame,
+            linewidth=0.09 * PAPER.small,
+            linestyle="--" if k else "-",
+        )
         ax.add_patch(drawn)
 
 
@@ -200,19 +264,24 @@ def plot(
     """Plot one or several flights over time, with references, limits and events.
 
     Args:
-        flights: a log or the path of its file, several, or several by the words that the legend has for them.
+        flights: a log or the path of its file, several, or several by the words that
+            the legend has for them.
         file: written there too, as PNG, SVG or PDF by its suffix.
-        kind: "tracking" (base and joints with their references), "attitude", "tip" (with its error), "contact" (forces
-            with the wanted one, and of grasps), "efforts" and "rotors" with their limits, "all" of these; "team" (tip
-            error, forces of grasps and thrust of each vehicle, numbers of a team); or "path" (of the tip, from above
-            and from the right, with the world). Of one flight also what was measured and estimated of these.
+        kind: "tracking" (base and joints with their references), "attitude", "tip"
+            (with its error), "contact" (forces with the wanted one, and of grasps),
+            "efforts" and "rotors" with their limits, "all" of these; "team" (tip error,
+            forces of grasps and thrust of each vehicle, numbers of a team); or "path"
+            (of the tip, from above and from the right, with the world). Of one flight
+            also what was measured and estimated of these.
         window: (start, stop), s; the whole of the longest flight if left out.
 
     Returns:
-        a Matplotlib figure, which a notebook shows; ``figure.savefig`` writes other formats.
+        a Matplotlib figure, which a notebook shows; ``figure.savefig`` writes other
+        formats.
 
     Raises:
-        ValueError: one line: an unknown kind or suffix, a window without a flight, too many flights.
+        ValueError: one line: an unknown kind or suffix, a window without a flight, too
+            many flights.
         OSError: the file cannot be written.
     """
     if file is not None:
@@ -232,7 +301,9 @@ def plot(
     return figure
 
 
-def _panels_figure(panels: Sequence[Panel], named: Named, span: Span, every: bool) -> Picture:
+def _panels_figure(
+    panels: Sequence[Panel], named: Named, span: Span, every: bool
+) -> Picture:
     """Draw panels over a common time axis, with shaded events and one legend."""
     figure, axes = PAPER.stacked_panels(len(panels), OF_A_PAGE if every else None)
     handles: Handles = {}
@@ -242,13 +313,23 @@ def _panels_figure(panels: Sequence[Panel], named: Named, span: Span, every: boo
     for ax in axes:
         shading = _mark_events(ax, events, span)
     axes[0].set_xlim(*span)
-    order = (*(label + ending_of(log) for label, log in named.items()), MEASURED, ESTIMATED, "desired", "limit")
-    PAPER.legend(figure, {label: handles[label] for label in order if label in handles} | shading)
+    order = (
+        *(label + ending_of(log) for label, log in named.items()),
+        MEASURED,
+        ESTIMATED,
+        "desired",
+        "limit",
+    )
+    PAPER.legend(
+        figure, {label: handles[label] for label in order if label in handles} | shading
+    )
     return figure
 
 
 def _window(window: Span | None, named: Named) -> Span:
-    """Time interval to draw (s): the requested one after checks, else the whole flights."""
+    """Time interval to draw (s): the requested one after checks, else the whole
+    flights.
+    """
     end = max(map(end_time, named.values()))
     if window is None:
         return 0.0, end or 1.0
@@ -256,12 +337,17 @@ def _window(window: Span | None, named: Named) -> Span:
     if not start < stop:
         raise ValueError(f"window = [{start:g}, {stop:g}]: must start before it stops")
     if stop <= 0.0 or start >= end:
-        raise ValueError(f"window = [{start:g}, {stop:g}]: must overlap the flights, which last {end:g} s")
+        raise ValueError(
+            f"window = [{start:g}, {stop:g}]: must overlap the flights, which last"
+            f" {end:g} s"
+        )
     return start, stop
 
 
 def _draw(ax: Axes, panel: Panel, named: Named, span: Span) -> Handles:
-    """Draw curves, references and limits of one panel; returns the drawn lines by legend label."""
+    """Draw curves, references and limits of one panel; returns the drawn lines by
+    legend label.
+    """
     handles: Handles = {}
     # what fits the value axis: flights that were completed, and those that were lost
     completed: list[Array] = []
@@ -275,21 +361,39 @@ def _draw(ax: Axes, panel: Panel, named: Named, span: Span) -> Handles:
             curves += _received_curves(panel, log, values)
         for name, curve, look in curves:
             if curve is not None:
-                alone: Style = {"marker": "o", "markersize": 0.6 * PAPER.small} if log.time.size == 1 else {}
+                alone: Style = (
+                    {"marker": "o", "markersize": 0.6 * PAPER.small}
+                    if log.time.size == 1
+                    else {}
+                )
                 (handles[name],) = ax.plot(log.time, curve, label=name, **look, **alone)
         if values is not None and log.status != "completed" and log.time.size:
             ax.plot(
-                log.time[-1:], values[-1:], marker="X", markersize=0.8 * PAPER.small, markeredgecolor=PAPER.face,
-                color=PAPER.look(i).color, zorder=4.0, label="_end",
+                log.time[-1:],
+                values[-1:],
+                marker="X",
+                markersize=0.8 * PAPER.small,
+                markeredgecolor=PAPER.face,
+                color=PAPER.look(i).color,
+                zorder=4.0,
+                label="_end",
             )
         group = completed if log.status == "completed" else lost
-        group += [each[inside] for each in (*(curve for _, curve, _ in curves), desired) if each is not None]
+        group += [
+            each[inside]
+            for each in (*(curve for _, curve, _ in curves), desired)
+            if each is not None
+        ]
     for time, desired in _different_references(panel, named):
-        (handles["desired"],) = ax.plot(time, desired, label="desired", **PAPER.desired.line)
+        (handles["desired"],) = ax.plot(
+            time, desired, label="desired", **PAPER.desired.line
+        )
     low, high = _axis_limits(panel, completed, lost)
     for limit in panel.limits:
         # relative to the distance from zero
-        if low <= limit <= high or (limit and (high if limit > 0.0 else -low) >= NEAR * abs(limit)):
+        if low <= limit <= high or (
+            limit and (high if limit > 0.0 else -low) >= NEAR * abs(limit)
+        ):
             handles["limit"] = ax.axhline(limit, label="limit", **PAPER.limit.line)
             room = 0.07 * (max(high, limit) - min(low, limit))
             low, high = min(low, limit - room), max(high, limit + room)
@@ -297,10 +401,19 @@ def _draw(ax: Axes, panel: Panel, named: Named, span: Span) -> Handles:
     return handles
 
 
-def _received_curves(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str, Array | None, Style]]:
-    """Yield (label, curve, line style) of the measured and of the estimated values of a panel's quantity."""
+def _received_curves(
+    panel: Panel, log: Log, truth: Array
+) -> Iterator[tuple[str, Array | None, Style]]:
+    """Yield (label, curve, line style) of the measured and of the estimated values of a
+    panel's quantity.
+    """
     first = PAPER.look(0)
-    steps: Style = {"color": HELD, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}
+    steps: Style = {
+        "color": HELD,
+        "linewidth": first.width,
+        "zorder": 2.5,
+        "drawstyle": "steps-post",
+    }
     looks = {MEASURED: steps, ESTIMATED: PAPER.look(1).line}
     for word, received in measured_flights(log):
         values = panel.of(received)
@@ -309,19 +422,27 @@ def _received_curves(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str
 
 
 def _different_references(panel: Panel, named: Named) -> list[tuple[Array, Array]]:
-    """List the times and values of each distinct reference curve of several flights, longest flight first."""
+    """List the times and values of each distinct reference curve of several flights,
+    longest flight first.
+    """
     references: list[tuple[Array, Array]] = []
     for log in sorted(named.values(), key=lambda log: -log.time.size):
         desired = panel.desired(log) if panel.desired else None
-        if desired is not None and not any(np.array_equal(desired, other[: desired.size]) for _, other in references):
+        if desired is not None and not any(
+            np.array_equal(desired, other[: desired.size]) for _, other in references
+        ):
             references.append((log.time, desired))
     return references
 
 
-def _axis_limits(panel: Panel, completed: Sequence[Array], lost: Sequence[Array]) -> tuple[float, float]:
-    """Limits of a panel's value axis, from references and completed flights if there are any.
+def _axis_limits(
+    panel: Panel, completed: Sequence[Array], lost: Sequence[Array]
+) -> tuple[float, float]:
+    """Limits of a panel's value axis, from references and completed flights if there
+    are any.
 
-    A flight that was lost adds at most as much again on each side, so that it does not flatten the others.
+    A flight that was lost adds at most as much again on each side, so that it does not
+    flatten the others.
     """
     both = limits([*completed, *lost], floor=panel.magnitude, span=panel.span)
     if not any(each.size for each in completed):
@@ -331,7 +452,9 @@ def _axis_limits(panel: Panel, completed: Sequence[Array], lost: Sequence[Array]
 
 
 def _mark_events(ax: Axes, events: Mapping[Event, str], span: Span) -> Handles:
-    """Draw events in a panel (shading for an interval, a line for an instant); returns artists by legend label."""
+    """Draw events in a panel (shading for an interval, a line for an instant); returns
+    artists by legend label.
+    """
     handles: Handles = {}
     instants: dict[str, str] = {}
     for i, (event, label) in enumerate(events.items()):
@@ -340,24 +463,39 @@ def _mark_events(ax: Axes, events: Mapping[Event, str], span: Span) -> Handles:
         if event.start == event.stop:
             dash = instants.setdefault(label, DASHES[len(instants) % 4])
             handles[label] = ax.axvline(
-                event.start, zorder=0.3, label=f"_{label}", color=PAPER.frame, linewidth=0.08 * PAPER.text,
+                event.start,
+                zorder=0.3,
+                label=f"_{label}",
+                color=PAPER.frame,
+                linewidth=0.08 * PAPER.text,
                 linestyle=dash,
             )
         else:
             handles[label] = ax.axvspan(
-                event.start, min(event.stop, span[1]), hatch=HATCHES[i % 4], linewidth=0.0, zorder=0.2,
-                facecolor=PAPER.shades[i % len(PAPER.shades)], edgecolor=PAPER.grid,
+                event.start,
+                min(event.stop, span[1]),
+                hatch=HATCHES[i % 4],
+                linewidth=0.0,
+                zorder=0.2,
+                facecolor=PAPER.shades[i % len(PAPER.shades)],
+                edgecolor=PAPER.grid,
             )
     return handles
 
 
 def _events_by_label(named: Named) -> dict[Event, str]:
-    """Return a legend label for each event; it names the flights unless all flights have the event."""
+    """Return a legend label for each event; it names the flights unless all flights
+    have the event.
+    """
     flights: dict[Event, list[str]] = {}
     for label, log in named.items():
         for event in flight_events(log):
             flights.setdefault(event, []).append(label)
     return {
-        event: event.label if len(labels) >= len(named) else f"{event.label} ({', '.join(labels)})"
+        event: (
+            event.label
+            if len(labels) >= len(named)
+            else f"{event.label} ({', '.join(labels)})"
+        )
         for event, labels in flights.items()
     }

@@ -1,4 +1,6 @@
-"""Figures of a plan: the vehicle along its motion, and what it uses of each limit over time."""
+"""Figures of a plan: the vehicle along its motion, and what it uses of each limit over
+time.
+"""
 
 from __future__ import annotations
 
@@ -27,29 +29,41 @@ STILLS = 13
 """Number of positions of the vehicle that the picture of the motion shows."""
 
 SIDES = ((SIDE, "z"), (TOP, "y"))
-"""Projections of the motion, from the side and from above, and their upward axes; x is to the right in both."""
+"""Projections of the motion, from the side and from above, and their upward axes; x is
+to the right in both."""
 
 
 def motion_figure(plan: Plan) -> Figure:
-    """Draw the vehicle along its plan, projected from the side and from above, with the obstacles."""
+    """Draw the vehicle along its plan, projected from the side and from above, with the
+    obstacles.
+    """
     figure, axes = _paths(plan)
     for ax, (view, _) in zip(axes, SIDES, strict=True):
         for k, lines in enumerate(_stills(plan)):
             shade = 0.75 * (1.0 - k / (STILLS - 1))
             for line in lines:
-                ax.plot(*view.flat(line).T, color=(shade, shade, shade), linewidth=1.4, solid_capstyle="round")
+                ax.plot(
+                    *view.flat(line).T,
+                    color=(shade, shade, shade),
+                    linewidth=1.4,
+                    solid_capstyle="round",
+                )
     return figure
 
 
 def motion_frames(plan: Plan, fps: int, dpi: float) -> Iterator[Pixels]:
-    """Draw the vehicle moving along its plan, one picture (height, width, 3) for each instant at a rate ``fps``."""
+    """Draw the vehicle moving along its plan, one picture (height, width, 3) for each
+    instant at a rate ``fps``.
+    """
     figure, axes = _paths(plan)
     figure.set_dpi(dpi)
     canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
     still = canvas.copy_from_bbox(figure.bbox)
     drawn = [LineCollection([], colors="black", linewidths=2.0) for _ in axes]
-    clock = axes[0].text(0.01, 0.95, "", transform=axes[0].transAxes, va="top", **PAGE.words)
+    clock = axes[0].text(
+        0.01, 0.95, "", transform=axes[0].transAxes, va="top", **PAGE.words
+    )
     for ax, each in zip(axes, drawn, strict=True):
         ax.add_collection(each, autolim=False)
     times = np.arange(0.0, float(plan.t[-1]), 1.0 / fps)
@@ -66,23 +80,41 @@ def motion_frames(plan: Plan, fps: int, dpi: float) -> Iterator[Pixels]:
 def _paths(plan: Plan) -> tuple[Picture, list[Axes]]:
     """Draw the paths of base and tip, from the side and from above, and the obstacles.
 
-    Both projections have one scale and show all of the motion; they stand beside each other where it is not long in x.
+    Both projections have one scale and show all of the motion; they stand beside each
+    other where it is not long in x.
     """
     arrays = plan_arrays(plan)
     points = np.vstack([_stills(plan).reshape(-1, 3), arrays["position"]])
-    middle, half = 0.5 * (points.max(axis=0) + points.min(axis=0)), 0.525 * np.ptp(points, axis=0)
+    middle, half = (
+        0.5 * (points.max(axis=0) + points.min(axis=0)),
+        0.525 * np.ptp(points, axis=0),
+    )
     stacked = half[0] > 1.5 * max(half[1:])
     ratio = 3.6 if stacked else 1.05
     width = max(half[0], ratio * max(half[1:]))
     figure = PAGE.blank(11.0, 6.4 if stacked else 5.6)
-    axes = [PAGE.dress(ax) for ax in (figure.subplots(2, 1) if stacked else figure.subplots(1, 2))]
+    axes = [
+        PAGE.dress(ax)
+        for ax in (figure.subplots(2, 1) if stacked else figure.subplots(1, 2))
+    ]
     for ax, (view, up) in zip(axes, SIDES, strict=True):
         for each in plan.task.obstacles:
             if each.shape != "plane":
                 at = matrices(each.rotation, 1)[0], vectors(each.position, 1)[0]
-                look = {"facecolor": "#c9c9c9", "edgecolor": PAGE.frame, "alpha": 0.6, "zorder": 1.0}
-                ax.add_patch(Polygon(outline(surface_shape(each), *at, view), closed=True, **look))
-        ax.plot(*view.flat(arrays["position"]).T, color=PAGE.looks[0].color, linewidth=0.8)
+                look = {
+                    "facecolor": "#c9c9c9",
+                    "edgecolor": PAGE.frame,
+                    "alpha": 0.6,
+                    "zorder": 1.0,
+                }
+                ax.add_patch(
+                    Polygon(
+                        outline(surface_shape(each), *at, view), closed=True, **look
+                    )
+                )
+        ax.plot(
+            *view.flat(arrays["position"]).T, color=PAGE.looks[0].color, linewidth=0.8
+        )
         if arrays["tip"].size:
             ax.plot(*view.flat(arrays["tip"]).T, **PAGE.looks[1].line)
         x, y = view.flat(middle)
@@ -99,33 +131,72 @@ def _stills(plan: Plan) -> Array:
 
 
 def _lines_at(plan: Plan, times: Array) -> Array:
-    """Ends (N, lines, 2, 3) of the lines of a vehicle, booms and arm, at N instants, m, world axes."""
+    """Ends (N, lines, 2, 3) of the lines of a vehicle, booms and arm, at N instants, m,
+    world axes.
+    """
     vehicle, x = plan.task.vehicle, states_at(plan, times)
     position, quaternion, joints = x[:, :3], x[:, 3:7], x[:, plan.stage.at.joints]
-    seen = Instants(vehicle=vehicle, times=times, position=position, quaternion=quaternion, joints=joints)
+    seen = Instants(
+        vehicle=vehicle,
+        times=times,
+        position=position,
+        quaternion=quaternion,
+        joints=joints,
+    )
     ends = [(seen.place(), seen.place(rotor.position)) for rotor in vehicle.rotors]
-    ends += [(seen.place(body=link.parent), seen.place(body=k)) for k, link in enumerate(vehicle.links)]
+    ends += [
+        (seen.place(body=link.parent), seen.place(body=k))
+        for k, link in enumerate(vehicle.links)
+    ]
     if vehicle.end_effector:
         frame = vehicle.frame()
-        ends.append((seen.place(body=frame.link), seen.place(frame.position, frame.link)))
+        ends.append(
+            (seen.place(body=frame.link), seen.place(frame.position, frame.link))
+        )
     return np.array(ends).transpose(2, 0, 1, 3)
 
 
 def limits_figure(plan: Plan) -> Figure:
-    """Draw speed, tilt, rotor thrusts, joint torques, joint rates and joints over time, with their limits."""
+    """Draw speed, tilt, rotor thrusts, joint torques, joint rates and joints over time,
+    with their limits.
+    """
     vehicle, limits = plan.task.vehicle, plan.task.limits
     at = plan.stage.at
     efforts = float_array(joint.effort_limit for joint in vehicle.joints)
     panels: list[tuple[str, str, Array, Array, list[float]]] = [
         ("Speed", "m/s", plan.t, lengths(plan.x[:, 7:10]), [limits.speed]),
-        ("Tilt", "degrees", plan.t, np.degrees(tilts(plan)), [math.degrees(limits.tilt)]),
-        ("Rotor thrust", "% of highest", plan.t, 100.0 * plan.thrust_shares, [100.0 * limits.thrust_share]),
+        (
+            "Tilt",
+            "degrees",
+            plan.t,
+            np.degrees(tilts(plan)),
+            [math.degrees(limits.tilt)],
+        ),
+        (
+            "Rotor thrust",
+            "% of highest",
+            plan.t,
+            100.0 * plan.thrust_shares,
+            [100.0 * limits.thrust_share],
+        ),
     ]
     if vehicle.n:
         share, fastest = 100.0 * limits.torque_share, limits.joint_rate
         panels += [
-            ("Joint torque", "% of limit", plan.t, 100.0 * plan.torques / efforts, [share, -share]),
-            ("Joint rate", "rad/s or m/s", plan.t, plan.x[:, at.joint_rates], [fastest, -fastest]),
+            (
+                "Joint torque",
+                "% of limit",
+                plan.t,
+                100.0 * plan.torques / efforts,
+                [share, -share],
+            ),
+            (
+                "Joint rate",
+                "rad/s or m/s",
+                plan.t,
+                plan.x[:, at.joint_rates],
+                [fastest, -fastest],
+            ),
             ("Joints", "rad or m", plan.t, plan.x[:, at.joints], []),
         ]
     figure, axes = PAGE.tiles(len(panels), 2, (5.5, 2.1))

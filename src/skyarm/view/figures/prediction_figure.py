@@ -1,4 +1,6 @@
-"""Figure of open-loop predictions: errors of position and attitude against the horizon, for several predictors."""
+"""Figure of open-loop predictions: errors of position and attitude against the horizon,
+for several predictors.
+"""
 
 from __future__ import annotations
 
@@ -28,12 +30,16 @@ class PredictionCurve:
     attitude: Sequence[float]
 
 
-def prediction_figure(horizons: Sequence[float], curves: Mapping[str, PredictionCurve]) -> Picture:
-    """Draw errors of position and attitude against the horizon on logarithmic axes, a line for each predictor.
+def prediction_figure(
+    horizons: Sequence[float], curves: Mapping[str, PredictionCurve]
+) -> Picture:
+    """Draw errors of position and attitude against the horizon on logarithmic axes, a
+    line for each predictor.
 
     Args:
         horizons: s, rising.
-        curves: name of a predictor -> its errors; the first one is drawn the strongest, the last one dotted.
+        curves: name of a predictor -> its errors; the first one is drawn the strongest,
+            the last one dotted.
     """
     figure, panels = PAPER.tiles(2, 2, PANEL, LEGEND)
     handles = dict[str, Line2D]()
@@ -41,8 +47,15 @@ def prediction_figure(horizons: Sequence[float], curves: Mapping[str, Prediction
         look = PAPER.desired if k == len(curves) - 1 and k > 0 else PAPER.look(k)
         marker = "" if k == len(curves) - 1 else MARKERS[k % len(MARKERS)]
         for panel, values in zip(panels, (curve.position, curve.attitude), strict=True):
-            (handles[name],) = panel.plot(horizons, values, marker=marker, markersize=3.2, **look.line)
-    for panel, label, unit in zip(panels, ("Position error, RMS", "Attitude error, RMS"), ("m", "rad"), strict=True):
+            (handles[name],) = panel.plot(
+                horizons, values, marker=marker, markersize=3.2, **look.line
+            )
+    for panel, label, unit in zip(
+        panels,
+        ("Position error, RMS", "Attitude error, RMS"),
+        ("m", "rad"),
+        strict=True,
+    ):
         logarithmic(panel.xaxis)
         logarithmic(panel.yaxis)
         panel.set_xlabel("Horizon [s]", **PAPER.words)

@@ -1,4 +1,6 @@
-"""Parallel projection of shapes onto a drawing: views, outlines of convex solids, arcs."""
+"""Parallel projection of shapes onto a drawing: views, outlines of convex solids,
+arcs.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +21,12 @@ DIRECTIONS = 720
 
 @positional
 class Projection:
-    """Parallel projection of world points onto a drawing plane, given by its right and up directions.
+    """Parallel projection of world points onto a drawing plane, given by its right and
+    up directions.
 
     Attributes:
-        right, up: unit vectors (3,) in the world that point so on paper; their cross product points to the observer.
+        right, up: unit vectors (3,) in the world that point so on paper; their cross
+            product points to the observer.
     """
 
     right: tuple[float, float, float]
@@ -39,8 +43,15 @@ class Projection:
 
 
 def axonometric(azimuth: float, elevation: float) -> Projection:
-    """Make a parallel projection from azimuth (rad, from x towards y) and elevation (rad, above the horizon)."""
-    ca, sa, ce, se = math.cos(azimuth), math.sin(azimuth), math.cos(elevation), math.sin(elevation)
+    """Make a parallel projection from azimuth (rad, from x towards y) and elevation
+    (rad, above the horizon).
+    """
+    ca, sa, ce, se = (
+        math.cos(azimuth),
+        math.sin(azimuth),
+        math.cos(elevation),
+        math.sin(elevation),
+    )
     return Projection((-sa, ca, 0.0), (-se * ca, -se * sa, ce))
 
 
@@ -52,19 +63,24 @@ TOP = Projection((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 def outline(shape: Shape, rotation: Array, position: Array, view: Projection) -> Array:
-    """Projected outline (K, 2) of a convex solid at a pose of its body, counter-clockwise."""
+    """Projected outline (K, 2) of a convex solid at a pose of its body,
+    counter-clockwise.
+    """
     return hull(view.flat(mesh_of(shape, AROUND)[0] @ rotation.T + position))
 
 
 def hull(points: Array) -> Array:
-    """Approximate convex hull of points (N, 2): the farthest point in each of many directions."""
+    """Approximate convex hull of points (N, 2): the farthest point in each of many
+    directions.
+    """
     angles = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
     farthest = np.argmax(points @ np.array([np.cos(angles), np.sin(angles)]), axis=0)
     return np.asarray(points[farthest[np.append(True, np.diff(farthest) != 0)]])
 
 
 def arc(centre: Array, axis: Array, start: Array, angle: float) -> Array:
-    """Points (N, 3) of an arc about an axis through ``centre``, from ``start`` by a right-hand angle.
+    """Points (N, 3) of an arc about an axis through ``centre``, from ``start`` by a
+    right-hand angle.
 
     Args:
         centre: (3,), m.
@@ -77,7 +93,11 @@ def arc(centre: Array, axis: Array, start: Array, angle: float) -> Array:
 
 
 def perpendicular(axis: Array) -> Array:
-    """Unit vector perpendicular to an axis, as close as possible to world z, or to x."""
-    guide = np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    """Unit vector perpendicular to an axis, as close as possible to world z, or to
+    x.
+    """
+    guide = (
+        np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    )
     across = guide - (guide @ axis) * axis
     return np.asarray(across / np.linalg.norm(across))

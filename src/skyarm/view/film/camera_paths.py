@@ -17,13 +17,16 @@ from skyarm.world.scene.scene import hidden_share
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
 AZIMUTH, ELEVATION = 125.0, -16.0
-"""View direction (deg): along +x turned by the azimuth about z, and downwards by -elevation."""
+"""View direction (deg): along +x turned by the azimuth about z, and downwards by
+-elevation."""
 
 SIDES = (AZIMUTH, 180.0 - AZIMUTH, -AZIMUTH, AZIMUTH - 180.0)
-"""Candidate azimuths: from the front right, from the rear right, and the same from the left."""
+"""Candidate azimuths: from the front right, from the rear right, and the same from the
+left."""
 
 ACROSS = tuple(90.0 - side for side in SIDES)
-"""Further candidates for several vehicles, which may stand behind each other in the others: nearer to the x axis."""
+"""Further candidates for several vehicles, which may stand behind each other in the
+others: nearer to the x axis."""
 
 LOOKS = 24
 """Number of instants at which a view is evaluated."""
@@ -33,7 +36,9 @@ SMOOTH = 0.6
 
 
 def _axes_of_view(azimuth: float) -> Array:
-    """Camera axes right, up and away (matrix columns) for a viewing azimuth (deg) and the elevation ELEVATION."""
+    """Camera axes right, up and away (matrix columns) for a viewing azimuth (deg) and
+    the elevation ELEVATION.
+    """
     az, away = math.radians(azimuth), looking_towards(azimuth)
     right = np.array([math.sin(az), -math.cos(az), 0.0])
     return np.stack([right, np.cross(right, away), away], axis=1)
@@ -43,12 +48,15 @@ HEIGHT = 0.4
 """Height over width of a flying vehicle at its usual attitudes."""
 
 LEAVES = 6.0
-"""Distance from the desired position, in reaches of a vehicle, beyond which a following camera stops following it."""
+"""Distance from the desired position, in reaches of a vehicle, beyond which a following
+camera stops following it."""
 
 
 def fixed_camera(flights: Flights, seconds: Array, aspect: float) -> CameraPath:
     """Path of a camera that stands still and keeps all vehicles in view."""
-    places = np.concatenate([part for flight in flights for part in _places_in_view(flight)])
+    places = np.concatenate(
+        [part for flight in flights for part in _places_in_view(flight)]
+    )
     azimuth = free_azimuth(flights)
     view = _axes_of_view(azimuth)
     low, high = ((places @ view).min(axis=0), (places @ view).max(axis=0))
@@ -62,14 +70,24 @@ def follow(flights: Flights, seconds: Array, aspect: float) -> CameraPath:
     places = np.stack([part for flight in flights for part in _places_in_view(flight)])
     middle = _low_pass(0.5 * (places.min(axis=0) + places.max(axis=0)), seconds)
     azimuth = free_azimuth(flights)
-    return _path(middle, _distance_for_positions((places - middle).reshape(-1, 3), flights, aspect, azimuth), azimuth)
+    return _path(
+        middle,
+        _distance_for_positions(
+            (places - middle).reshape(-1, 3), flights, aspect, azimuth
+        ),
+        azimuth,
+    )
 
 
 def tip(flights: Flights, seconds: Array, aspect: float) -> CameraPath:
     """Path of a close-up camera that follows the desired tip position."""
     desired = np.mean([flight.desired_tip for flight in flights], axis=0)
-    apart = max(float(norm(flight.desired_tip - desired, axis=1).max()) for flight in flights)
-    distance = _distance_for_sphere(0.9 * max(map(vehicle_reach, flights)) + apart, aspect)
+    apart = max(
+        float(norm(flight.desired_tip - desired, axis=1).max()) for flight in flights
+    )
+    distance = _distance_for_sphere(
+        0.9 * max(map(vehicle_reach, flights)) + apart, aspect
+    )
     return _path(_low_pass(desired, seconds), distance, free_azimuth(flights))
 
 
@@ -78,7 +96,8 @@ CAMERAS: dict[str, Callable[[Flights, Array, float], CameraPath]] = {
     "follow": follow,
     "tip": tip,
 }
-"""Camera path by name: function (flights in one picture, seconds of film (F,), width over height) -> path."""
+"""Camera path by name: function (flights in one picture, seconds of film (F,), width
+over height) -> path."""
 
 
 def _path(look_at: Array, distance: float, azimuth: float) -> CameraPath:
@@ -87,20 +106,34 @@ def _path(look_at: Array, distance: float, azimuth: float) -> CameraPath:
 
 
 def vehicle_reach(flight: FlightFrames) -> float:
-    """Radius (m) of a vehicle around its base: rotor booms with discs, or the arm, whichever is longer."""
+    """Radius (m) of a vehicle around its base: rotor booms with discs, or the arm,
+    whichever is longer.
+    """
     arm = float(np.max(lengths(flight.desired_tip - flight.desired_position)))
     return max(1.5 * longest_boom(flight.vehicle), arm)
 
 
 def _places_in_view(flight: FlightFrames) -> list[Array]:
-    """Positions (F, 3) that the camera keeps in view: actual and desired ones of base and tip, and bodies in grasps."""
+    """Positions (F, 3) that the camera keeps in view: actual and desired ones of base
+    and tip, and bodies in grasps.
+    """
     farthest = LEAVES * vehicle_reach(flight)
     pairs = (flight.position, flight.desired_position), (flight.tip, flight.desired_tip)
-    bodies = [corner - flight.desired_position for corner in _corners_of_grasped(flight)]
+    bodies = [
+        corner - flight.desired_position for corner in _corners_of_grasped(flight)
+    ]
     # a lost vehicle leaves the picture, and so does a body that falls
     return [
-        *(part for at, desired in pairs for part in (desired + _limit_lengths(at - desired, farthest), desired)),
-        *(flight.desired_position + _limit_lengths(each, farthest + float(norm(each[0]))) for each in bodies),
+        *(
+            part
+            for at, desired in pairs
+            for part in (desired + _limit_lengths(at - desired, farthest), desired)
+        ),
+        *(
+            flight.desired_position
+            + _limit_lengths(each, farthest + float(norm(each[0])))
+            for each in bodies
+        ),
     ]
 
 
@@ -110,7 +143,9 @@ def _corners_of_grasped(flight: FlightFrames) -> Iterator[Array]:
     # marks of grasps are the only solids of their role
     grasped = any(each.shape.role == "point" for each in solids)
     for body in (each for each in solids if grasped and each.shape.role == "object"):
-        half = body.shape.size if body.shape.kind == "box" else (max(body.shape.size),) * 3
+        half = (
+            body.shape.size if body.shape.kind == "box" else (max(body.shape.size),) * 3
+        )
         for signs in product((-1.0, 1.0), repeat=3):
             yield body.position + body.rotation @ np.multiply(signs, half)
 
@@ -128,15 +163,22 @@ def _distance_for_sphere(radius: float, aspect: float) -> float:
     return radius / math.sin(min(half, across))
 
 
-def _distance_for_positions(places: Array, flights: Flights, aspect: float, azimuth: float) -> float:
-    """Camera distance at which vehicles at all given positions (N, 3), relative to its target, are in view."""
+def _distance_for_positions(
+    places: Array, flights: Flights, aspect: float, azimuth: float
+) -> float:
+    """Camera distance at which vehicles at all given positions (N, 3), relative to its
+    target, are in view.
+    """
     across, upwards, away = (places @ _axes_of_view(azimuth)).T
     slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
     # the largest vehicle is drawn within it
     margin = 1.6 * max(longest_boom(flight.vehicle) for flight in flights)
     needed = [
         (np.abs(off) + margin * share * math.hypot(1.0, edge)) / edge - away
-        for off, edge, share in ((across, slope * aspect, 1.0), (upwards, slope, HEIGHT))
+        for off, edge, share in (
+            (across, slope * aspect, 1.0),
+            (upwards, slope, HEIGHT),
+        )
     ]
     return float(np.max(needed))
 
@@ -154,27 +196,41 @@ def _low_pass(places: Array, seconds: Array) -> Array:
 
 
 def looking_towards(azimuth: float, elevation: float = ELEVATION) -> Array:
-    """Unit vector (3,) of a camera's viewing direction; azimuth and elevation in deg."""
+    """Unit vector (3,) of a camera's viewing direction; azimuth and elevation in
+    deg.
+    """
     az, el = math.radians(azimuth), math.radians(elevation)
-    return np.array([math.cos(el) * math.cos(az), math.cos(el) * math.sin(az), math.sin(el)])
+    return np.array(
+        [math.cos(el) * math.cos(az), math.cos(el) * math.sin(az), math.sin(el)]
+    )
 
 
 def free_azimuth(flights: Flights) -> float:
-    """Camera azimuth (deg) from which surfaces and objects hide the tips least, and vehicles stand widest apart."""
+    """Camera azimuth (deg) from which surfaces and objects hide the tips least, and
+    vehicles stand widest apart.
+    """
     team = by_flight(flights)[0]
     if len(team) == 1 and not any(flight.scene.obstacles for flight in flights):
         return AZIMUTH
     places = np.array([flight.desired_position.mean(axis=0) for flight in team])
     places = places / max(float(norm(np.ptp(places, axis=0))), 1e-9)
     sides = SIDES if len(team) == 1 else SIDES + ACROSS
-    hidden = [sum(_occlusion(flight, -looking_towards(side)) for flight in flights) for side in sides]
+    hidden = [
+        sum(_occlusion(flight, -looking_towards(side)) for flight in flights)
+        for side in sides
+    ]
     apart = [float(np.ptp(places @ _axes_of_view(side)[:, 0])) for side in sides]
     return sides[int(np.argmin(np.subtract(hidden, apart)))]
 
 
 def _occlusion(flight: FlightFrames, towards: Array) -> float:
-    """Share of a flight's time in which a surface or object hides the tip from a given direction (3,)."""
+    """Share of a flight's time in which a surface or object hides the tip from a given
+    direction (3,).
+    """
     chosen = np.unique(np.linspace(0, len(flight.tip) - 1, LOOKS).astype(int))
     obstacles = flight.scene.obstacles
-    solids = [replace(each, position=each.position[chosen], rotation=each.rotation[chosen]) for each in obstacles]
+    solids = [
+        replace(each, position=each.position[chosen], rotation=each.rotation[chosen])
+        for each in obstacles
+    ]
     return hidden_share(solids, flight.tip[chosen], towards)

@@ -1,4 +1,6 @@
-"""Texts of a film: title, clock, wind, names and errors of the flights, and the cursor in the plot."""
+"""Texts of a film: title, clock, wind, names and errors of the flights, and the cursor
+in the plot.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ DESIGNED = 720.0
 """Height (pixels) for which the sizes below are meant; for others they are scaled."""
 
 TITLE, HEAD, PLOT, GAP = 46.0, 40.0, 178.0, 4.0
-"""Heights (pixels) of the bands of title and names, of the plot, and of the space between panels."""
+"""Heights (pixels) of the bands of title and names, of the plot, and of the space
+between panels."""
 
 CLOCK = 300.0
 """Width (pixels) of clock and wind in the title's band."""
@@ -52,11 +55,15 @@ class Box:
     @property
     def inside(self) -> tuple[slice, slice]:
         """Row and column slices of the rectangle in an image."""
-        return slice(self.top, self.top + self.height), slice(self.left, self.left + self.width)
+        return slice(self.top, self.top + self.height), slice(
+            self.left, self.left + self.width
+        )
 
     def split(self, width: int) -> tuple[Box, Box]:
         """Split into a rectangle of given width at the left, and the rest."""
-        return replace(self, width=width), replace(self, left=self.left + width, width=self.width - width)
+        return replace(self, width=width), replace(
+            self, left=self.left + width, width=self.width - width
+        )
 
 
 @positional
@@ -64,9 +71,12 @@ class FrameLayout:
     """Layout of a film frame: rectangles of 3D panels, captions and plot.
 
     Attributes:
-        width, height: size of the whole. scale: scale of texts and bands, 1 at 720 lines.
-        title: band at the top. heads: above each panel a part for each vehicle, or in one band.
-        panels: rectangles of the three-dimensional views. plot: rectangle of the error's plot, None without.
+        width, height: size of the whole. scale: scale of texts and bands, 1 at 720
+            lines.
+        title: band at the top. heads: above each panel a part for each vehicle, or in
+            one band.
+        panels: rectangles of the three-dimensional views. plot: rectangle of the
+            error's plot, None without.
     """
 
     width: int
@@ -81,18 +91,31 @@ class FrameLayout:
 class Captions:
     """Captions and plot in all frames of a film."""
 
-    def __init__(self, flights: Sequence[FilmedFlight], times: Array, layout: FrameLayout, title: str) -> None:
+    def __init__(
+        self,
+        flights: Sequence[FilmedFlight],
+        times: Array,
+        layout: FrameLayout,
+        title: str,
+    ) -> None:
         self._flights, self._times, self._layout = flights, times, layout
         self._blank = np.full((layout.height, layout.width, 3), 255, np.uint8)
         name, self._clock = layout.title.split(
-            layout.title.width - round(min(CLOCK * layout.scale, 0.5 * layout.title.width))
+            layout.title.width
+            - round(min(CLOCK * layout.scale, 0.5 * layout.title.width))
         )
         self._write(self._blank, name, title, bold=True)
         for box, flight in zip(layout.heads, flights, strict=True):
             color = [round(255.0 * part) for part in flight.color]
             bar, name = box.split(max(2, round(6.0 * layout.scale)))
             self._blank[bar.inside] = color
-            self._write(self._blank, name.split(self._name_width(flight, name))[0], flight.label, color, bold=True)
+            self._write(
+                self._blank,
+                name.split(self._name_width(flight, name))[0],
+                flight.label,
+                color,
+                bold=True,
+            )
         self._strip = self._plot()
 
     def frame(self, drawn: Pixels, k: int) -> Pixels:
@@ -102,17 +125,25 @@ class Captions:
             picture[box.inside] = drawn[box.inside]
         winds = {wind_words(flight, k) for flight in self._flights}
         wind = winds.pop() if len(winds) == 1 else ""  # of all flights
-        self._write(picture, self._clock, f"{wind}    {time:.1f} s".lstrip(), align="right")
+        self._write(
+            picture, self._clock, f"{wind}    {time:.1f} s".lstrip(), align="right"
+        )
         for box, flight in zip(layout.heads, self._flights, strict=True):
             ink = LOST if flight.lost and time >= flight.end else INK
             number = box.split(self._name_width(flight, box))[1]
-            self._write(picture, number, state_words(flight, time, k), ink, align="right")
+            self._write(
+                picture, number, state_words(flight, time, k), ink, align="right"
+            )
         if self._strip is not None and layout.plot is not None:
             strip, top = self._strip, layout.plot.top
             share = (time - self._times[0]) / (_end_time(self._times) - self._times[0])
-            at = round(layout.plot.left + strip.left + share * (strip.right - strip.left))
+            at = round(
+                layout.plot.left + strip.left + share * (strip.right - strip.left)
+            )
             half = max(1, round(layout.scale))
-            picture[top + strip.top : top + strip.bottom, max(at - half, 0) : at + half] = INK
+            picture[
+                top + strip.top : top + strip.bottom, max(at - half, 0) : at + half
+            ] = INK
         return picture
 
     def _name_width(self, flight: FilmedFlight, box: Box) -> int:
@@ -121,7 +152,9 @@ class Captions:
         return box.width - round(min(wide * self._layout.scale, share * box.width))
 
     def _plot(self) -> Strip | None:
-        """Render a film's plot: desired and measured forces if every flight has them, else tip errors."""
+        """Render a film's plot: desired and measured forces if every flight has them,
+        else tip errors.
+        """
         box = self._layout.plot
         if box is None:
             return None
@@ -132,34 +165,56 @@ class Captions:
                 curves.append(Curve(each.error_time, each.contact_curve, each.color))
         forces = len(curves) == 2 * len(self._flights)
         if not forces:
-            curves = [Curve(each.error_time, each.error_curve, each.color) for each in self._flights]
+            curves = [
+                Curve(each.error_time, each.error_curve, each.color)
+                for each in self._flights
+            ]
         span = float(self._times[0]), _end_time(self._times)
-        strip = error_strip(curves, span, box.width, box.height, self._layout.scale, forces=forces)
+        strip = error_strip(
+            curves, span, box.width, box.height, self._layout.scale, forces=forces
+        )
         self._blank[box.inside] = strip.pixels
         return strip
 
     def _write(
-        self, pixels: Pixels, box: Box, text: str, ink: Sequence[int] = INK, *, align: str = "left", bold: bool = False
+        self,
+        pixels: Pixels,
+        box: Box,
+        text: str,
+        ink: Sequence[int] = INK,
+        *,
+        align: str = "left",
+        bold: bool = False,
     ) -> None:
         """Write a line of text into a rectangle of an image, smaller if too long."""
         # a picture's line of text: no line breaks, no characters that steer a terminal
         text = "".join(each if each.isprintable() else " " for each in text)
         margin = round(10.0 * self._layout.scale)
         height = max(LEAST_TEXT, round(TEXT_SIZE * self._layout.scale))
-        while (font := _font(height, bold=bold)).getlength(text) > box.width - 2 * margin and height > LEAST_TEXT:
+        while (font := _font(height, bold=bold)).getlength(
+            text
+        ) > box.width - 2 * margin and height > LEAST_TEXT:
             height -= 1
         picture = Image.new("RGB", (box.width, box.height), PAPER)
         at = margin if align == "left" else box.width - margin
         anchor = "lm" if align == "left" else "rm"
-        ImageDraw.Draw(picture).text((at, box.height // 2), text, fill=tuple(ink), font=font, anchor=anchor)
+        ImageDraw.Draw(picture).text(
+            (at, box.height // 2), text, fill=tuple(ink), font=font, anchor=anchor
+        )
         pixels[box.inside] = np.asarray(picture)
 
 
 def state_words(flight: FilmedFlight, time: float, k: int) -> str:
-    """Caption of a flight at frame k: contact force and tip error, or how the flight ended."""
+    """Caption of a flight at frame k: contact force and tip error, or how the flight
+    ended.
+    """
     if time >= flight.end:
         return flight.lost or f"ended at {flight.end:g} s"
-    touch = f"contact {force:.1f} N, " if (force := 0.0 if flight.contact is None else flight.contact[k]) > 0.0 else ""
+    touch = (
+        f"contact {force:.1f} N, "
+        if (force := 0.0 if flight.contact is None else flight.contact[k]) > 0.0
+        else ""
+    )
     return f"{touch}tip error {error_words(float(flight.error[k]))}"
 
 
@@ -175,7 +230,11 @@ def error_words(error: float) -> str:
 
 def _end_time(times: Array) -> float:
     """Time at which a film's last frame ends, s."""
-    return float(times[-1] + (times[-1] - times[0]) / max(len(times) - 1, 1)) if len(times) > 1 else times[0] + 1.0
+    return (
+        float(times[-1] + (times[-1] - times[0]) / max(len(times) - 1, 1))
+        if len(times) > 1
+        else times[0] + 1.0
+    )
 
 
 @lru_cache(maxsize=64)
@@ -184,7 +243,13 @@ def _font(height: int, *, bold: bool) -> ImageFont.FreeTypeFont:
 
 
 def frame_layout(
-    width: int, height: int, flights: int, layout: str, *, plot: bool, agents: Sequence[int] = ()
+    width: int,
+    height: int,
+    flights: int,
+    layout: str,
+    *,
+    plot: bool,
+    agents: Sequence[int] = (),
 ) -> FrameLayout:
     """Compute the rectangles of 3D panels, captions and plot in a film frame.
 
@@ -207,7 +272,10 @@ def frame_layout(
         for (left, wide), count in zip(parts, agents or [1] * flights, strict=True)
         for right, narrow in _columns(wide, count, gap)
     )
-    panels = tuple(Box(left, top, wide, tall) for left, wide in (parts if layout == "side" else [(0, width)]))
+    panels = tuple(
+        Box(left, top, wide, tall)
+        for left, wide in (parts if layout == "side" else [(0, width)])
+    )
     return FrameLayout(
         width=width,
         height=height,

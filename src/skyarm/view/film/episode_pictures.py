@@ -1,4 +1,6 @@
-"""Rendered images of a running simulation, one instant at a time, for learning environments."""
+"""Rendered images of a running simulation, one instant at a time, for learning
+environments.
+"""
 
 from __future__ import annotations
 
@@ -33,18 +35,27 @@ from skyarm.view.picture.marks import (
 from skyarm.view.picture.mujoco_sink import CameraPath, FramePanel, Stage, open_stage
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
-OPTIONS = {"width": 480, "height": 480, "camera": "follow", "ghost": True, "fine": False}
+OPTIONS = {
+    "width": 480,
+    "height": 480,
+    "camera": "follow",
+    "ghost": True,
+    "fine": False,
+}
 """Fields of :class:`FilmSettings` of a picture, with their defaults."""
 
 LOOKS = 300
-"""Largest number of instants at which the whole reference is evaluated, for its line and for a fixed camera."""
+"""Largest number of instants at which the whole reference is evaluated, for its line
+and for a fixed camera."""
 
 FARTHEST = 1e6
-"""Largest value of a drawable state; otherwise the vehicle is drawn at its last drawable one."""
+"""Largest value of a drawable state; otherwise the vehicle is drawn at its last
+drawable one."""
 
 
 def picture_settings(given: Mapping[str, Any]) -> FilmSettings:
-    """Check the image options of a learning environment and convert them to film settings.
+    """Check the image options of a learning environment and convert them to film
+    settings.
 
     Raises:
         ValueError: one line: an option that there is not, or a value that cannot be.
@@ -66,7 +77,8 @@ class EpisodePictures:
         self._settings = settings
         self._scale = min(settings.height / DESIGNED, settings.width / (1.2 * DESIGNED))
         self._open = ExitStack()
-        # also where nobody closes it: before the interpreter ends, the context is given back
+        # also where nobody closes it: before the interpreter ends, the context is given
+        # back
         self._finalizer = weakref.finalize(self, self._open.close)
         self._stage: Stage | None = None
 
@@ -85,7 +97,9 @@ class EpisodePictures:
         """
         settings, panel = self._settings, self._panel(now)
         if self._stage is None:
-            stage = open_stage([panel], settings.width, settings.height, fine=settings.fine)
+            stage = open_stage(
+                [panel], settings.width, settings.height, fine=settings.fine
+            )
             self._stage = self._open.enter_context(stage)
         self._stage.move([panel])
         return self._stage.draw(0).copy()
@@ -102,8 +116,12 @@ class EpisodePictures:
             self._last = now.agent.state
         drawn = now.with_agent(replace(now.agent, state=self._last))
         whole = self._whole = self._whole or self._reference(drawn, time)
-        flight = frames_now(self._inputs, drawn, time, np.array([time]), whole.desired_tip)
-        solids = vehicle_solids(flight) + (ghost_solids(flight) if settings.ghost else [])
+        flight = frames_now(
+            self._inputs, drawn, time, np.array([time]), whole.desired_tip
+        )
+        solids = vehicle_solids(flight) + (
+            ghost_solids(flight) if settings.ghost else []
+        )
         reach = longest_boom(flight.vehicle)
         marks = [
             *desired_path(whole, THIN * self._scale),
@@ -118,13 +136,28 @@ class EpisodePictures:
     def _reference(self, now: LoopState, time: float) -> FlightFrames:
         """Make the frames of an ideal flight that follows its reference exactly."""
         steps, control = self._scenario.steps, self._scenario.rates.control
-        frames = frames_now(self._inputs, now, time, np.linspace(0.0, (steps - 1) / control, min(steps, LOOKS)))
+        frames = frames_now(
+            self._inputs,
+            now,
+            time,
+            np.linspace(0.0, (steps - 1) / control, min(steps, LOOKS)),
+        )
         return replace(frames, position=frames.desired_position, tip=frames.desired_tip)
 
-    def _camera(self, whole: FlightFrames, flight: FlightFrames, time: float) -> CameraPath:
-        """Camera at one instant: following the vehicle, or fixed with the whole reference in view."""
+    def _camera(
+        self, whole: FlightFrames, flight: FlightFrames, time: float
+    ) -> CameraPath:
+        """Camera at one instant: following the vehicle, or fixed with the whole
+        reference in view.
+        """
         settings = self._settings
         along = settings.camera in ("follow", "tip")
         path = CAMERAS[settings.camera]
-        seen = path([flight if along else whole], np.array([time]), settings.width / settings.height)
-        return replace(seen, azimuth=np.array([free_azimuth([whole])])) if along else seen
+        seen = path(
+            [flight if along else whole],
+            np.array([time]),
+            settings.width / settings.height,
+        )
+        return (
+            replace(seen, azimuth=np.array([free_azimuth([whole])])) if along else seen
+        )

@@ -1,4 +1,6 @@
-"""Films and 3D recordings of flights by a Python function, which simulates scenarios first."""
+"""Films and 3D recordings of flights by a Python function, which simulates scenarios
+first.
+"""
 
 from __future__ import annotations
 
@@ -29,28 +31,37 @@ def film(
     progress: Progress | None = None,
     **settings: Any,
 ) -> Path:
-    """Film flights as MP4 or WebP, or record them for a browser (.viser, .html), as ``skyarm film`` does.
+    """Film flights as MP4 or WebP, or record them for a browser (.viser, .html), as
+    ``skyarm film`` does.
 
     Args:
-        flights: a log or a scenario, the path or name of one, or several; scenarios are flown first.
+        flights: a log or a scenario, the path or name of one, or several; scenarios are
+            flown first.
         file: appears whole or not at all.
         labels: name of each flight.
         progress: called with (frames drawn, frames in all).
-        settings: fields of :class:`skyarm.view.film.make_film.FilmSettings`: layout, camera, width, height, fps, speed,
-            start, stop, ghost, plot, fine, title.
+        settings: fields of :class:`skyarm.view.film.make_film.FilmSettings`: layout,
+            camera, width, height, fps, speed, start, stop, ghost, plot, fine, title.
 
     Returns:
         the file.
 
     Raises:
-        ValueError: one line: a flight, a suffix, a setting, or what is missing on this machine.
+        ValueError: one line: a flight, a suffix, a setting, or what is missing on this
+            machine.
         OSError: the file cannot be written.
     """
     path = output_file(os.fspath(file), "file")
     require_film_format(path, SUFFIXES)
-    usual = dict(zip(("width", "height", "fps"), usual_size_and_rate(path), strict=True))
+    usual = dict(
+        zip(("width", "height", "fps"), usual_size_and_rate(path), strict=True)
+    )
     chosen = FilmSettings(**usual | settings)
-    listed = flights if isinstance(flights, Sequence) and not isinstance(flights, str) else [flights]
+    listed = (
+        flights
+        if isinstance(flights, Sequence) and not isinstance(flights, str)
+        else [flights]
+    )
     if not listed:
         raise ValueError("flights = []: must name at least one")
     logs = [_log(each) for each in listed]
@@ -65,14 +76,20 @@ def write_film(
     labels: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Write logs to a film, or to a 3D recording if the file's suffix is that of a recording."""
+    """Write logs to a film, or to a 3D recording if the file's suffix is that of a
+    recording.
+    """
     if require_film_format(path, SUFFIXES) is None:
-        return save_recording(record(logs, settings, labels=labels, progress=progress), path)
+        return save_recording(
+            record(logs, settings, labels=labels, progress=progress), path
+        )
     return make_film(logs, path, settings, labels=labels, progress=progress)
 
 
 def _log(flight: Flight) -> Log:
     """Log of a flight; a scenario is simulated first."""
-    if isinstance(flight, (str, os.PathLike)) and Path(flight).suffix[1:] in names("log_format"):
+    if isinstance(flight, (str, os.PathLike)) and Path(flight).suffix[1:] in names(
+        "log_format"
+    ):
         return as_log(flight)
     return flight if isinstance(flight, Log) else run(flight)

@@ -1,4 +1,6 @@
-"""Flight resampled at a film's frames from its log, with error, contact force and end."""
+"""Flight resampled at a film's frames from its log, with error, contact force and
+end.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,13 @@ from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.reference.tip_motion import TipPush
-from skyarm.view.figures.flight_facts import applied_force, desired_push, end_time, flight_labels, vehicle_logs
+from skyarm.view.figures.flight_facts import (
+    applied_force,
+    desired_push,
+    end_time,
+    flight_labels,
+    vehicle_logs,
+)
 from skyarm.view.picture.frames import COLORS, Color, FlightFrames, patch_about
 from skyarm.world.component import Component
 from skyarm.world.scene.component_scenes import scene_in_log, scenes_of
@@ -39,16 +47,19 @@ READ = {
 
 @immutable(slots=False)
 class FilmedFlight(FlightFrames):
-    """Frames of one vehicle's flight from its log, with its error, contact force and end over the whole flight.
+    """Frames of one vehicle's flight from its log, with its error, contact force and
+    end over the whole flight.
 
     Attributes:
-        error: (F,) m, tip error; perpendicular to the nominal normal during a commanded push.
+        error: (F,) m, tip error; perpendicular to the nominal normal during a commanded
+            push.
         error_time, error_curve: (N,) s and m, the same at every control instant.
-        contact: (F,) N, sum of all normal forces on the vehicle, or of its grips; None without a world.
-        contact_curve, wanted_curve: (N,) N, the same, and the force that the reference asks for; the second one None
-            where it asks for none.
-        end: s; from then on the vehicle stays where it was. lost: why it ended early, in words; empty for a whole
-            flight.
+        contact: (F,) N, sum of all normal forces on the vehicle, or of its grips; None
+            without a world.
+        contact_curve, wanted_curve: (N,) N, the same, and the force that the reference
+            asks for; the second one None where it asks for none.
+        end: s; from then on the vehicle stays where it was. lost: why it ended early,
+            in words; empty for a whole flight.
     """
 
     error: Array
@@ -61,8 +72,11 @@ class FilmedFlight(FlightFrames):
     wanted_curve: Array | None = None
 
 
-def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None = None) -> list[FilmedFlight]:
-    """Resample several logs at a film's frames by linear interpolation, each vehicle with a name and a colour.
+def film_flights(
+    logs: Sequence[Log], times: Array, labels: Sequence[str] | None = None
+) -> list[FilmedFlight]:
+    """Resample several logs at a film's frames by linear interpolation, each vehicle
+    with a name and a colour.
 
     After the end of a log its last state stays.
 
@@ -72,21 +86,32 @@ def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None
     count = sum(len(log.agents) for log in logs)
     if not 1 <= count <= MOST_FLIGHTS:
         what = "flights" if count == len(logs) else "agents"
-        raise ValueError(f"{what} = {count}: must be from 1 to {MOST_FLIGHTS} in one film")
+        raise ValueError(
+            f"{what} = {count}: must be from 1 to {MOST_FLIGHTS} in one film"
+        )
     names = flight_labels(logs) if labels is None else list(labels)
     if len(names) != len(logs):
-        raise ValueError(f"labels = {shown(names)}: must be as many as the flights, {len(logs)}")
+        raise ValueError(
+            f"labels = {shown(names)}: must be as many as the flights, {len(logs)}"
+        )
     colors, flights = iter(COLORS), list[FilmedFlight]()
     for number, (log, name) in enumerate(zip(logs, names, strict=True)):
-        team = [_resample(own, label, next(colors), times, number) for label, own in vehicle_logs(name, log)]
+        team = [
+            _resample(own, label, next(colors), times, number)
+            for label, own in vehicle_logs(name, log)
+        ]
         flights += _with_scenes(team, log)
     return flights
 
 
-def _resample(log: Log, label: str, color: Color, times: Array, number: int) -> FilmedFlight:
+def _resample(
+    log: Log, label: str, color: Color, times: Array, number: int
+) -> FilmedFlight:
     """Resample a log of one vehicle at a film's frames, without a scene."""
     agent = log.scenario.agent
-    now: dict[str, Any] = {field: read(log.time, getattr(log, name), times) for field, name in READ.items()}
+    now: dict[str, Any] = {
+        field: read(log.time, getattr(log, name), times) for field, name in READ.items()
+    }
     yaw = read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
     push, whole = getattr(agent.reference, "push", None), log.status == "completed"
     error, contact = _error(log, push), applied_force(log)
@@ -100,7 +125,9 @@ def _resample(log: Log, label: str, color: Color, times: Array, number: int) -> 
         error=read(log.time, error[:, None], times)[:, 0],
         error_time=log.time,
         error_curve=error,
-        contact=None if contact is None else read(log.time, contact[:, None], times)[:, 0],
+        contact=(
+            None if contact is None else read(log.time, contact[:, None], times)[:, 0]
+        ),
         contact_curve=contact,
         wanted_curve=desired_push(log),
         end=end_time(log) if whole else float(log.time[-1]),
@@ -111,7 +138,9 @@ def _resample(log: Log, label: str, color: Color, times: Array, number: int) -> 
 
 
 def _with_scenes(team: Sequence[FilmedFlight], log: Log) -> Iterator[FilmedFlight]:
-    """Add the scenes around the vehicles of a flight: what all share to the first, to each what it has for itself."""
+    """Add the scenes around the vehicles of a flight: what all share to the first, to
+    each what it has for itself.
+    """
     around = np.mean(np.concatenate([each.desired_tip for each in team]), axis=0)
     patch = patch_about(np.concatenate([each.tip for each in team]))
     scenario = log.scenario
@@ -121,7 +150,10 @@ def _with_scenes(team: Sequence[FilmedFlight], log: Log) -> Iterator[FilmedFligh
     }
 
     def draw(name: str, shared: bool) -> Scene:
-        models = *scenario.own_components(scenario.agents[name]), *(scenario.shared_components if shared else ())
+        models = (
+            *scenario.own_components(scenario.agents[name]),
+            *(scenario.shared_components if shared else ()),
+        )
         return _scene(log.agents[name], models, replace(agents[name], agents=agents))
 
     for each, scene in zip(agents.values(), scenes_of(agents, draw), strict=True):
@@ -129,7 +161,9 @@ def _with_scenes(team: Sequence[FilmedFlight], log: Log) -> Iterator[FilmedFligh
 
 
 def _error(log: Log, push: TipPush | None) -> Array:
-    """Tip error (m) over time; during a commanded push, only its part perpendicular to the surface normal."""
+    """Tip error (m) over time; during a commanded push, only its part perpendicular to
+    the surface normal.
+    """
     away = log.tip - log.tip_reference
     if push is not None:
         away = push.across(away, log.time, log.tip)
@@ -137,27 +171,45 @@ def _error(log: Log, push: TipPush | None) -> Array:
 
 
 def _scene(log: Log, components: Sequence[Component[Tree]], seen: Instants) -> Scene:
-    """Surfaces, objects and contact forces at a film's frames, interpolated from a log."""
+    """Surfaces, objects and contact forces at a film's frames, interpolated from a
+    log.
+    """
 
     def at_frames(name: str) -> Array:
         array = log.component(name)
         if name.endswith("quaternion") and array.size:
-            array = np.concatenate([continuous(each) for each in np.split(array, array.shape[1] // 4, 1)], axis=1)
+            array = np.concatenate(
+                [continuous(each) for each in np.split(array, array.shape[1] // 4, 1)],
+                axis=1,
+            )
         return read(log.time, array, seen.times)
 
-    scene, flying = scene_in_log(components, seen, at_frames), seen.times[:, None] < end_time(log)
-    arrows = (replace(each, force=each.force * flying) for each in scene.arrows if np.any(each.force))
+    scene, flying = (
+        scene_in_log(components, seen, at_frames),
+        seen.times[:, None] < end_time(log),
+    )
+    arrows = (
+        replace(each, force=each.force * flying)
+        for each in scene.arrows
+        if np.any(each.force)
+    )
     return replace(scene, arrows=tuple(arrows))
 
 
 def read(time: Array, values: Array, times: Array) -> Array:
-    """Interpolate the columns of a time series (N, k) at other times; returns (F, k)."""
+    """Interpolate the columns of a time series (N, k) at other times; returns (F,
+    k).
+    """
     columns = [np.interp(times, time, column) for column in values.T]
     return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
 
 
 def continuous(quaternion: Array) -> Array:
-    """Flip signs of a quaternion series (N, 4) so that it is continuous, for interpolation."""
+    """Flip signs of a quaternion series (N, 4) so that it is continuous, for
+    interpolation.
+    """
     same = np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]) >= 0.0
-    sign = np.concatenate([[1.0], np.cumprod(np.where(same, 1.0, -1.0))])[: len(quaternion)]
+    sign = np.concatenate([[1.0], np.cumprod(np.where(same, 1.0, -1.0))])[
+        : len(quaternion)
+    ]
     return doubles(quaternion * sign[:, None])

@@ -43,11 +43,13 @@ def make_film(
         flights: one log or several, at most MOST_FLIGHTS.
         file: appears whole or not at all.
         settings: size, speed, camera, layout.
-        labels: name of each flight; its law, or its scenario where the laws are the same.
+        labels: name of each flight; its law, or its scenario where the laws are the
+            same.
         progress: called after each frame.
 
     Raises:
-        ValueError: one line: settings, a log that cannot be filmed, or what is missing on this machine.
+        ValueError: one line: settings, a log that cannot be filmed, or what is missing
+            on this machine.
         OSError: the file cannot be written.
     """
     chosen = settings or FilmSettings()
@@ -63,24 +65,34 @@ def make_film(
 
 
 def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
-    """Compute the flight time (s) of each frame of a film, up to the end of the longest flight.
+    """Compute the flight time (s) of each frame of a film, up to the end of the longest
+    flight.
 
     Raises:
         ValueError: a log has no instants, or none is left of them all.
     """
     for log in logs:
         if not log.time.size:
-            raise ValueError(f"log = {log.info.get('scenario')!r}: must hold at least one control instant to be filmed")
+            raise ValueError(
+                f"log = {log.info.get('scenario')!r}: must hold at least one control"
+                " instant to be filmed"
+            )
     longest = max(map(end_time, logs))
     stop = longest if settings.stop is None else min(settings.stop, longest)
     count = round((stop - settings.start) * settings.fps / settings.speed)
     if count < 1:
-        raise ValueError(f"start = {settings.start:g}: must leave at least one frame before the end, {stop:g} s")
+        raise ValueError(
+            f"start = {settings.start:g}: must leave at least one frame before the end,"
+            f" {stop:g} s"
+        )
     return doubles(settings.start + np.arange(count) * (settings.speed / settings.fps))
 
 
 def film_frames(
-    flights: Sequence[FilmedFlight], times: Array, settings: FilmSettings, progress: Progress | None = None
+    flights: Sequence[FilmedFlight],
+    times: Array,
+    settings: FilmSettings,
+    progress: Progress | None = None,
 ) -> Iterator[Pixels]:
     """Yield the rendered frames of a film as byte arrays (height, width, 3).
 
@@ -89,42 +101,73 @@ def film_frames(
     """
     width, height = settings.width, settings.height
     agents = [len(team) for team in by_flight(flights)]
-    layout = frame_layout(width, height, len(agents), settings.layout, plot=settings.plot, agents=agents)
+    layout = frame_layout(
+        width, height, len(agents), settings.layout, plot=settings.plot, agents=agents
+    )
     captions = Captions(flights, times, layout, settings.title or "")
-    with open_stage(film_panels(flights, times, settings, layout), width, height, fine=settings.fine) as stage:
+    with open_stage(
+        film_panels(flights, times, settings, layout), width, height, fine=settings.fine
+    ) as stage:
         for k in range(len(times)):
             yield captions.frame(stage.draw(k), k)
             if progress is not None:
                 progress(k + 1, len(times))
 
 
-def film_panels(flights: Flights, times: Array, settings: FilmSettings, layout: FrameLayout) -> list[FramePanel]:
-    """Make the 3D panels of a film: camera, solids, lines and arrows of their flights."""
+def film_panels(
+    flights: Flights, times: Array, settings: FilmSettings, layout: FrameLayout
+) -> list[FramePanel]:
+    """Make the 3D panels of a film: camera, solids, lines and arrows of their
+    flights.
+    """
     together = [list(flights)] if settings.layout == "over" else by_flight(flights)
     paths = _cameras(together, times, settings, layout)
     panels = []
     for box, inside, path in zip(layout.panels, together, paths, strict=True):
         solids = [solid for flight in inside for solid in vehicle_solids(flight)]
         if settings.ghost:
-            solids += [solid for flight in by_flight(inside)[0] for solid in ghost_solids(flight)]
+            solids += [
+                solid
+                for flight in by_flight(inside)[0]
+                for solid in ghost_solids(flight)
+            ]
         booms = max(longest_boom(flight.vehicle) for flight in inside)
         marks = marks_of(inside, booms, layout.scale)
         panels.append(
-            FramePanel(box.left, box.top, box.width, box.height, path, solids, marks, inside[0].scene.ground or 0.0)
+            FramePanel(
+                box.left,
+                box.top,
+                box.width,
+                box.height,
+                path,
+                solids,
+                marks,
+                inside[0].scene.ground or 0.0,
+            )
         )
     return panels
 
 
 def _cameras(
-    together: Sequence[Flights], times: Array, settings: FilmSettings, layout: FrameLayout
+    together: Sequence[Flights],
+    times: Array,
+    settings: FilmSettings,
+    layout: FrameLayout,
 ) -> list[CameraPath]:
-    """Compute the camera path of each panel; flights with one desired path share one."""
+    """Compute the camera path of each panel; flights with one desired path share
+    one.
+    """
     seconds = (times - times[0]) / settings.speed
     every = [flight for inside in together for flight in inside]
     path = CAMERAS[settings.camera]
     aspect = min(box.width / box.height for box in layout.panels)
-    desired = [np.stack([flight.desired_position for flight in inside]) for inside in together]
-    if all(each.shape == desired[0].shape and np.allclose(each, desired[0], atol=1e-3) for each in desired):
+    desired = [
+        np.stack([flight.desired_position for flight in inside]) for inside in together
+    ]
+    if all(
+        each.shape == desired[0].shape and np.allclose(each, desired[0], atol=1e-3)
+        for each in desired
+    ):
         return [path(every, seconds, aspect)] * len(together)
     paths = [path(inside, seconds, aspect) for inside in together]
     distance = np.max([each.distance for each in paths], axis=0)
@@ -135,13 +178,17 @@ def _with_title(settings: FilmSettings, logs: Sequence[Log]) -> FilmSettings:
     """Fill in the title of a film from its scenarios if the settings have none."""
     if settings.title is not None:
         return settings
-    scenarios = dict.fromkeys(str(log.scenario.title or log.info["scenario"]) for log in logs)
+    scenarios = dict.fromkeys(
+        str(log.scenario.title or log.info["scenario"]) for log in logs
+    )
     return replace(settings, title=", ".join(scenarios))
 
 
 Layout = Literal["side", "over"]
 Camera = Literal["follow", "fixed", "tip"]
-Side = Annotated[int, Unit("pixels", "edge of the picture, an even number", low=64, high=4096)]
+Side = Annotated[
+    int, Unit("pixels", "edge of the picture, an even number", low=64, high=4096)
+]
 
 
 @immutable
@@ -149,14 +196,17 @@ class FilmSettings:
     """Settings of a film.
 
     Attributes:
-        layout: "side" (a panel for each flight, side by side) or "over" (all flights in one).
-        camera: "follow" (goes with the desired position), "fixed" (stands still and sees all of the flight) or
-            "tip" (close to the desired place of the tip).
+        layout: "side" (a panel for each flight, side by side) or "over" (all flights in
+            one).
+        camera: "follow" (goes with the desired position), "fixed" (stands still and
+            sees all of the flight) or "tip" (close to the desired place of the tip).
         width, height: pixels, even numbers.
         fps: frames a second of the film. speed: seconds of flight a second of the film.
         start, stop: s of flight; to the end if ``stop`` is left out.
-        ghost: whether the desired pose is drawn. plot: whether the tip's error is plotted below.
-        fine: shadows, smooth edges and rounder shapes; a frame takes some four times as long.
+        ghost: whether the desired pose is drawn. plot: whether the tip's error is
+            plotted below.
+        fine: shadows, smooth edges and rounder shapes; a frame takes some four times as
+            long.
         title: above; the scenario's if left out.
     """
 
@@ -164,7 +214,9 @@ class FilmSettings:
     camera: Camera = "follow"
     width: Side = 1280
     height: Side = 720
-    fps: Annotated[int, Unit("1/s", "frames a second of the film", low=1, high=120)] = 30
+    fps: Annotated[int, Unit("1/s", "frames a second of the film", low=1, high=120)] = (
+        30
+    )
     speed: Annotated[
         float,
         Unit(
@@ -175,8 +227,13 @@ class FilmSettings:
             effect="above 1 plays faster than the flight",
         ),
     ] = 1.0
-    start: Annotated[float, nonnegative("s", "first instant of the flight in the film")] = 0.0
-    stop: Annotated[float | None, nonnegative("s", "last instant of the flight in the film; None: its end")] = None
+    start: Annotated[
+        float, nonnegative("s", "first instant of the flight in the film")
+    ] = 0.0
+    stop: Annotated[
+        float | None,
+        nonnegative("s", "last instant of the flight in the film; None: its end"),
+    ] = None
     ghost: bool = True
     plot: bool = True
     fine: bool = False
@@ -188,7 +245,9 @@ class FilmSettings:
             if (side := getattr(self, field)) % 2:
                 raise ValueError(f"{field} = {side}: must be an even number")
         if self.stop is not None and self.stop <= self.start:
-            raise ValueError(f"stop = {self.stop!r}: must be larger than start = {self.start:g}")
+            raise ValueError(
+                f"stop = {self.stop!r}: must be larger than start = {self.start:g}"
+            )
 
 
 def size_of(text: str) -> tuple[int, int]:
@@ -198,9 +257,22 @@ def size_of(text: str) -> tuple[int, int]:
         ValueError: one line.
     """
     width, _, height = text.lower().partition("x")
-    if not (width.isascii() and width.isdigit() and height.isascii() and height.isdigit()) or len(text) > 12:
-        raise ValueError(f"size = {shown(text)}: must be WIDTHxHEIGHT in pixels, such as 1280x720")
+    if (
+        not (
+            width.isascii()
+            and width.isdigit()
+            and height.isascii()
+            and height.isdigit()
+        )
+        or len(text) > 12
+    ):
+        raise ValueError(
+            f"size = {shown(text)}: must be WIDTHxHEIGHT in pixels, such as 1280x720"
+        )
     size, bounds = (int(width), int(height)), units(FilmSettings)["width"]
     if not all(bounds.low <= side <= bounds.high and side % 2 == 0 for side in size):
-        raise ValueError(f"size = {shown(text)}: must be even numbers from {bounds.low:g} to {bounds.high:g}")
+        raise ValueError(
+            f"size = {shown(text)}: must be even numbers from {bounds.low:g} to"
+            f" {bounds.high:g}"
+        )
     return size

@@ -1,6 +1,8 @@
-"""Recordings: flights as 3D scenes for an interactive viewer, in small files (``.viser``).
+"""Recordings: flights as 3D scenes for an interactive viewer, in small files
+(``.viser``).
 
-The extra ``studio`` (viser) writes it and brings the player, one page without anything from elsewhere.
+The extra ``studio`` (viser) writes it and brings the player, one page without anything
+from elsewhere.
 """
 
 from __future__ import annotations
@@ -18,7 +20,12 @@ from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array, norm
 from skyarm.records.files import PathLike, needs_extra, write_atomically
 from skyarm.records.immutable import positional
-from skyarm.view.film.camera_paths import CAMERAS, free_azimuth, looking_towards, vehicle_reach
+from skyarm.view.film.camera_paths import (
+    CAMERAS,
+    free_azimuth,
+    looking_towards,
+    vehicle_reach,
+)
 from skyarm.view.film.captions import state_words
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.view.film.make_film import FilmSettings, Progress, frame_times
@@ -58,10 +65,12 @@ WORDS_PER_SECOND = 2.0
 """Update rate (Hz) of the numbers next to a vehicle."""
 
 ASPECT = 1.0
-"""Aspect ratio of the window for which the camera is placed; a phone's is narrower, a screen's wider."""
+"""Aspect ratio of the window for which the camera is placed; a phone's is narrower, a
+screen's wider."""
 
 GRID, PATH_COLOR, GHOST = (150, 155, 162), (118, 124, 138), (0.45, 0.48, 0.55, 0.3)
-"""Colours of grid, desired path and desired pose, between white and black of the player's page."""
+"""Colours of grid, desired path and desired pose, between white and black of the
+player's page."""
 
 COARSE = 3
 """Decimals (m) of recorded force ends: 1 mm."""
@@ -73,7 +82,8 @@ class Recording:
 
     Attributes:
         content: bytes of a ``.viser`` file. seconds: how long it plays.
-        html: function that makes one page with player and recording, without external files.
+        html: function that makes one page with player and recording, without external
+            files.
     """
 
     content: bytes
@@ -111,15 +121,19 @@ def record(
 def save_recording(recording: Recording, path: PathLike) -> Path:
     """Write a recording as NAME.viser, or with its player page as NAME.html."""
     target = Path(path)
-    content = recording.content if target.suffix.lower() == ".viser" else recording.html().encode()
+    content = (
+        recording.content
+        if target.suffix.lower() == ".viser"
+        else recording.html().encode()
+    )
     return write_atomically(target, content)
 
 
 class _Stage:
     """Viser scene and camera without a running server, whose messages are recorded.
 
-    viser offers its scene on a running server only, so its parts are put together here: what a server sends to all
-    pages (owner "") goes into a buffer that no page empties.
+    viser offers its scene on a running server only, so its parts are put together here:
+    what a server sends to all pages (owner "") goes into a buffer that no page empties.
     """
 
     def __init__(self) -> None:
@@ -141,7 +155,9 @@ class _Stage:
         self.initial_camera = viser.InitialCameraConfig(self._messages.queue_message)
 
     def get_scene_serializer(self) -> StateSerializer:
-        """Make viser's serializer of all messages of the scene, past and future ones."""
+        """Make viser's serializer of all messages of the scene, past and future
+        ones.
+        """
         serializer: StateSerializer = self._messages.get_message_serializer(
             lambda message: message.include_in_scene_serialization
         )
@@ -178,31 +194,58 @@ def _serialize(
 
 
 class _RecordedFlight:
-    """Scene nodes of one flight in a recording: vehicle, desired pose, paths, label, wind and contact forces."""
+    """Scene nodes of one flight in a recording: vehicle, desired pose, paths, label,
+    wind and contact forces.
+    """
 
-    def __init__(self, scene: SceneApi, root: str, flight: FilmedFlight, shift: Array, settings: FilmSettings) -> None:
+    def __init__(
+        self,
+        scene: SceneApi,
+        root: str,
+        flight: FilmedFlight,
+        shift: Array,
+        settings: FilmSettings,
+    ) -> None:
         self._flight = flight
         reach = self._reach = vehicle_reach(flight)
         self._blows = np.zeros(3)
         # the origin is the flight's own place
         scene.add_frame(root, show_axes=False, position=shift)
         paint = paint_of(flight.color)
-        self._vehicle = VehicleNodes(scene, f"{root}/vehicle", flight.vehicle, paint, points=flight.scene.attached)
+        self._vehicle = VehicleNodes(
+            scene,
+            f"{root}/vehicle",
+            flight.vehicle,
+            paint,
+            points=flight.scene.attached,
+        )
         self._turns = rotor_turns(flight.vehicle, flight.tilts)
         self._ghost = (
-            VehicleNodes(scene, f"{root}/desired", flight.vehicle, lambda _: GHOST) if settings.ghost else None
+            VehicleNodes(scene, f"{root}/desired", flight.vehicle, lambda _: GHOST)
+            if settings.ghost
+            else None
         )
         _add_path(scene, f"{root}/tip_path", flight.tip, bytes_of(flight.color), 2.0)
-        _add_path(scene, f"{root}/desired_tip_path", flight.desired_tip, PATH_COLOR, 1.0)
+        _add_path(
+            scene, f"{root}/desired_tip_path", flight.desired_tip, PATH_COLOR, 1.0
+        )
         above = flight.desired_position.mean(axis=0) + np.array([0.0, 0.0, 1.3 * reach])
-        self._words = scene.add_label(f"{root}/words", self._text(0), position=above, anchor="bottom-center")
+        self._words = scene.add_label(
+            f"{root}/words", self._text(0), position=above, anchor="bottom-center"
+        )
         self._wind_to = above - np.array([0.0, 0.0, 0.5 * reach])
         around = self._wind_to + reach * np.array([[-1.0], [1.0]])
-        self._wind = Arrows(scene, f"{root}/wind", [bytes_of(WIND)], 0.04 * reach, around)
+        self._wind = Arrows(
+            scene, f"{root}/wind", [bytes_of(WIND)], 0.04 * reach, around
+        )
         spots = [each.spot for each in flight.scene.arrows] or [flight.position]
         reached = np.array([np.min(spots, axis=(0, 1)), np.max(spots, axis=(0, 1))])
         colors = [bytes_of(TOUCH)] * len(flight.scene.arrows)
-        self._touches = Arrows(scene, f"{root}/touches", colors, 0.035 * reach, reached) if colors else None
+        self._touches = (
+            Arrows(scene, f"{root}/touches", colors, 0.035 * reach, reached)
+            if colors
+            else None
+        )
         self._lines = LineNodes(scene, f"{root}/lines")
         self._world = SolidNodes(scene, f"{root}/solids", paint)
         self._every = max(1, round(settings.fps / WORDS_PER_SECOND))
@@ -217,13 +260,19 @@ class _RecordedFlight:
         if k % self._every == 0:
             self._words.text = self._text(k)
         force, air = flight.force[k], flight.air[k]
-        wind, least = (force, LEAST_FORCE) if np.linalg.norm(force) > LEAST_FORCE else (air, LEAST_SPEED)
+        wind, least = (
+            (force, LEAST_FORCE)
+            if np.linalg.norm(force) > LEAST_FORCE
+            else (air, LEAST_SPEED)
+        )
         size = norm(wind)
         along = wind / size if size > least else np.zeros(3)
         # of one length, and turned only by what is seen: turbulence would fill the file
         if k == 0 or (np.round(along, 1) != np.round(self._blows, 1)).any():
             self._blows = along
-            self._wind.point(np.array([[self._wind_to - 0.9 * self._reach * along, self._wind_to]]))
+            self._wind.point(
+                np.array([[self._wind_to - 0.9 * self._reach * along, self._wind_to]])
+            )
         if self._touches is not None:
             ends = touch_arrows(flight.scene.arrows, k, TOUCH_PER_NEWTON, LONGEST_TOUCH)
             self._touches.point(np.round(ends, COARSE))
@@ -233,25 +282,41 @@ class _RecordedFlight:
     def _text(self, k: int) -> str:
         flight, time = self._flight, float(self._flight.times[k])
         wind = wind_words(flight, k) if time < flight.end else ""
-        return f"{flight.label}: {state_words(flight, time, k)}" + (f", {wind}" if wind else "")
+        return f"{flight.label}: {state_words(flight, time, k)}" + (
+            f", {wind}" if wind else ""
+        )
 
 
-def _add_path(scene: SceneApi, name: str, places: Array, color: tuple[int, ...], width: float) -> None:
+def _add_path(
+    scene: SceneApi, name: str, places: Array, color: tuple[int, ...], width: float
+) -> None:
     """Add a line through points (F, 3) to the scene."""
     points = segments(np.round(places, DIGITS)).astype(np.float32)
     if len(points):
         shade = np.array(color, np.uint8)
-        scene.add_line_segments(name, points=points, colors=shade, thickness=width, thickness_units="screen")
+        scene.add_line_segments(
+            name, points=points, colors=shade, thickness=width, thickness_units="screen"
+        )
 
 
 def _surroundings(
-    server: _Stage, flights: Flights, shifts: Sequence[Array], times: Array, settings: FilmSettings
+    server: _Stage,
+    flights: Flights,
+    shifts: Sequence[Array],
+    times: Array,
+    settings: FilmSettings,
 ) -> None:
     """Set up ground, light and initial camera of a recording."""
     scene = server.scene
     scene.set_up_direction("+z")
     add_light(scene, 1.2)
-    centre = np.mean([f.desired_position.mean(axis=0) + s for f, s in zip(flights, shifts, strict=True)], axis=0)
+    centre = np.mean(
+        [
+            f.desired_position.mean(axis=0) + s
+            for f, s in zip(flights, shifts, strict=True)
+        ],
+        axis=0,
+    )
     scene.add_grid(
         "/ground",
         width=40.0,
@@ -263,34 +328,50 @@ def _surroundings(
         section_color=GRID,
     )
     seconds = (times - times[0]) / settings.speed
-    path = CAMERAS["fixed" if settings.camera == "follow" else settings.camera](flights, seconds, ASPECT)
+    path = CAMERAS["fixed" if settings.camera == "follow" else settings.camera](
+        flights, seconds, ASPECT
+    )
     along = looking_towards(float(path.azimuth[0]), float(path.elevation[0]))
-    eye = path.look_at[0] - (path.distance[0] + 0.5 * norm(shifts[-1] - shifts[0])) * along
-    server.initial_camera.position, server.initial_camera.look_at = tuple(eye), tuple(path.look_at[0])
+    eye = (
+        path.look_at[0]
+        - (path.distance[0] + 0.5 * norm(shifts[-1] - shifts[0])) * along
+    )
+    server.initial_camera.position, server.initial_camera.look_at = (
+        tuple(eye),
+        tuple(path.look_at[0]),
+    )
     server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
     server.initial_camera.up = (0.0, 0.0, 1.0)
 
 
 def _shifts(flights: Flights, settings: FilmSettings) -> list[Array]:
-    """Offset (m) of each flight in a recording: zero to overlay flights, else side by side."""
+    """Offset (m) of each flight in a recording: zero to overlay flights, else side by
+    side.
+    """
     teams = by_flight(flights)
     if settings.layout == "over" or len(teams) == 1:
         return [np.zeros(3) for _ in flights]
     # to the camera's right
     turn = np.radians(free_azimuth(flights))
     right = np.array([np.sin(turn), -np.cos(turn), 0.0])
-    along = np.concatenate([places @ right for f in flights for places in (f.desired_position, f.position)])
+    along = np.concatenate(
+        [places @ right for f in flights for places in (f.desired_position, f.position)]
+    )
     apart = min(float(np.ptp(along)), 3.0) + 2.4 * max(map(vehicle_reach, flights))
     middle = 0.5 * (len(teams) - 1)
     return [apart * (i - middle) * right for i, team in enumerate(teams) for _ in team]
 
 
 def page_with(content: bytes) -> str:
-    """Make an HTML page with the player and a recording, which also opens as a local file."""
+    """Make an HTML page with the player and a recording, which also opens as a local
+    file.
+    """
     text = base64.b64encode(content).decode("ascii")
     dark = 'matchMedia("(prefers-color-scheme: dark)").matches'
     script = f'<script>window.__VISER_EMBED_DATA__="{text}";window.__VISER_EMBED_CONFIG__={{darkMode:{dark}}};</script>'
-    player = (Path(str(import_viser().__file__)).parent / "client" / "build" / "index.html").read_text("utf-8")
+    player = (
+        Path(str(import_viser().__file__)).parent / "client" / "build" / "index.html"
+    ).read_text("utf-8")
     return player.replace("</head>", f"{script}</head>", 1)
 
 
@@ -303,5 +384,7 @@ def import_viser() -> ModuleType:
     try:
         import viser
     except ImportError:
-        raise ValueError(f"viser: is missing; a recording {needs_extra('studio')}") from None
+        raise ValueError(
+            f"viser: is missing; a recording {needs_extra('studio')}"
+        ) from None
     return viser

@@ -18,24 +18,29 @@ from skyarm.records.files import must_be_one_of, needs_extra, shown, write_atomi
 Frames = Iterator[Pixels]
 
 QUALITY = "20"
-"""Constant rate factor of H.264; below 18 no difference is visible, at 23 the grid begins to swim."""
+"""Constant rate factor of H.264; below 18 no difference is visible, at 23 the grid
+begins to swim."""
 
 WEBP_QUALITY = 80
 """Quality of WebP, 0 to 100; below 75 moving parts leave specks behind."""
 
 WEBP_KEY = 2
-"""Frames from one key frame to the next. libwebp keeps blocks that differ little from the frame before, so that slow
-changes of shade leave patches until a whole frame is written."""
+"""Frames from one key frame to the next. libwebp keeps blocks that differ little from
+the frame before, so that slow changes of shade leave patches until a whole frame is
+written."""
 
 MOST_IN_MEMORY = 1.5e9
-"""Largest size (bytes) of the pictures of an animated WebP, which are held until the last is drawn."""
+"""Largest size (bytes) of the pictures of an animated WebP, which are held until the
+last is drawn."""
 
 USUAL, USUAL_IN_MEMORY = (1280, 720, 30), (800, 450, 15)
-"""Default width, height and frame rate of a film, and of an animated WebP, whose limit a flight of 30 s then meets,
-also on a page."""
+"""Default width, height and frame rate of a film, and of an animated WebP, whose limit
+a flight of 30 s then meets, also on a page."""
 
 
-def write_mp4(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
+def write_mp4(
+    path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int
+) -> Path:
     """Write frames as an MP4 file (H.264) that browsers and slide programs play.
 
     Raises:
@@ -43,20 +48,33 @@ def write_mp4(path: Path, frames: Frames, size: tuple[int, int], fps: int, count
     """
     del count
     av = import_av()
-    # a file, not memory: the table of frames is moved to the front at the end, so that a browser plays at once
+    # a file, not memory: the table of frames is moved to the front at the end, so that
+    # a browser plays at once
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / "film.mp4"
-        with av.open(str(made), "w", format="mp4", options={"movflags": "faststart"}) as container:
-            stream = container.add_stream("libx264", rate=fps, options={"crf": QUALITY, "preset": "veryfast"})
+        with av.open(
+            str(made), "w", format="mp4", options={"movflags": "faststart"}
+        ) as container:
+            stream = container.add_stream(
+                "libx264", rate=fps, options={"crf": QUALITY, "preset": "veryfast"}
+            )
             stream.width, stream.height = size
             stream.pix_fmt = "yuv420p"
             for pixels in frames:
-                container.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), format="rgb24")))
+                container.mux(
+                    stream.encode(
+                        av.VideoFrame.from_ndarray(
+                            np.ascontiguousarray(pixels), format="rgb24"
+                        )
+                    )
+                )
             container.mux(stream.encode(None))
         return write_atomically(path, made.read_bytes())
 
 
-def write_webp(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
+def write_webp(
+    path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int
+) -> Path:
     """Write frames as an animated WebP that repeats for ever.
 
     Raises:
@@ -65,8 +83,8 @@ def write_webp(path: Path, frames: Frames, size: tuple[int, int], fps: int, coun
     if 3 * size[0] * size[1] * count > MOST_IN_MEMORY:
         most = f"{MOST_IN_MEMORY / 1e9:g} GB"
         raise ValueError(
-            f"film = {shown(str(path))}: {count} frames of {size[0]}x{size[1]} are more than {most}; take .mp4, or a "
-            "lower fps, a smaller size, a shorter span"
+            f"film = {shown(str(path))}: {count} frames of {size[0]}x{size[1]} are more"
+            f" than {most}; take .mp4, or a lower fps, a smaller size, a shorter span"
         )
     return write_atomically(path, webp_bytes(frames, fps))
 
@@ -97,12 +115,13 @@ def webp_bytes(frames: Frames, fps: int) -> bytes:
 Writer = Callable[[Path, Frames, tuple[int, int], int, int], Path]
 
 FILM_FORMATS: dict[str, Writer] = {"mp4": write_mp4, "webp": write_webp}
-"""Suffix -> function (path, frames of (height, width, 3) bytes, (width, height), frame rate, number of frames) ->
-path."""
+"""Suffix -> function (path, frames of (height, width, 3) bytes, (width, height), frame
+rate, number of frames) -> path."""
 
 
 def require_film_format(path: Path, others: tuple[str, ...] = ()) -> Writer | None:
-    """Return the video writer for a file's suffix (None for a suffix in ``others``), or raise an error.
+    """Return the video writer for a file's suffix (None for a suffix in ``others``), or
+    raise an error.
 
     Raises:
         ValueError: no such format, or its library is missing.
@@ -112,7 +131,8 @@ def require_film_format(path: Path, others: tuple[str, ...] = ()) -> Writer | No
         return None
     if suffix not in FILM_FORMATS:
         raise ValueError(
-            f"film = {shown(str(path))}: suffix {shown(suffix)}: {must_be_one_of((*FILM_FORMATS, *others), suffix)}"
+            f"film = {shown(str(path))}: suffix {shown(suffix)}:"
+            f" {must_be_one_of((*FILM_FORMATS, *others), suffix)}"
         )
     if suffix == "mp4":
         import_av()
@@ -125,7 +145,8 @@ def usual_size_and_rate(path: Path) -> tuple[int, int, int]:
 
 
 def import_av() -> ModuleType:
-    """Import PyAV, the video encoder, with an error that names it if it is not installed.
+    """Import PyAV, the video encoder, with an error that names it if it is not
+    installed.
 
     Raises:
         ValueError: it is missing.
@@ -133,6 +154,8 @@ def import_av() -> ModuleType:
     try:
         import av
     except ImportError:
-        raise ValueError(f"av: is missing; a film in MP4 {needs_extra('film')}; .webp needs no more") from None
+        raise ValueError(
+            f"av: is missing; a film in MP4 {needs_extra('film')}; .webp needs no more"
+        ) from None
     module: ModuleType = av
     return module

@@ -1,4 +1,6 @@
-"""Reports as self-contained HTML pages and as Markdown: titles, paragraphs, tables, pictures."""
+"""Reports as self-contained HTML pages and as Markdown: titles, paragraphs, tables,
+pictures.
+"""
 
 from skyarm.view.pages.markup import (
     bullets,

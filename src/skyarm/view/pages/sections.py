@@ -1,4 +1,6 @@
-"""Report as data (sections of notes, tables and pictures), written as Markdown or HTML."""
+"""Report as data (sections of notes, tables and pictures), written as Markdown or
+HTML.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +15,13 @@ DASH = "-"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Mark:
-    """Table cell with formatting besides text: exact value, emphasis, explanation, link.
+    """Table cell with formatting besides text: exact value, emphasis, explanation,
+    link.
 
     Attributes:
         text: text of the cell. value: its whole number, for machines.
-        strong: set bold. title: explanation of the text, or the level of a finding. href: file that it leads to.
+        strong: set bold. title: explanation of the text, or the level of a finding.
+            href: file that it leads to.
     """
 
     text: str
@@ -39,11 +43,19 @@ def number(quantity: float | None, factor: float = 1.0) -> str:
     if quantity is None:
         return DASH
     value = quantity * factor
-    return f"{value:.0f}" if value >= 100.0 else f"{value:.1f}" if value >= 10.0 else f"{value:.2f}"
+    return (
+        f"{value:.0f}"
+        if value >= 100.0
+        else f"{value:.1f}"
+        if value >= 10.0
+        else f"{value:.2f}"
+    )
 
 
 def markdown(head: Iterable[str], rows: Iterable[Row]) -> str:
-    """Format a table as Markdown; columns whose names begin with ">" are right-aligned."""
+    """Format a table as Markdown; columns whose names begin with ">" are
+    right-aligned.
+    """
     names = list(head)
     rules = ["---:" if name[:1] == ">" else "---" for name in names]
     lines = [[name.removeprefix(">") for name in names], rules, *rows]
@@ -67,7 +79,9 @@ class Table:
     groups: Groups = ()
 
     def markdown(self, under: str = "") -> str:
-        """Markdown of a report's table, under its caption unless that repeats the title of the table's section."""
+        """Markdown of a report's table, under its caption unless that repeats the title
+        of the table's section.
+        """
         lead = f"{self.caption}:\n\n" if self.caption not in ("", under) else ""
         return lead + markdown(self.head, self.rows)
 
@@ -88,9 +102,17 @@ def heading(text: str) -> Mark:
     return Mark(text=text, strong=True)
 
 
-def table_of(head: Sequence[str], rows: Iterable[Row], *, left: int = 1, title: str = "") -> Table:
-    """Table with a title for terminal output; the first ``left`` columns hold text, the others numbers."""
-    return Table(head=[name if i < left else f">{name}" for i, name in enumerate(head)], rows=[*rows], caption=title)
+def table_of(
+    head: Sequence[str], rows: Iterable[Row], *, left: int = 1, title: str = ""
+) -> Table:
+    """Table with a title for terminal output; the first ``left`` columns hold text, the
+    others numbers.
+    """
+    return Table(
+        head=[name if i < left else f">{name}" for i, name in enumerate(head)],
+        rows=[*rows],
+        caption=title,
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -99,8 +121,10 @@ class Section:
 
     Attributes:
         title: heading; "" for what stands under the report's own in Markdown.
-        notes: paragraphs. remark: a paragraph of the page alone. name: heading of a page's section without a title.
-        tables: below them. pictures: HTML of :func:`skyarm.view.pages.image` s, on the page alone.
+        notes: paragraphs. remark: a paragraph of the page alone. name: heading of a
+            page's section without a title.
+        tables: below them. pictures: HTML of :func:`skyarm.view.pages.image` s, on the
+            page alone.
     """
 
     title: str = ""
@@ -113,15 +137,24 @@ class Section:
     def markdown(self) -> list[str]:
         """List the Markdown blocks of a report's section: heading, notes and tables."""
         head = [f"## {self.title}"] if self.title else []
-        return [*head, *self.notes, *(each.markdown(self.title) for each in self.tables)]
+        return [
+            *head,
+            *self.notes,
+            *(each.markdown(self.title) for each in self.tables),
+        ]
 
     def html(self) -> str:
         """HTML of a report's section."""
         return section(self.title or self.name, self.content())
 
     def content(self) -> str:
-        """Make the HTML of a report's section without its heading: notes, pictures and tables."""
-        notes = [paragraph(words, "note") for words in (*self.notes, *([self.remark] if self.remark else ()))]
+        """Make the HTML of a report's section without its heading: notes, pictures and
+        tables.
+        """
+        notes = [
+            paragraph(words, "note")
+            for words in (*self.notes, *([self.remark] if self.remark else ()))
+        ]
         return "".join([*notes, self.pictures, *(each.html() for each in self.tables)])
 
 
@@ -148,5 +181,8 @@ class Report:
 
     def html(self) -> str:
         """HTML page of the report, in one file."""
-        body = [self.opening, *(each.html() for each in (*self.sections, *self.page_only))]
+        body = [
+            self.opening,
+            *(each.html() for each in (*self.sections, *self.page_only)),
+        ]
         return page(self.title, self.facts, "\n".join(body))

@@ -1,1 +1,3 @@
-"""One picture of a flight: what is drawn at an instant, and the two renderers that draw it, MuJoCo and viser."""
+"""One picture of a flight: what is drawn at an instant, and the two renderers that draw
+it, MuJoCo and viser.
+"""

@@ -1,7 +1,8 @@
-"""Frames of a flight: poses, forces and surroundings at some instants, from a simulation that runs.
+"""Frames of a flight: poses, forces and surroundings at some instants, from a
+simulation that runs.
 
-A frame is a pure function of vehicles, states, memories of the environment models, and time. Those of a log are
-resampled by :mod:`skyarm.view.film.filmed_flight`.
+A frame is a pure function of vehicles, states, memories of the environment models, and
+time. Those of a log are resampled by :mod:`skyarm.view.film.filmed_flight`.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ COLORS: tuple[Color, ...] = (
     (0.45, 0.35, 0.75),
     (0.35, 0.35, 0.35),
 )
-"""Colours (red, green, blue, 0 to 1) by the flight's index; the first four are Okabe and Ito's, distinguishable by
-colour-blind eyes."""
+"""Colours (red, green, blue, 0 to 1) by the flight's index; the first four are Okabe
+and Ito's, distinguishable by colour-blind eyes."""
 
 WIDEST = 6.0
 """Extent (m) of the paths beyond which the patch of a plane does not grow."""
@@ -50,15 +51,21 @@ WIDEST = 6.0
 
 @immutable(slots=False)
 class FlightFrames(Instants):
-    """Instants of one vehicle's flight with its desired pose, forces and surroundings, in SI units and world axes.
+    """Instants of one vehicle's flight with its desired pose, forces and surroundings,
+    in SI units and world axes.
 
     Attributes:
-        number: index of the flight in the picture, the same for the vehicles that fly together.
-        label: name in the picture. color: colour of the vehicle, its trail and its curve.
-        desired_position (F, 3), desired_quaternion (F, 4), desired_joints (F, n): the continuous reference, level.
-        tip, desired_tip: (F, 3) m. force: (F, 3) N of the wind. air: (F, 3) m/s, velocity of the air.
+        number: index of the flight in the picture, the same for the vehicles that fly
+            together.
+        label: name in the picture. color: colour of the vehicle, its trail and its
+            curve.
+        desired_position (F, 3), desired_quaternion (F, 4), desired_joints (F, n): the
+            continuous reference, level.
+        tip, desired_tip: (F, 3) m. force: (F, 3) N of the wind. air: (F, 3) m/s,
+            velocity of the air.
         tilts: (F, rotors that tilt) rad; without columns where none does.
-        scene: solids, lines and arrows of the scenario's components; of what vehicles share only with the first.
+        scene: solids, lines and arrows of the scenario's components; of what vehicles
+            share only with the first.
     """
 
     label: str
@@ -76,12 +83,20 @@ class FlightFrames(Instants):
 
     @cached_property
     def desired_poses(self) -> Poses:
-        """World rotations (F, 3, 3) and positions (F, 3) of all bodies in the desired pose, by body index."""
-        return body_poses(self.vehicle, self.desired_position, self.desired_quaternion, self.desired_joints)
+        """World rotations (F, 3, 3) and positions (F, 3) of all bodies in the desired
+        pose, by body index.
+        """
+        return body_poses(
+            self.vehicle,
+            self.desired_position,
+            self.desired_quaternion,
+            self.desired_joints,
+        )
 
 
 Flights = Sequence[FlightFrames]
-"""Frames of single vehicles shown together in one picture, those of one flight next to each other."""
+"""Frames of single vehicles shown together in one picture, those of one flight next to
+each other."""
 
 
 def by_flight(flights: Flights) -> list[list[FlightFrames]]:
@@ -90,23 +105,31 @@ def by_flight(flights: Flights) -> list[list[FlightFrames]]:
 
 
 def patch_about(tip: Array) -> float:
-    """Half width (m) of the square drawn for an infinite plane, grown with the tip's displacement."""
+    """Half width (m) of the square drawn for an infinite plane, grown with the tip's
+    displacement.
+    """
     finite = tip[np.isfinite(tip).all(axis=1)]
     way = float(np.ptp(finite, axis=0).max()) if len(finite) else 0.0
     return PATCH + 0.5 * min(way, WIDEST)
 
 
 def frames_now(
-    inputs: EpisodeInputs, now: LoopState, time: float, times: Array, about: Array | None = None
+    inputs: EpisodeInputs,
+    now: LoopState,
+    time: float,
+    times: Array,
+    about: Array | None = None,
 ) -> FlightFrames:
-    """Frames of a running episode of one vehicle, with its present state and surroundings at every instant.
+    """Frames of a running episode of one vehicle, with its present state and
+    surroundings at every instant.
 
     Args:
         inputs: inputs of the episode, for the desired pose at each instant.
         now: state of the closed loop.
         time: s.
         times: (F,) s; one instant for a picture of now, several for the desired path.
-        about: (K, 3) m, places about which planes are drawn; about the desired tip, of their usual size, if left out.
+        about: (K, 3) m, places about which planes are drawn; about the desired tip, of
+            their usual size, if left out.
     """
     scenario, count = inputs.scenario, len(times)
     ((around, motion),) = Stages(scenario).around(now, time)
@@ -117,8 +140,15 @@ def frames_now(
 
     pose = still(state.position), still(state.quaternion), still(state.joints)
     desired = replace(inputs, times=times).reference
-    goal, yaw, goal_joints = (table_of(each, count) for each in (desired.position, (desired.yaw,), desired.joints))
-    goal_tip = table_of(desired.tip, count) if desired.tip else level_tip(vehicle, goal, yaw[:, 0], goal_joints)
+    goal, yaw, goal_joints = (
+        table_of(each, count)
+        for each in (desired.position, (desired.yaw,), desired.joints)
+    )
+    goal_tip = (
+        table_of(desired.tip, count)
+        if desired.tip
+        else level_tip(vehicle, goal, yaw[:, 0], goal_joints)
+    )
     frames = FlightFrames(
         label=scenario.name,
         color=COLORS[0],
@@ -138,9 +168,15 @@ def frames_now(
         around=np.mean(goal_tip if about is None else about, axis=0),
         patch=PATCH if about is None else patch_about(about),
     )
-    # what the wind's sample holds is not evaluated again: of contacts it takes most of a picture's time
+    # what the wind's sample holds is not evaluated again: of contacts it takes most of
+    # a picture's time
     logged = by_array(scenario.components, wind.numbers)
-    return replace(frames, scene=scene_in_log(scenario.components, frames, lambda name: still(logged.get(name, ()))))
+    return replace(
+        frames,
+        scene=scene_in_log(
+            scenario.components, frames, lambda name: still(logged.get(name, ()))
+        ),
+    )
 
 
 def poses_of(vehicle: Vehicle, state: State) -> Placed:
@@ -149,15 +185,25 @@ def poses_of(vehicle: Vehicle, state: State) -> Placed:
 
 
 def goal_of(agent: Agent, time: float) -> Placed:
-    """Desired positions and rotations of a vehicle's bodies at a time (s): level base and joints on its reference."""
+    """Desired positions and rotations of a vehicle's bodies at a time (s): level base
+    and joints on its reference.
+    """
     desired = agent.reference.at(time)
     half = 0.5 * float(desired.yaw)
     level = math.cos(half), 0.0, 0.0, math.sin(half)
     return place(agent.vehicle, tuple(desired.position), level, desired.joints)
 
 
-def scenes_at(scenario: Scenario, now: LoopState, time: float, around: Array, *, attached: bool = True) -> list[Scene]:
-    """Drawn solids, lines and arrows around each vehicle at a state of the closed loop, in order.
+def scenes_at(
+    scenario: Scenario,
+    now: LoopState,
+    time: float,
+    around: Array,
+    *,
+    attached: bool = True,
+) -> list[Scene]:
+    """Drawn solids, lines and arrows around each vehicle at a state of the closed loop,
+    in order.
 
     Args:
         scenario: flown scenario.
@@ -167,15 +213,23 @@ def scenes_at(scenario: Scenario, now: LoopState, time: float, around: Array, *,
         attached: as of :func:`skyarm.world.scene.component_scenes.scenes_of`.
     """
     agents, names = scenario.agents.values(), tuple(scenario.agents)
-    motions = motions_of([each.plant for each in agents], [own.state for own in now.agents], names)
+    motions = motions_of(
+        [each.plant for each in agents], [own.state for own in now.agents], names
+    )
     rows = {}
-    for name, agent, own, motion in zip(names, agents, now.agents, motions, strict=True):
+    for name, agent, own, motion in zip(
+        names, agents, now.agents, motions, strict=True
+    ):
         motion.task_time = time
         rows[name] = scenario.own_components(agent), own.components, motion
 
     def draw(name: str, shared: bool) -> Scene:
         models, memories, motion = rows[name]
         every = (*models, *scenario.shared_components), (*memories, *now.components)
-        return scene_now(*(every if shared else (models, memories)), instant_of(motion, time, around), motion)
+        return scene_now(
+            *(every if shared else (models, memories)),
+            instant_of(motion, time, around),
+            motion,
+        )
 
     return [*scenes_of(names, draw, attached=attached)]

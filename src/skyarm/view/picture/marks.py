@@ -1,4 +1,6 @@
-"""Marks of a flight in a picture: solids of vehicle and desired pose, trail, path, wind and contact forces."""
+"""Marks of a flight in a picture: solids of vehicle and desired pose, trail, path, wind
+and contact forces.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,12 @@ from skyarm.records.immutable import positional
 from skyarm.view.picture.frames import Color, FlightFrames
 from skyarm.world.scene.scene import Arrow
 from skyarm.world.scene.shapes import RGBA, Shape, Solid
-from skyarm.world.scene.vehicle_shapes import Poses, rotor_turns, shape_rotation, vehicle_shapes
+from skyarm.world.scene.vehicle_shapes import (
+    Poses,
+    rotor_turns,
+    shape_rotation,
+    vehicle_shapes,
+)
 
 Paint = Callable[[str], RGBA]
 """Function from a shape's role to its colour."""
@@ -39,8 +46,18 @@ TOUCH: RGBA = (0.78, 0.1, 0.55, 0.95)
 TOUCH_PER_NEWTON, LONGEST_TOUCH = 0.12, 0.5
 """Length of a contact arrow: m per N, and largest (m)."""
 
-TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "point": 1.4, "payload": 0.4}
-"""Role of a shape -> brightness of its law's colour in the studio; 0.6 for any other."""
+TONES = {
+    "hull": 1.0,
+    "boom": 0.75,
+    "rotor": 0.5,
+    "link": 0.85,
+    "joint": 0.6,
+    "tip": 1.15,
+    "point": 1.4,
+    "payload": 0.4,
+}
+"""Role of a shape -> brightness of its law's colour in the studio; 0.6 for any
+other."""
 
 THICK, THIN = 3.5, 2.0
 """Line widths (pixels at 720 lines) of a trail and of a desired path."""
@@ -74,23 +91,29 @@ def trail(flight: FlightFrames, k: int, width: float) -> list[Stroke]:
     """Make the fading trail of the tip's last seconds, as lines."""
     times = flight.times
     first = int(np.searchsorted(times, times[k] - TRAIL))
-    # every so many frames of the film, not of the trail, so that a line stays where it was drawn once
+    # every so many frames of the film, not of the trail, so that a line stays where it
+    # was drawn once
     every = max(1, int(np.searchsorted(times, times[0] + TRAIL)) // TRAIL_PIECES)
     at = _thin_out(flight.tip[[*range(-(-first // every) * every, k, every), k]])
     share = np.linspace(0.15, 0.85, max(len(at) - 1, 1))
     return [
-        Stroke("line", width, a, b, (*flight.color, float(s))) for a, b, s in zip(at[:-1], at[1:], share, strict=False)
+        Stroke("line", width, a, b, (*flight.color, float(s)))
+        for a, b, s in zip(at[:-1], at[1:], share, strict=False)
     ]
 
 
 def desired_path(flight: FlightFrames, width: float) -> list[Stroke]:
     """Make the line of the desired tip path over a whole film."""
-    at = _thin_out(flight.desired_tip[:: -(-len(flight.desired_tip) // (4 * TRAIL_PIECES))])
+    at = _thin_out(
+        flight.desired_tip[:: -(-len(flight.desired_tip) // (4 * TRAIL_PIECES))]
+    )
     return [Stroke("line", width, a, b, PATH) for a, b in pairwise(at)]
 
 
 def wind_arrow(flight: FlightFrames, k: int, reach: float) -> list[Stroke]:
-    """Make an arrow along the wind near the vehicle, with a length by wind force or air speed, the longer one."""
+    """Make an arrow along the wind near the vehicle, with a length by wind force or air
+    speed, the longer one.
+    """
     seen = [
         scale * each[k]
         for each, scale, least in (
@@ -104,12 +127,21 @@ def wind_arrow(flight: FlightFrames, k: int, reach: float) -> list[Stroke]:
     if not size:
         return []
     along = length / size
-    end = flight.desired_position[k] - 1.6 * reach * along + np.array([0.0, 0.0, 0.8 * reach])
-    return [Stroke("arrow", 0.06 * reach, end - min(size, LONGEST_ARROW) * along, end, WIND)]
+    end = (
+        flight.desired_position[k]
+        - 1.6 * reach * along
+        + np.array([0.0, 0.0, 0.8 * reach])
+    )
+    return [
+        Stroke("arrow", 0.06 * reach, end - min(size, LONGEST_ARROW) * along, end, WIND)
+    ]
 
 
-def touch_arrows(arrows: Sequence[Arrow], k: int, per_newton: float, longest: float = np.inf) -> Array:
-    """Start and end points (m) of the arrows of contact forces at frame k, (N, 2, 3), each from its contact point.
+def touch_arrows(
+    arrows: Sequence[Arrow], k: int, per_newton: float, longest: float = np.inf
+) -> Array:
+    """Start and end points (m) of the arrows of contact forces at frame k, (N, 2, 3),
+    each from its contact point.
 
     Args:
         arrows: N forces.
@@ -117,24 +149,36 @@ def touch_arrows(arrows: Sequence[Arrow], k: int, per_newton: float, longest: fl
         per_newton: length of an arrow, m per N.
         longest: its largest length, m.
     """
-    pairs = np.array([(each.spot[k], each.force[k]) for each in arrows]).reshape(-1, 2, 3)
+    pairs = np.array([(each.spot[k], each.force[k]) for each in arrows]).reshape(
+        -1, 2, 3
+    )
     spots, forces = pairs.swapaxes(0, 1)
     scale = np.minimum(per_newton, longest / np.maximum(lengths(forces), LEAST_FORCE))
     return np.stack([spots, spots + scale[:, None] * forces], axis=1)
 
 
 def touch_marks(flight: FlightFrames, k: int, reach: float) -> list[Stroke]:
-    """Make arrows of all contact forces at frame k, without those that are too small to be seen."""
+    """Make arrows of all contact forces at frame k, without those that are too small to
+    be seen.
+    """
     ends = touch_arrows(flight.scene.arrows, k, TOUCH_PER_NEWTON, LONGEST_TOUCH)
     least = TOUCH_PER_NEWTON * LEAST_FORCE
-    return [Stroke("arrow", 0.045 * reach, start, end, TOUCH) for start, end in ends if norm(end - start) > least]
+    return [
+        Stroke("arrow", 0.045 * reach, start, end, TOUCH)
+        for start, end in ends
+        if norm(end - start) > least
+    ]
 
 
 def wind_words(flight: FlightFrames, k: int) -> str:
-    """Caption with the force on the base and the wind speed in a frame; empty if both are negligible."""
+    """Caption with the force on the base and the wind speed in a frame; empty if both
+    are negligible.
+    """
     force, speed = (norm(each[k]) for each in (flight.force, flight.air))
     words = [f"force {force:.1f} N"] if force > LEAST_FORCE else []
-    return ", ".join([*words, *([f"wind {speed:.1f} m/s"] if speed > LEAST_SPEED else [])])
+    return ", ".join(
+        [*words, *([f"wind {speed:.1f} m/s"] if speed > LEAST_SPEED else [])]
+    )
 
 
 def _thin_out(places: Array) -> Array:
@@ -146,43 +190,76 @@ def _thin_out(places: Array) -> Array:
     return np.array(chosen)
 
 
-def marks_of(flights: Sequence[FlightFrames], reach: float, scale: float) -> Callable[[int], list[Stroke]]:
-    """Make a function that lists the lines and arrows of a film panel at a given frame."""
+def marks_of(
+    flights: Sequence[FlightFrames], reach: float, scale: float
+) -> Callable[[int], list[Stroke]]:
+    """Make a function that lists the lines and arrows of a film panel at a given
+    frame.
+    """
     still = desired_path(flights[0], THIN * scale)
     for flight in flights[1:]:
         if not np.allclose(flight.desired_tip, flights[0].desired_tip, atol=1e-6):
             still += desired_path(flight, THIN * scale)
 
     def at(k: int) -> list[Stroke]:
-        moving = [mark for flight in flights for mark in trail(flight, k, THICK * scale)]
-        touching = [mark for flight in flights for mark in touch_marks(flight, k, reach)]
-        drawn = [line for flight in flights for line in scene_lines(flight, k, THICK * scale)]
-        blowing = [arrow for flight in flights for arrow in wind_arrow(flight, k, reach)]
+        moving = [
+            mark for flight in flights for mark in trail(flight, k, THICK * scale)
+        ]
+        touching = [
+            mark for flight in flights for mark in touch_marks(flight, k, reach)
+        ]
+        drawn = [
+            line for flight in flights for line in scene_lines(flight, k, THICK * scale)
+        ]
+        blowing = [
+            arrow for flight in flights for arrow in wind_arrow(flight, k, reach)
+        ]
         return [*still, *moving, *drawn, *touching, *blowing]
 
     return at
 
 
 def vehicle_solids(flight: FlightFrames) -> list[Solid]:
-    """Make the solids of a flight in a film: vehicle in the flight's colour, payloads and surroundings."""
+    """Make the solids of a flight in a film: vehicle in the flight's colour, payloads
+    and surroundings.
+    """
     paint, turns = paint_of(flight.color), rotor_turns(flight.vehicle, flight.tilts)
     shapes = *vehicle_shapes(flight.vehicle), *flight.scene.attached
-    around = (replace(each, rgba=each.rgba or paint(each.shape.role)) for each in flight.scene.solids)
+    around = (
+        replace(each, rgba=each.rgba or paint(each.shape.role))
+        for each in flight.scene.solids
+    )
     return [*_solids(shapes, flight.poses, paint, turns), *around]
 
 
 def scene_lines(flight: FlightFrames, k: int, width: float) -> list[Stroke]:
-    """Make the lines of line-shaped objects, such as cables, in a film's frame k; hidden ones (NaN) are left out."""
-    pieces = [(a, b, line.rgba) for line in flight.scene.lines for a, b in pairwise(line.places[k])]
-    return [Stroke("line", width, a, b, rgba) for a, b, rgba in pieces if np.isfinite([a, b]).all()]
+    """Make the lines of line-shaped objects, such as cables, in a film's frame k;
+    hidden ones (NaN) are left out.
+    """
+    pieces = [
+        (a, b, line.rgba)
+        for line in flight.scene.lines
+        for a, b in pairwise(line.places[k])
+    ]
+    return [
+        Stroke("line", width, a, b, rgba)
+        for a, b, rgba in pieces
+        if np.isfinite([a, b]).all()
+    ]
 
 
 def ghost_solids(flight: FlightFrames) -> list[Solid]:
-    """Make transparent solids of the vehicle in its desired pose: level base, joints on reference, servos at rest."""
-    return _solids(vehicle_shapes(flight.vehicle), flight.desired_poses, lambda _: GHOST, {})
+    """Make transparent solids of the vehicle in its desired pose: level base, joints on
+    reference, servos at rest.
+    """
+    return _solids(
+        vehicle_shapes(flight.vehicle), flight.desired_poses, lambda _: GHOST, {}
+    )
 
 
-def _solids(shapes: Sequence[Shape], poses: Poses, paint: Paint, turns: dict[str, Array]) -> list[Solid]:
+def _solids(
+    shapes: Sequence[Shape], poses: Poses, paint: Paint, turns: dict[str, Array]
+) -> list[Solid]:
     """Make the solids of shapes on a vehicle's bodies."""
     solids = []
     for shape in shapes:
@@ -193,7 +270,9 @@ def _solids(shapes: Sequence[Shape], poses: Poses, paint: Paint, turns: dict[str
 
 
 def paint_of(color: Color) -> Paint:
-    """Make a function from a shape's role (hull, link, rotor, ...) to its colour in a film, given the flight's."""
+    """Make a function from a shape's role (hull, link, rotor, ...) to its colour in a
+    film, given the flight's.
+    """
     own: dict[str, RGBA] = {
         "hull": (*color, 1.0),
         "link": (*_mix(color, WHITE, 0.25), 1.0),
@@ -206,16 +285,25 @@ def paint_of(color: Color) -> Paint:
 
 
 def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
-    """Make a function from a shape's role to a shade of one colour (0 to 255); rotors are transparent."""
+    """Make a function from a shape's role to a shade of one colour (0 to 255); rotors
+    are transparent.
+    """
 
     def paint(role: str) -> RGBA:
         red, green, blue = (min(1.0, TONES.get(role, 0.6) * c / 255.0) for c in color)
-        return (red, green, blue, 0.5 * min(opacity, 0.7) if role == "rotor" else opacity)
+        return (
+            red,
+            green,
+            blue,
+            0.5 * min(opacity, 0.7) if role == "rotor" else opacity,
+        )
 
     return paint
 
 
 def _mix(a: Color, b: Color, share: float) -> Color:
     """Blend of two colours, with a ``share`` of the second."""
-    red, green, blue = ((1.0 - share) * one + share * other for one, other in zip(a, b, strict=True))
+    red, green, blue = (
+        (1.0 - share) * one + share * other for one, other in zip(a, b, strict=True)
+    )
     return (red, green, blue)

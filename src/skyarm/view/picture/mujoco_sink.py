@@ -1,7 +1,8 @@
-"""Offscreen renderer of films by MuJoCo: solids, lines and arrows over a ground with a grid.
+"""Offscreen renderer of films by MuJoCo: solids, lines and arrows over a ground with a
+grid.
 
-No vehicle is in MuJoCo's model: every solid is handed over with its place, so that films of both plants, and of plants
-that MuJoCo does not know, are drawn alike.
+No vehicle is in MuJoCo's model: every solid is handed over with its place, so that
+films of both plants, and of plants that MuJoCo does not know, are drawn alike.
 """
 
 from __future__ import annotations
@@ -50,15 +51,18 @@ WORLD = f"""
     <geom type="plane" size="60 60 1" material="ground"/>
   </worldbody>
 </mujoco>"""
-"""MuJoCo world: ground with a grid of 0.5 m, sky and light, with shadows within 2.5 m of the camera's target."""
+"""MuJoCo world: ground with a grid of 0.5 m, sky and light, with shadows within 2.5 m
+of the camera's target."""
 
 MOST_GEOMS = 4000
 
 NO_SHADOW = mujoco.mjtCatBit.mjCAT_DECOR.value
-"""Category of geometries without a shadow: the ground, whose own would be a dotted rim, and transparent ones."""
+"""Category of geometries without a shadow: the ground, whose own would be a dotted rim,
+and transparent ones."""
 
 LAMP = np.array([-7.5, -6.0, 30.0])
-"""Position (m) of the light relative to the camera's target, so that shadows fall where the flight is."""
+"""Position (m) of the light relative to the camera's target, so that shadows fall where
+the flight is."""
 
 THIN = 2e-4
 """Half the thickness (m) of a plane's patch."""
@@ -69,7 +73,8 @@ class CameraPath:
     """Target, distance and direction of a picture's camera in each of F frames.
 
     Attributes:
-        look_at: (F, 3) m. distance: (F,) m. azimuth, elevation: (F,) deg, as MuJoCo's free camera has them.
+        look_at: (F, 3) m. distance: (F,) m. azimuth, elevation: (F,) deg, as MuJoCo's
+            free camera has them.
     """
 
     look_at: Array
@@ -84,7 +89,8 @@ class FramePanel:
 
     Attributes:
         left, top, width, height: pixels, from the frame's upper left corner.
-        camera: camera path. solids: moving solids. marks: number of a frame -> lines and arrows of that frame.
+        camera: camera path. solids: moving solids. marks: number of a frame -> lines
+            and arrows of that frame.
         ground: height of the ground, m.
     """
 
@@ -102,25 +108,41 @@ class Stage:
     """Offscreen renderer of a film's 3D panels, frame by frame."""
 
     def __init__(
-        self, panels: Sequence[FramePanel], width: int, height: int, *, fine: bool, current: Callable[[], None]
+        self,
+        panels: Sequence[FramePanel],
+        width: int,
+        height: int,
+        *,
+        fine: bool,
+        current: Callable[[], None],
     ) -> None:
         self._panels, self._size, self._current = panels, (width, height), current
         self._model, self._meshes = _model(width, height, _meshes_of(panels), fine=fine)
         self._data = mujoco.MjData(self._model)
         mujoco.mj_forward(self._model, self._data)
-        self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        self._context = mujoco.MjrContext(
+            self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value
+        )
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         self._scenes = [self._scene(panel, fine=fine) for panel in panels]
         self._pixels = np.zeros((height, width, 3), np.uint8)
 
     def draw(self, k: int) -> Pixels:
-        """Render the panels of frame k as pixels (height, width, 3); the next call overwrites them."""
+        """Render the panels of frame k as pixels (height, width, 3); the next call
+        overwrites them.
+        """
         self._current()  # two stages may be open at once
         for panel, (scene, ground) in zip(self._panels, self._scenes, strict=True):
             self._place(panel, scene, ground, k)
             below = self._size[1] - panel.top - panel.height
-            mujoco.mjr_render(mujoco.MjrRect(panel.left, below, panel.width, panel.height), scene, self._context)
-        mujoco.mjr_readPixels(self._pixels, None, mujoco.MjrRect(0, 0, *self._size), self._context)
+            mujoco.mjr_render(
+                mujoco.MjrRect(panel.left, below, panel.width, panel.height),
+                scene,
+                self._context,
+            )
+        mujoco.mjr_readPixels(
+            self._pixels, None, mujoco.MjrRect(0, 0, *self._size), self._context
+        )
         return self._pixels[::-1]
 
     def move(self, panels: Sequence[FramePanel]) -> None:
@@ -133,7 +155,9 @@ class Stage:
         self._context.free()
 
     def _scene(self, panel: FramePanel, *, fine: bool) -> tuple[mujoco.MjvScene, int]:
-        """MuJoCo scene of a panel with ground and solids, and the number of static geoms."""
+        """MuJoCo scene of a panel with ground and solids, and the number of static
+        geoms.
+        """
         scene = mujoco.MjvScene(self._model, MOST_GEOMS)
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = fine
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
@@ -152,20 +176,34 @@ class Stage:
             geom.category = NO_SHADOW
         for solid in panel.solids:
             half_length = solid.shape.kind in ("capsule", "cylinder")
-            size = (solid.shape.size[0], 0.5 * solid.shape.size[1]) if half_length else solid.shape.size
+            size = (
+                (solid.shape.size[0], 0.5 * solid.shape.size[1])
+                if half_length
+                else solid.shape.size
+            )
             geom = self._add(scene, solid.shape.kind, size, solid.rgba or SURFACE)
             if (key := mesh_key(solid.shape)) in self._meshes:
-                geom.type, geom.dataid = mujoco.mjtGeom.mjGEOM_MESH.value, 2 * self._meshes[key]
+                geom.type, geom.dataid = (
+                    mujoco.mjtGeom.mjGEOM_MESH.value,
+                    2 * self._meshes[key],
+                )
         return scene, ground
 
     def _place_mesh(self, geom: mujoco.MjvGeom, mesh: int) -> None:
-        """Correct the pose of a mesh for MuJoCo's shift of its vertices to the principal axes of inertia."""
+        """Correct the pose of a mesh for MuJoCo's shift of its vertices to the
+        principal axes of inertia.
+        """
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, self._model.mesh_quat[mesh])
         R = np.array(geom.mat).reshape(3, 3)
-        geom.pos, geom.mat = geom.pos + R @ self._model.mesh_pos[mesh], R @ turn.reshape(3, 3)
+        geom.pos, geom.mat = (
+            geom.pos + R @ self._model.mesh_pos[mesh],
+            R @ turn.reshape(3, 3),
+        )
 
-    def _place(self, panel: FramePanel, scene: mujoco.MjvScene, ground: int, k: int) -> None:
+    def _place(
+        self, panel: FramePanel, scene: mujoco.MjvScene, ground: int, k: int
+    ) -> None:
         """Move solids, lines, arrows and camera of a panel to frame k."""
         for i, solid in enumerate(panel.solids):
             geom = scene.geoms[ground + i]
@@ -175,17 +213,34 @@ class Stage:
         scene.ngeom = ground + len(panel.solids)
         for mark in panel.marks(k):
             geom = self._add(scene, mark.kind, (mark.width, mark.width, 0.0), mark.rgba)
-            mujoco.mjv_connector(geom, GEOMS[mark.kind].value, mark.width, mark.start, mark.end)
-        mujoco.mjv_updateCamera(self._model, self._data, _camera(panel.camera, k), scene)
+            mujoco.mjv_connector(
+                geom, GEOMS[mark.kind].value, mark.width, mark.start, mark.end
+            )
+        mujoco.mjv_updateCamera(
+            self._model, self._data, _camera(panel.camera, k), scene
+        )
         for i in range(scene.nlight):
             if not scene.lights[i].headlight:
                 scene.lights[i].pos = panel.camera.look_at[k] + LAMP
 
-    def _add(self, scene: mujoco.MjvScene, kind: str, size: Sequence[float], rgba: Sequence[float]) -> mujoco.MjvGeom:
+    def _add(
+        self,
+        scene: mujoco.MjvScene,
+        kind: str,
+        size: Sequence[float],
+        rgba: Sequence[float],
+    ) -> mujoco.MjvGeom:
         """Add a geom without gloss to a MuJoCo scene."""
         geom = scene.geoms[scene.ngeom]
         sizes = np.array([*size, THIN if kind == "patch" else 0.0, 0.0][:3])
-        mujoco.mjv_initGeom(geom, GEOMS[kind].value, sizes, np.zeros(3), np.eye(3).ravel(), np.array(rgba, np.float32))
+        mujoco.mjv_initGeom(
+            geom,
+            GEOMS[kind].value,
+            sizes,
+            np.zeros(3),
+            np.eye(3).ravel(),
+            np.array(rgba, np.float32),
+        )
         geom.specular, geom.shininess = 0.15, 0.3
         if rgba[3] < 1.0:
             geom.category = NO_SHADOW
@@ -194,7 +249,9 @@ class Stage:
 
 
 @contextmanager
-def open_stage(panels: Sequence[FramePanel], width: int, height: int, *, fine: bool = False) -> Iterator[Stage]:
+def open_stage(
+    panels: Sequence[FramePanel], width: int, height: int, *, fine: bool = False
+) -> Iterator[Stage]:
     """Context manager that opens a renderer of ``width`` by ``height`` pixels.
 
     Raises:
@@ -212,7 +269,11 @@ def _camera(path: CameraPath, k: int) -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     camera.lookat = path.look_at[k]
-    camera.distance, camera.azimuth, camera.elevation = path.distance[k], path.azimuth[k], path.elevation[k]
+    camera.distance, camera.azimuth, camera.elevation = (
+        path.distance[k],
+        path.azimuth[k],
+        path.elevation[k],
+    )
     return camera
 
 
@@ -229,23 +290,37 @@ def mesh_key(shape: Shape) -> MeshKey:
 
 def _meshes_of(panels: Sequence[FramePanel]) -> dict[MeshKey, Mesh]:
     """Collect (vertices, triangles) of all meshes in the panels, by mesh key."""
-    shapes = {mesh_key(solid.shape): solid.shape for panel in panels for solid in panel.solids}
-    local = {key: replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT) for key, shape in shapes.items()}
-    meshes = {key: mesh_of(each) if each.kind == "hole" else own_mesh(each) for key, each in local.items()}
+    shapes = {
+        mesh_key(solid.shape): solid.shape for panel in panels for solid in panel.solids
+    }
+    local = {
+        key: replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
+        for key, shape in shapes.items()
+    }
+    meshes = {
+        key: mesh_of(each) if each.kind == "hole" else own_mesh(each)
+        for key, each in local.items()
+    }
     return {key: mesh for key, mesh in meshes.items() if mesh is not None}
 
 
 def _model(
     width: int, height: int, meshes: Mapping[MeshKey, Mesh], *, fine: bool
 ) -> tuple[mujoco.MjModel, dict[MeshKey, int]]:
-    """Make the MuJoCo model with ground, sky, light and meshes; also returns the index of each mesh."""
+    """Make the MuJoCo model with ground, sky, light and meshes; also returns the index
+    of each mesh.
+    """
     spec = mujoco.MjSpec.from_string(WORLD)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     quality = spec.visual.quality
     quality.shadowsize, quality.offsamples = (2048, 4) if fine else (0, 0)
-    quality.numslices, quality.numstacks, quality.numquads = (28, 16, 4) if fine else (18, 8, 2)
+    quality.numslices, quality.numstacks, quality.numquads = (
+        (28, 16, 4) if fine else (18, 8, 2)
+    )
     spec.lights[0].castshadow = fine
     for i, (vertices, faces) in enumerate(meshes.values()):
-        mesh = spec.add_mesh(name=str(i), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+        mesh = spec.add_mesh(
+            name=str(i), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        )
         mesh.uservert, mesh.userface = vertices.ravel(), faces.ravel()
     return spec.compile(), {path: i for i, path in enumerate(meshes)}

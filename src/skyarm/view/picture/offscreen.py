@@ -11,15 +11,34 @@ from typing import Any
 LIBRARY = "libEGL.so.1"
 
 NEEDS = "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri"
-"""Remedy where EGL or a driver for it is missing; the driver renders on the processor where there is no GPU."""
+"""Remedy where EGL or a driver for it is missing; the driver renders on the processor
+where there is no GPU."""
 
 MOST_DEVICES = 16
 
 PLATFORM_DEVICE = 0x313F
 OPENGL_API = 0x30A2
-CONFIG = (0x3024, 8, 0x3023, 8, 0x3022, 8, 0x3021, 8, 0x3025, 24, 0x3026, 8, 0x3033, 0x0001, 0x3040, 0x0008, 0x3038)
-"""EGL configuration: red, green, blue, alpha 8 bits, depth 24, stencil 8, for a pixel buffer (0x3033) and OpenGL
-(0x3040); 0x3038 ends it."""
+CONFIG = (
+    0x3024,
+    8,
+    0x3023,
+    8,
+    0x3022,
+    8,
+    0x3021,
+    8,
+    0x3025,
+    24,
+    0x3026,
+    8,
+    0x3033,
+    0x0001,
+    0x3040,
+    0x0008,
+    0x3038,
+)
+"""EGL configuration: red, green, blue, alpha 8 bits, depth 24, stencil 8, for a pixel
+buffer (0x3033) and OpenGL (0x3040); 0x3038 ends it."""
 
 _Pointer = ctypes.c_void_p
 
@@ -33,7 +52,8 @@ class NoDisplayError(ValueError):
 
 @contextmanager
 def offscreen() -> Iterator[Callable[[], None]]:
-    """Context manager with an OpenGL context that needs no window; yields a function that makes it current.
+    """Context manager with an OpenGL context that needs no window; yields a function
+    that makes it current.
 
     Yields a function that makes it current again, after another one was.
 
@@ -50,7 +70,9 @@ def offscreen() -> Iterator[Callable[[], None]]:
 
     def current() -> None:
         if not context or not egl.eglMakeCurrent(display, None, None, context):
-            raise NoDisplayError(f"EGL: has no OpenGL context (error {egl.eglGetError():#x}); {NEEDS}")
+            raise NoDisplayError(
+                f"EGL: has no OpenGL context (error {egl.eglGetError():#x}); {NEEDS}"
+            )
 
     current()
     try:
@@ -69,7 +91,9 @@ def _of_mujoco() -> Iterator[Callable[[], None]]:
         context = mujoco.gl_context.GLContext(64, 64)
         context.make_current()
     except Exception as error:  # each system has errors of its own
-        raise NoDisplayError(f"OpenGL: {error}; python -m pip install glfw pyopengl") from None
+        raise NoDisplayError(
+            f"OpenGL: {error}; python -m pip install glfw pyopengl"
+        ) from None
     try:
         yield context.make_current
     finally:
@@ -81,11 +105,25 @@ def _library() -> ctypes.CDLL:
     try:
         egl = ctypes.CDLL(LIBRARY)
     except OSError:
-        raise NoDisplayError(f"{LIBRARY}: is missing, which draws without a screen; {NEEDS}") from None
-    egl.eglGetProcAddress.restype, egl.eglGetProcAddress.argtypes = _Pointer, [ctypes.c_char_p]
+        raise NoDisplayError(
+            f"{LIBRARY}: is missing, which draws without a screen; {NEEDS}"
+        ) from None
+    egl.eglGetProcAddress.restype, egl.eglGetProcAddress.argtypes = (
+        _Pointer,
+        [ctypes.c_char_p],
+    )
     egl.eglInitialize.argtypes = [_Pointer] * 3
-    egl.eglChooseConfig.argtypes = [_Pointer, _Pointer, _Pointer, ctypes.c_int, _Pointer]
-    egl.eglCreateContext.restype, egl.eglCreateContext.argtypes = _Pointer, [_Pointer] * 4
+    egl.eglChooseConfig.argtypes = [
+        _Pointer,
+        _Pointer,
+        _Pointer,
+        ctypes.c_int,
+        _Pointer,
+    ]
+    egl.eglCreateContext.restype, egl.eglCreateContext.argtypes = (
+        _Pointer,
+        [_Pointer] * 4,
+    )
     egl.eglMakeCurrent.argtypes = [_Pointer] * 4
     egl.eglDestroyContext.argtypes = [_Pointer] * 2
     return egl
@@ -94,14 +132,21 @@ def _library() -> ctypes.CDLL:
 def _display(egl: ctypes.CDLL) -> tuple[int, int]:
     """Find an EGL display and configuration that render OpenGL."""
     for device in _devices(egl):
-        display = _extension(egl, b"eglGetPlatformDisplayEXT", _Pointer, ctypes.c_uint, _Pointer, _Pointer)(
-            PLATFORM_DEVICE, device, None
-        )
+        display = _extension(
+            egl,
+            b"eglGetPlatformDisplayEXT",
+            _Pointer,
+            ctypes.c_uint,
+            _Pointer,
+            _Pointer,
+        )(PLATFORM_DEVICE, device, None)
         if not display or not egl.eglInitialize(display, None, None):
             continue
         config, count = (_Pointer * 1)(), ctypes.c_int()
         attributes = (ctypes.c_int * len(CONFIG))(*CONFIG)
-        chosen = egl.eglChooseConfig(display, attributes, config, 1, ctypes.byref(count))
+        chosen = egl.eglChooseConfig(
+            display, attributes, config, 1, ctypes.byref(count)
+        )
         if chosen and count.value and egl.eglBindAPI(OPENGL_API):
             return display, config[0] or 0
     raise NoDisplayError(f"EGL: finds no device that draws with OpenGL; {NEEDS}")
@@ -109,12 +154,16 @@ def _display(egl: ctypes.CDLL) -> tuple[int, int]:
 
 def _devices(egl: ctypes.CDLL) -> list[int]:
     devices, count = (_Pointer * MOST_DEVICES)(), ctypes.c_int()
-    query = _extension(egl, b"eglQueryDevicesEXT", ctypes.c_uint, ctypes.c_int, _Pointer, _Pointer)
+    query = _extension(
+        egl, b"eglQueryDevicesEXT", ctypes.c_uint, ctypes.c_int, _Pointer, _Pointer
+    )
     query(MOST_DEVICES, devices, ctypes.byref(count))
     return [device for device in devices[: count.value] if device]
 
 
-def _extension(egl: ctypes.CDLL, name: bytes, result: CType, *arguments: CType) -> Callable[..., Any]:
+def _extension(
+    egl: ctypes.CDLL, name: bytes, result: CType, *arguments: CType
+) -> Callable[..., Any]:
     """Load an EGL extension function by name.
 
     Raises:

@@ -25,22 +25,27 @@ if TYPE_CHECKING:
     from viser import SceneApi
 
 SceneNode: TypeAlias = "viser.SceneNodeHandle"
-ShapeNode: TypeAlias = "viser.MeshHandle | viser.IcosphereHandle | viser.BoxHandle | viser.CylinderHandle"
+ShapeNode: TypeAlias = (
+    "viser.MeshHandle | viser.IcosphereHandle | viser.BoxHandle | viser.CylinderHandle"
+)
 LineNode: TypeAlias = "viser.LineSegmentsHandle"
 
 NO_TURNS: Mapping[str, Array] = MappingProxyType({})
 
 DIGITS = 4
-"""Decimals of transmitted positions (0.1 mm) and quaternions; more are invisible and compress worse."""
+"""Decimals of transmitted positions (0.1 mm) and quaternions; more are invisible and
+compress worse."""
 
 STILL = 1e-4
-"""Displacement (m) of an arrow's end below which it is not sent again; an eighth of a pixel in the usual view."""
+"""Displacement (m) of an arrow's end below which it is not sent again; an eighth of a
+pixel in the usual view."""
 
 SHORTEST = 0.01
 """Shortest drawn arrow (m)."""
 
 SEGMENTS, SUBDIVISIONS = (24, 8), (2, 1)
-"""Number of segments of round shapes, solid and wire-frame: around a cylinder, and subdivisions of a sphere."""
+"""Number of segments of round shapes, solid and wire-frame: around a cylinder, and
+subdivisions of a sphere."""
 
 LINE_WIDTH = 0.003
 """Width (m) of a line."""
@@ -60,17 +65,24 @@ class MovingNode:
         self._place, self._turn = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 
     def put(self, position: Array, rotation: Array) -> None:
-        """Set position (3,) in m and rotation (3, 3) relative to the parent node; NaN has no effect."""
+        """Set position (3,) in m and rotation (3, 3) relative to the parent node; NaN
+        has no effect.
+        """
         if not (np.isfinite(position).all() and np.isfinite(rotation).all()):
             return
-        place, turn = np.round(position, DIGITS), np.round(quaternions_of(rotation[None])[0], DIGITS)
+        place, turn = (
+            np.round(position, DIGITS),
+            np.round(quaternions_of(rotation[None])[0], DIGITS),
+        )
         if (place != self._place).any():
             self.node.position = self._place = place
         if (turn != self._turn).any():
             self.node.wxyz = self._turn = turn
 
 
-def add_shape(scene: SceneApi, name: str, shape: Shape, color: RGBA, *, wires: bool = False) -> ShapeNode:
+def add_shape(
+    scene: SceneApi, name: str, shape: Shape, color: RGBA, *, wires: bool = False
+) -> ShapeNode:
     """Add a box, sphere, cylinder, capsule or mesh to a viser scene."""
     look: dict[str, Any] = {
         "color": bytes_of(color),
@@ -79,23 +91,50 @@ def add_shape(scene: SceneApi, name: str, shape: Shape, color: RGBA, *, wires: b
         "cast_shadow": False,
         "receive_shadow": False,
     }
-    at = {"position": np.array(shape.position), "wxyz": quaternions_of(np.array([shape.rotation]))[0]}
+    at = {
+        "position": np.array(shape.position),
+        "wxyz": quaternions_of(np.array([shape.rotation]))[0],
+    }
     if shape.mesh or shape.kind == "hole":
-        vertices, faces = mesh_of(replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT))
-        return scene.add_mesh_simple(name, vertices, faces, side="double", flat_shading=not wires, **look, **at)
+        vertices, faces = mesh_of(
+            replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
+        )
+        return scene.add_mesh_simple(
+            name, vertices, faces, side="double", flat_shading=not wires, **look, **at
+        )
     if shape.kind in ("sphere", "ellipsoid"):
         x, y, z = shape.size[:1] * 3 if shape.kind == "sphere" else shape.size
-        return scene.add_icosphere(name, radius=1.0, scale=(x, y, z), subdivisions=SUBDIVISIONS[wires], **look, **at)
+        return scene.add_icosphere(
+            name,
+            radius=1.0,
+            scale=(x, y, z),
+            subdivisions=SUBDIVISIONS[wires],
+            **look,
+            **at,
+        )
     if shape.kind in ("box", "patch"):
         x, y, z = (2.0 * half for half in (*shape.size, THIN)[:3])
         return scene.add_box(name, dimensions=(x, y, z), **look, **at)
     radius, length = shape.size
-    node = scene.add_cylinder(name, radius=radius, height=length, radial_segments=SEGMENTS[wires], **look, **at)
+    node = scene.add_cylinder(
+        name,
+        radius=radius,
+        height=length,
+        radial_segments=SEGMENTS[wires],
+        **look,
+        **at,
+    )
     if shape.kind == "capsule":
         for end, sign in (("start", -0.5), ("end", 0.5)):
             place = np.array([0.0, 0.0, sign * length])
             finely = SUBDIVISIONS[wires]
-            scene.add_icosphere(f"{name}/{end}", radius=radius, subdivisions=finely, position=place, **look)
+            scene.add_icosphere(
+                f"{name}/{end}",
+                radius=radius,
+                subdivisions=finely,
+                position=place,
+                **look,
+            )
     return node
 
 
@@ -140,18 +179,42 @@ class VehicleNodes:
         wires: float = 0.0,
     ) -> None:
         # every body hangs on the base: what stands still against it need not be sent
-        self._base, self._visible = MovingNode(scene.add_frame(name, show_axes=False)), True
+        self._base, self._visible = (
+            MovingNode(scene.add_frame(name, show_axes=False)),
+            True,
+        )
         scene.add_frame(f"{name}/{BASE}", show_axes=False)
-        frames = [scene.add_frame(f"{name}/{body}", show_axes=False) for body in range(len(vehicle.moving))]
+        frames = [
+            scene.add_frame(f"{name}/{body}", show_axes=False)
+            for body in range(len(vehicle.moving))
+        ]
         self._links = [MovingNode(frame) for frame in frames]
-        shapes = [_scale_thickness(shape, 1.0 + wires) for shape in (*vehicle_shapes(vehicle), *points)]
+        shapes = [
+            _scale_thickness(shape, 1.0 + wires)
+            for shape in (*vehicle_shapes(vehicle), *points)
+        ]
         self._meshes = [
-            (add_shape(scene, f"{name}/{shape.body}/{shape.name}", shape, paint(shape.role), wires=wires > 0.0), shape)
+            (
+                add_shape(
+                    scene,
+                    f"{name}/{shape.body}/{shape.name}",
+                    shape,
+                    paint(shape.role),
+                    wires=wires > 0.0,
+                ),
+                shape,
+            )
             for shape in shapes
         ]
-        self._discs = {shape.name: (MovingNode(node), shape) for node, shape in self._meshes if shape.role == "rotor"}
+        self._discs = {
+            shape.name: (MovingNode(node), shape)
+            for node, shape in self._meshes
+            if shape.role == "rotor"
+        }
 
-    def place(self, poses: Poses, turns: Mapping[str, Array] = NO_TURNS, k: int = 0) -> None:
+    def place(
+        self, poses: Poses, turns: Mapping[str, Array] = NO_TURNS, k: int = 0
+    ) -> None:
         """Set the poses of the bodies and the tilt of rotor discs at instant ``k``.
 
         Args:
@@ -159,7 +222,9 @@ class VehicleNodes:
             turns: name of a disc -> R_BB (N, 3, 3).
             k: number of the instant.
         """
-        (R, p), *links = ((rotations[k], positions[k]) for rotations, positions in poses.values())
+        (R, p), *links = (
+            (rotations[k], positions[k]) for rotations, positions in poses.values()
+        )
         self._base.put(p, R)
         for node, (rotation, position) in zip(self._links, links, strict=True):
             node.put(R.T @ (position - p), R.T @ rotation)
@@ -185,7 +250,14 @@ class VehicleNodes:
 def _scale_thickness(shape: Shape, factor: float) -> Shape:
     """Scale a shape's size; for a cylinder or capsule only its radius."""
     scaled = tuple(factor * size for size in shape.size)
-    return replace(shape, size=scaled[:1] + shape.size[1:] if shape.kind in ("cylinder", "capsule") else scaled)
+    return replace(
+        shape,
+        size=(
+            scaled[:1] + shape.size[1:]
+            if shape.kind in ("cylinder", "capsule")
+            else scaled
+        ),
+    )
 
 
 class SolidNodes:
@@ -209,7 +281,12 @@ class SolidNodes:
             shape, name = solid.shape, solid.shape.name
             if name not in self._nodes or self._nodes[name][1] != shape.size:
                 upright = replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
-                node = add_shape(self._scene, f"{self._name}/{name}", upright, solid.rgba or self._paint(shape.role))
+                node = add_shape(
+                    self._scene,
+                    f"{self._name}/{name}",
+                    upright,
+                    solid.rgba or self._paint(shape.role),
+                )
                 self._nodes[name] = MovingNode(node), shape.size
             self._nodes[name][0].put(solid.position[k], solid.rotation[k])
 
@@ -230,7 +307,9 @@ class LineNodes:
         self._nodes: dict[str, tuple[LineNode, npt.NDArray[np.float32]]] = {}
 
     def place(self, lines: Sequence[Line], k: int = 0) -> None:
-        """Draw the given lines at instant ``k`` and remove all others; lines with NaN are hidden."""
+        """Draw the given lines at instant ``k`` and remove all others; lines with NaN
+        are hidden.
+        """
         drawn = {each.name: each for each in lines if np.isfinite(each.places[k]).all()}
         for name in set(self._nodes) - set(drawn):
             self._nodes.pop(name)[0].remove()
@@ -239,7 +318,9 @@ class LineNodes:
             node, sent = self._nodes.get(name, (None, points))
             if node is None:
                 color = bytes_of(line.rgba)
-                node = self._scene.add_line_segments(f"{self._name}/{name}", points, color, thickness=LINE_WIDTH)
+                node = self._scene.add_line_segments(
+                    f"{self._name}/{name}", points, color, thickness=LINE_WIDTH
+                )
             elif (sent != points).any():
                 node.points = points
             self._nodes[name] = node, points
@@ -256,26 +337,42 @@ class Arrows:
         scene: scene of viser. name: name of the node.
         colors: (N, 3) from 0 to 255, one an arrow.
         radius: radius of a shaft, m.
-        reached: (2, 3) m: two places between which all arrows will be; a viewer may leave out what began elsewhere.
+        reached: (2, 3) m: two places between which all arrows will be; a viewer may
+            leave out what began elsewhere.
     """
 
     def __init__(
-        self, scene: SceneApi, name: str, colors: Sequence[Sequence[int]], radius: float, reached: Array
+        self,
+        scene: SceneApi,
+        name: str,
+        colors: Sequence[Sequence[int]],
+        radius: float,
+        reached: Array,
     ) -> None:
         self._points = np.tile(reached, (len(colors), 1, 1)).astype(np.float32)
         self._node = scene.add_arrows(
-            name, self._points, np.array(colors, np.uint8), shaft_radius=radius, head_radius=HEAD[0] * radius,
-            head_length=HEAD[1] * radius, visible=False,
+            name,
+            self._points,
+            np.array(colors, np.uint8),
+            shaft_radius=radius,
+            head_radius=HEAD[0] * radius,
+            head_length=HEAD[1] * radius,
+            visible=False,
         )
         self._acting = False
 
     def point(self, ends: Array) -> None:
-        """Draw arrows (N, 2, 3) from start to end point (m); those that are too short are hidden."""
+        """Draw arrows (N, 2, 3) from start to end point (m); those that are too short
+        are hidden.
+        """
         long = lengths(ends[:, 1] - ends[:, 0]) > SHORTEST
         acting = bool(long.any()) and bool(np.isfinite(ends).all())
         if acting:
-            # the head of an arrow is drawn however short it is: it hides where another one begins
-            drawn = np.where(long[:, None, None], ends, ends[np.argmax(long), 0]).astype(np.float32)
+            # the head of an arrow is drawn however short it is: it hides where another
+            # one begins
+            drawn = np.where(
+                long[:, None, None], ends, ends[np.argmax(long), 0]
+            ).astype(np.float32)
             if np.abs(drawn - self._points).max() > STILL:
                 self._node.points = self._points = drawn
         if acting != self._acting:

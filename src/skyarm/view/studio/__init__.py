@@ -1,1 +1,3 @@
-"""Studio: interactive live simulation on a web page, with sliders for the scenario's parameters."""
+"""Studio: interactive live simulation on a web page, with sliders for the scenario's
+parameters.
+"""

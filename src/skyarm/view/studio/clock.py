@@ -1,11 +1,14 @@
-"""Playback clock of the studio: play, pause, speed, single steps, and jumps to any instant."""
+"""Playback clock of the studio: play, pause, speed, single steps, and jumps to any
+instant.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
 LONGEST_STRETCH = 0.25
-"""Longest wall time (s) that is made up for; after a longer pause the flight continues from where it was."""
+"""Longest wall time (s) that is made up for; after a longer pause the flight continues
+from where it was."""
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0)
 
@@ -14,7 +17,8 @@ class Clock(ABC):
     """Playback clock that counts the periods of a simulation or replay.
 
     Attributes:
-        tick: current period. furthest: latest one so far. playing: whether it runs. speed: times real time.
+        tick: current period. furthest: latest one so far. playing: whether it runs.
+            speed: times real time.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,6 @@
-"""Up to three simulated flights on one clock, equal but for their controllers, and their log files."""
+"""Up to three simulated flights on one clock, equal but for their controllers, and
+their log files.
+"""
 
 from __future__ import annotations
 
@@ -39,10 +41,12 @@ BLOW = (10.0, 0.1)
 """Force (N) and duration (s) of the push button: 1 N s."""
 
 OF_LAW = ("controller.", "model.")
-"""Prefixes of parameter paths that belong to one flight; all others are shared by the flights."""
+"""Prefixes of parameter paths that belong to one flight; all others are shared by the
+flights."""
 
 LONGEST = 600.0
-"""Longest flight (s) of the studio; longer scenarios, and those with a planned reference, keep their own duration."""
+"""Longest flight (s) of the studio; longer scenarios, and those with a planned
+reference, keep their own duration."""
 
 SAMPLES = 20.0
 """Sampling rate (Hz) of the stored plots."""
@@ -52,34 +56,56 @@ LOG, SCENARIO = ".npz", ".toml"
 
 
 def adjustable(plain: Scenario) -> Scenario:
-    """Add wind, push, actuator faults and delay to a scenario, inactive until a slider sets them."""
-    agents = {name: _adjustable(each, plain.kind) for name, each in plain.agents.items()}
+    """Add wind, push, actuator faults and delay to a scenario, inactive until a slider
+    sets them.
+    """
+    agents = {
+        name: _adjustable(each, plain.kind) for name, each in plain.agents.items()
+    }
     names = plain.agents if len(agents) > 1 else ("",)
     return with_words(
         plain,
         agents=agents,
         wind=ForceWind() if plain.wind == NO_WIND else plain.wind,
-        forces=(*plain.forces, *(ForceWind(gust=Gust(duration=0.1), agent=name) for name in names)),
+        forces=(
+            *plain.forces,
+            *(ForceWind(gust=Gust(duration=0.1), agent=name) for name in names),
+        ),
     )
 
 
 def _adjustable(agent: Agent, kind: str) -> Agent:
-    """Add inactive actuator faults and, where the plant's kind of simulator varies it, the delay to a vehicle."""
+    """Add inactive actuator faults and, where the plant's kind of simulator varies it,
+    the delay to a vehicle.
+    """
     named, vehicle = {fault.name for fault in agent.faults}, agent.vehicle
     faults = [Fault(rotor=rotor.name) for rotor in vehicle.rotors]
     faults += [Fault(joint=joint.name) for joint in vehicle.joints]
     names = [fault.name for fault in faults]
-    faults = [fault for fault in faults if fault.name not in named and names.count(fault.name) == 1]
+    faults = [
+        fault
+        for fault in faults
+        if fault.name not in named and names.count(fault.name) == 1
+    ]
     delays = agent.delays
-    if kind == "rigid_body" and agent.controller.compiled and delays.longest_command is None:
+    if (
+        kind == "rigid_body"
+        and agent.controller.compiled
+        and delays.longest_command is None
+    ):
         delays = replace(delays, longest_command=max(delays.longest, LONGEST_DELAY))
     return replace(agent, faults=(*agent.faults, *faults), delays=delays)
 
 
 def pushes_of(scenario: Scenario) -> dict[str, str]:
-    """Path of the push on each vehicle of an adjustable scenario, by the vehicle's name."""
+    """Path of the push on each vehicle of an adjustable scenario, by the vehicle's
+    name.
+    """
     begin = len(scenario.forces) - len(scenario.agents)
-    return {name: f"environment.forces.{begin + i}" for i, name in enumerate(scenario.agents)}
+    return {
+        name: f"environment.forces.{begin + i}"
+        for i, name in enumerate(scenario.agents)
+    }
 
 
 def is_of_law(path: str) -> bool:
@@ -106,18 +132,24 @@ class Fleet(Clock):
             longest = max(plain.duration, LONGEST)
             longer = load_scenario(source, duration=longest)
             pairs = zip(plain.agents.values(), longer.agents.values(), strict=True)
-            if all((a.reference, a.path_time) == (b.reference, b.path_time) for a, b in pairs):
+            if all(
+                (a.reference, a.path_time) == (b.reference, b.path_time)
+                for a, b in pairs
+            ):
                 self.planned, self._duration = False, longest
         self.scenario = self.under(None)
         self.flights: list[Flight] = []
 
     def under(self, law: str | None) -> Scenario:
-        """Load the scenario with a controller given by name; None keeps the scenario's own controller.
+        """Load the scenario with a controller given by name; None keeps the scenario's
+        own controller.
 
         Raises:
             ScenarioError: no such law, or one that does not fit the vehicle.
         """
-        return adjustable(load_scenario(self.source, controller=law, duration=self._duration))
+        return adjustable(
+            load_scenario(self.source, controller=law, duration=self._duration)
+        )
 
     def make_flight(self, law: str | None) -> Flight:
         """Create a flight under a controller; compiling it takes a while."""
@@ -134,7 +166,8 @@ class Fleet(Clock):
         return self.scenario.steps
 
     def join(self, flight: Flight, place: int | None = None) -> None:
-        """Add a flight and simulate it up to the current time, with the user's parameter changes so far.
+        """Add a flight and simulate it up to the current time, with the user's
+        parameter changes so far.
 
         Args:
             flight: at its first period.
@@ -149,7 +182,9 @@ class Fleet(Clock):
         rate = self.flights[place or 0].rate if self.flights else self.rate
         try:
             for number, values in moved.items():
-                shared = {path: value for path, value in values.items() if not is_of_law(path)}
+                shared = {
+                    path: value for path, value in values.items() if not is_of_law(path)
+                }
                 tick = flight.tick_at(number / rate)
                 flight.to(tick)
                 if shared and flight.tick == tick and flight.session.running:
@@ -171,12 +206,15 @@ class Fleet(Clock):
             del self.flights[place]
 
     def close(self) -> None:
-        """Close all flights, which ends programs that they have started, such as autopilots."""
+        """Close all flights, which ends programs that they have started, such as
+        autopilots.
+        """
         for flight in self.flights:
             flight.session.close()
 
     def move(self, values: Mapping[str, float], place: int | None = None) -> None:
-        """Change parameters of one flight or of all flights, from the next control period on.
+        """Change parameters of one flight or of all flights, from the next control
+        period on.
 
         Raises:
             ScenarioError: a number that cannot be.
@@ -186,7 +224,9 @@ class Fleet(Clock):
                 flight.move(values)
         self.furthest = self.tick
 
-    def push(self, direction: Sequence[float], force: float, seconds: float, agent: str) -> None:
+    def push(
+        self, direction: Sequence[float], force: float, seconds: float, agent: str
+    ) -> None:
         """Apply a force (N) on a vehicle's base for some seconds from now on.
 
         Args:
@@ -195,9 +235,17 @@ class Fleet(Clock):
             seconds: s.
             agent: name of the vehicle.
         """
-        peak = {f"peak.{axis}": force * float(c) for axis, c in zip("xyz", direction, strict=True)}
+        peak = {
+            f"peak.{axis}": force * float(c)
+            for axis, c in zip("xyz", direction, strict=True)
+        }
         gust = {**peak, "start": self.time, "duration": seconds}
-        self.move({f"{pushes_of(self.scenario)[agent]}.gust.{name}": value for name, value in gust.items()})
+        self.move(
+            {
+                f"{pushes_of(self.scenario)[agent]}.gust.{name}": value
+                for name, value in gust.items()
+            }
+        )
 
     def go(self, tick: int) -> None:
         """Go forward or back to a given control period."""
@@ -212,23 +260,34 @@ class Fleet(Clock):
         super().reset()
 
     def save(self, folder: Path) -> str:
-        """Write a log and a scenario file of each flight to new files; returns the commands that repeat the flights.
+        """Write a log and a scenario file of each flight to new files; returns the
+        commands that repeat the flights.
 
-        A flight that no scenario file can say, as one of a log, is repeated from its own log.
+        A flight that no scenario file can say, as one of a log, is repeated from its
+        own log.
 
         Raises:
-            ScenarioError: nothing has been flown yet. OSError: a file cannot be written.
+            ScenarioError: nothing has been flown yet. OSError: a file cannot be
+                written.
         """
         if not self.tick:
-            raise ScenarioError("time = 0 s: must be above 0; nothing has been flown yet that could be saved")
+            raise ScenarioError(
+                "time = 0 s: must be above 0; nothing has been flown yet that could be"
+                " saved"
+            )
         require_writable(str(folder))
         written, without = [], []
         for flight in self.flights:
             # a file of gains is named by its path
             name = f"{self.scenario.name}_{Path(flight.title).stem}"
             ends = itertools.chain([""], (f"_{k}" for k in itertools.count(1)))
-            pairs = ((folder / f"{name}{end}{LOG}", folder / f"{name}{end}{SCENARIO}") for end in ends)
-            log, file = next(pair for pair in pairs if not any(path.exists() for path in pair))
+            pairs = (
+                (folder / f"{name}{end}{LOG}", folder / f"{name}{end}{SCENARIO}")
+                for end in ends
+            )
+            log, file = next(
+                pair for pair in pairs if not any(path.exists() for path in pair)
+            )
             save_log(flight.session.log, log)
             # a vehicle that is lost is lost again in the period after its last one
             seconds = (flight.tick + (1 if flight.lost else 0)) / flight.rate
@@ -256,7 +315,9 @@ def open_fleet(source: str, laws: Sequence[str]) -> Fleet:
         ScenarioError: one line.
     """
     if len(laws) > MOST:
-        raise ScenarioError(f"--laws = {shown(list(laws))}: must be at most {MOST} laws at once")
+        raise ScenarioError(
+            f"--laws = {shown(list(laws))}: must be at most {MOST} laws at once"
+        )
     fleet = Fleet(source)
     for law in laws:
         fleet.under(law)
@@ -264,16 +325,19 @@ def open_fleet(source: str, laws: Sequence[str]) -> Fleet:
 
 
 class Flight:
-    """Simulated flight that steps forward and back, and repeats the user's parameter changes at their times.
+    """Simulated flight that steps forward and back, and repeats the user's parameter
+    changes at their times.
 
-    A change at an instant takes the place of all that were made later: the flight goes another way from there.
+    A change at an instant takes the place of all that were made later: the flight goes
+    another way from there.
 
     Args:
         law: name that it is chosen by; None is the scenario's own.
         scenario: adjustable, under the law.
 
     Attributes:
-        moved: control periods flown -> path -> value of the numbers that the user changed then.
+        moved: control periods flown -> path -> value of the numbers that the user
+            changed then.
         agents: each vehicle by name.
     """
 
@@ -298,7 +362,9 @@ class Flight:
 
     @property
     def rate(self) -> int:
-        """Control rate of the flight (Hz), which under an autopilot may differ from the other flights'."""
+        """Control rate of the flight (Hz), which under an autopilot may differ from the
+        other flights'.
+        """
         return self.session.scenario.rates.control
 
     def tick_at(self, time: float) -> int:
@@ -313,25 +379,35 @@ class Flight:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Present value of every number that the user or a scheduled change has set, by the path of the change."""
+        """Present value of every number that the user or a scheduled change has set, by
+        the path of the change.
+        """
         return dict(overrides_at(self.session.plan, self.tick).numbers)
 
     @property
     def values(self) -> Mapping[str, float]:
-        """Present value of every parameter that differs from the scenario's or was set, by parameter path."""
+        """Present value of every parameter that differs from the scenario's or was set,
+        by parameter path.
+        """
         values, now = self.numbers, self.session.scenario
         # numbers under another path, in replaced parts, or that follow from those
         if self.due or values:
             for knob in self.knobs:
                 with suppress(ScenarioError):
-                    if knob.path not in values and (value := number_at(now, knob.path)) != knob.value:
+                    if (
+                        knob.path not in values
+                        and (value := number_at(now, knob.path)) != knob.value
+                    ):
                         values[knob.path] = value
         return values
 
     @property
     def due(self) -> int:
         """Number of scheduled changes that have fallen due."""
-        return sum(change.tick(self.rate) <= self.tick for change in scheduled_changes(self.first))
+        return sum(
+            change.tick(self.rate) <= self.tick
+            for change in scheduled_changes(self.first)
+        )
 
     def move(self, values: Mapping[str, float]) -> None:
         """Change parameters of this flight from the next control period on.
@@ -342,9 +418,13 @@ class Flight:
         now = self.tick
         self.session.change(values)
         self.moved = {tick: made for tick, made in self.moved.items() if tick <= now}
-        self.moved.setdefault(now, {}).update({path: float(value) for path, value in values.items()})
+        self.moved.setdefault(now, {}).update(
+            {path: float(value) for path, value in values.items()}
+        )
         # what was flown beyond this instant was flown with other numbers
-        self._snapshots = [snapshot for snapshot in self._snapshots if snapshot.tick <= now]
+        self._snapshots = [
+            snapshot for snapshot in self._snapshots if snapshot.tick <= now
+        ]
         for agent in self.agents.values():
             agent.sights = [seen for seen in agent.sights if seen.tick <= now]
 
@@ -372,17 +452,23 @@ class Flight:
     def to(self, tick: int) -> None:
         """Go to a control period: restore an earlier snapshot, then simulate forward.
 
-        A flight that cannot go back, under an autopilot, waits until the clock has caught up with it.
+        A flight that cannot go back, under an autopilot, waits until the clock has
+        caught up with it.
         """
         if tick < self.tick and self.session.returns:
-            at = bisect.bisect_right(self._snapshots, tick, key=lambda each: each.tick) - 1
+            at = (
+                bisect.bisect_right(self._snapshots, tick, key=lambda each: each.tick)
+                - 1
+            )
             self.session.restore(self._snapshots[at])
             self._repeat()
         while self.tick < tick and self.step():
             pass
 
     def _repeat(self) -> None:
-        """Apply the user's recorded parameter changes of the current control period again."""
+        """Apply the user's recorded parameter changes of the current control period
+        again.
+        """
         if values := self.moved.get(self.tick):
             self.session.change(values)
 
@@ -394,12 +480,15 @@ class Flight:
             self._snapshots.append(self.session.snapshot())
         before = next(iter(self.agents.values())).sights
         if tick % self._every == 0 and (not before or before[-1].tick < tick):
-            for agent, seen in zip(self.agents.values(), sights(self.session), strict=True):
+            for agent, seen in zip(
+                self.agents.values(), sights(self.session), strict=True
+            ):
                 agent.sights.append(seen)
 
 
 class FlownAgent:
-    """One vehicle of a flight in the studio, with the quantities of its plots and its sliders.
+    """One vehicle of a flight in the studio, with the quantities of its plots and its
+    sliders.
 
     Args:
         flight: flight of all vehicles.
@@ -412,10 +501,16 @@ class FlownAgent:
     """
 
     def __init__(self, flight: Flight, name: str) -> None:
-        self.flight, self.first, self._of = flight, flight.first.of(name), prefix_of(flight.first, name)
+        self.flight, self.first, self._of = (
+            flight,
+            flight.first.of(name),
+            prefix_of(flight.first, name),
+        )
         self.title = f"{flight.title}, {name}" if self._of else flight.title
         self.sights: list[PlottedInstant] = []
-        self._knobs = [knob for knob in flight.knobs if agent_of(knob.path) in ("", name)]
+        self._knobs = [
+            knob for knob in flight.knobs if agent_of(knob.path) in ("", name)
+        ]
 
     @property
     def own_knobs(self) -> list[AdjustableNumber]:
@@ -424,7 +519,9 @@ class FlownAgent:
 
     @property
     def shared_knobs(self) -> list[AdjustableNumber]:
-        """Adjustable parameters of vehicle, reference and environment, common to all flights."""
+        """Adjustable parameters of vehicle, reference and environment, common to all
+        flights.
+        """
         return [knob for knob in self._knobs if not is_of_law(knob.path)]
 
     @property
@@ -455,10 +552,17 @@ class FlownAgent:
 
 def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
     """Create a simulation session in which the given parameters are adjustable."""
-    scheduled = [change.path for change in scheduled_changes(scenario) if isinstance(change.value, float)]
+    scheduled = [
+        change.path
+        for change in scheduled_changes(scenario)
+        if isinstance(change.value, float)
+    ]
     if scenario.autopilot is not None:
-        # a number of the sensors compiles anew when it is moved: those that the autopilot adds have other draws
-        return open_session(scenario, [path for path in paths if not path.startswith("sensors.")])
+        # a number of the sensors compiles anew when it is moved: those that the
+        # autopilot adds have other draws
+        return open_session(
+            scenario, [path for path in paths if not path.startswith("sensors.")]
+        )
     with suppress(ScenarioError):
         return Session(scenario, tuple(dict.fromkeys((*paths, *scheduled))))
     return Session(scenario, paths)

@@ -22,13 +22,28 @@ SIGNALS = ("x", "y", "z", "yaw", "joints")
 """Keys of a reference that have sliders, after those of the base's motion."""
 
 WIDEST = 1e3
-"""Largest distance between a field's bounds that become the ends of its slider; wider bounds only exclude absurd
-values."""
+"""Largest distance between a field's bounds that become the ends of its slider; wider
+bounds only exclude absurd values."""
 
-SPANS: Mapping[str, float] = {"m": 1.5, "rad": 1.2, "rad or m": 1.2, "m/s": 10.0, "N": 5.0, "N m": 0.5, "kg": 0.3}
+SPANS: Mapping[str, float] = {
+    "m": 1.5,
+    "rad": 1.2,
+    "rad or m": 1.2,
+    "m/s": 10.0,
+    "N": 5.0,
+    "N m": 0.5,
+    "kg": 0.3,
+}
 """Unit -> reach of a slider to both sides of its value."""
 
-SIGMAS: Mapping[str, float] = {"m": 0.05, "m/s": 0.3, "rad": 0.05, "rad or m": 0.05, "rad/s": 0.3, "rad/s or m/s": 0.3}
+SIGMAS: Mapping[str, float] = {
+    "m": 0.05,
+    "m/s": 0.3,
+    "rad": 0.05,
+    "rad or m": 0.05,
+    "rad/s": 0.3,
+    "rad/s or m/s": 0.3,
+}
 """Unit -> largest standard deviation on a slider of noise that is zero."""
 
 LONGEST_DELAY = 0.03
@@ -40,7 +55,8 @@ class AdjustableNumber:
     """Adjustable parameter of a running simulation, with its slider's range.
 
     Attributes:
-        path: path of the number (:mod:`skyarm.scenario.numbers`). group: title of its panel.
+        path: path of the number (:mod:`skyarm.scenario.numbers`). group: title of its
+            panel.
         declared: unit, meaning and bounds of its field.
         low, high: ends of the slider. value: number of the scenario.
     """
@@ -54,16 +70,22 @@ class AdjustableNumber:
 
     @property
     def label(self) -> str:
-        """Label of a slider: its parameter path such as plant.gravity in words, and the unit."""
+        """Label of a slider: its parameter path such as plant.gravity in words, and the
+        unit.
+        """
         words = words_of(word_of(self.path))
         return f"{words} ({self.declared.unit})" if self.declared.unit else words
 
     @property
     def step(self) -> float:
-        """Step of the slider: 1, 2 or 5 times a power of ten, about 1/200 of its range."""
+        """Step of the slider: 1, 2 or 5 times a power of ten, about 1/200 of its
+        range.
+        """
         least = (self.high - self.low) / 200.0
         power = 10.0 ** math.floor(math.log10(least))
-        return next(power * k for k in (1.0, 2.0, 5.0, 10.0) if power * k >= 0.999 * least)
+        return next(
+            power * k for k in (1.0, 2.0, 5.0, 10.0) if power * k >= 0.999 * least
+        )
 
     def clip(self, value: object) -> float:
         """Clip a value to the slider's range.
@@ -74,10 +96,14 @@ class AdjustableNumber:
         return min(max(number(value, self.path), self.low), self.high)
 
 
-def knobs_of(scenario: Scenario, without: Collection[str] = ()) -> tuple[AdjustableNumber, ...]:
-    """List all adjustable parameters of a scenario, in the order of the slider panels and of its vehicles.
+def knobs_of(
+    scenario: Scenario, without: Collection[str] = ()
+) -> tuple[AdjustableNumber, ...]:
+    """List all adjustable parameters of a scenario, in the order of the slider panels
+    and of its vehicles.
 
-    Times at which something starts or stops are left out, since they mean nothing once they have passed.
+    Times at which something starts or stops are left out, since they mean nothing once
+    they have passed.
 
     Args:
         scenario: scenario of the flight.
@@ -92,18 +118,30 @@ def knobs_of(scenario: Scenario, without: Collection[str] = ()) -> tuple[Adjusta
             places = _places(one, word)
             names = {(path.removesuffix(word), *place) for place in places}
             # a number may have two names: the file's word comes first
-            if not places or seen & names or any(places[0][: len(each)] == each for each in hidden):
+            if (
+                not places
+                or seen & names
+                or any(places[0][: len(each)] == each for each in hidden)
+            ):
                 continue
             seen |= names
             value, declared = number_at(one, word), declared_at(one, word)
-            if math.isfinite(value) and (declared.unit != "s" or group in ("delay", "law")):
-                span = _span_of_delay(one) if group == "delay" else _span(group, value, declared)
+            if math.isfinite(value) and (
+                declared.unit != "s" or group in ("delay", "law")
+            ):
+                span = (
+                    _span_of_delay(one)
+                    if group == "delay"
+                    else _span(group, value, declared)
+                )
                 knobs.append(AdjustableNumber(path, group, declared, *span, value))
     return tuple(knobs)
 
 
 def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
-    """Field paths in the scenario record for a parameter path; empty if the parameter cannot vary."""
+    """Field paths in the scenario record for a parameter path; empty if the parameter
+    cannot vary.
+    """
     try:
         number_at(scenario, path)
         return places_of(scenario, path)
@@ -112,33 +150,60 @@ def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
 
 
 def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield (slider panel, parameter path) of all parameters of a scenario that may be adjusted."""
+    """Yield (slider panel, parameter path) of all parameters of a scenario that may be
+    adjusted.
+    """
     law = parts(scenario.agent.controller.par)
-    gains = [word for word in law if word not in DERIVED_PARTS and not isinstance(law[word], (bool, int, str))]
+    gains = [
+        word
+        for word in law
+        if word not in DERIVED_PARTS and not isinstance(law[word], (bool, int, str))
+    ]
     yield from _all_below("law", {f"controller.{word}": law[word] for word in gains})
     if scenario.agent.path_time is None:  # one is planned for the reference as it is
         yield from (
-            ("reference", path) for path in _of_tree(path_names(scenario.agent.reference)["base"], "reference.base")
+            ("reference", path)
+            for path in _of_tree(
+                path_names(scenario.agent.reference)["base"], "reference.base"
+            )
         )
         yield from _all_below(
-            "reference", {f"reference.{word}": getattr(scenario.agent.reference, word) for word in SIGNALS}
+            "reference",
+            {
+                f"reference.{word}": getattr(scenario.agent.reference, word)
+                for word in SIGNALS
+            },
         )
-    blowing = {f"environment.{word}": getattr(scenario, word) for word in ("wind", "air", "forces")}
+    blowing = {
+        f"environment.{word}": getattr(scenario, word)
+        for word in ("wind", "air", "forces")
+    }
     yield from _all_below("wind and forces", blowing)
     if not scenario.agent.has_estimator:
         yield from _all_below("sensors", {"sensors": scenario.agent.noise})
     for each in scenario.agent.sensors:
         where = f"sensors.{each.name}"
         # an encoder that differences its positions reads no rates
-        unread = f"{where}.rate." if getattr(each.sensor, "rates", "") == "difference" else " "
+        unread = (
+            f"{where}.rate."
+            if getattr(each.sensor, "rates", "") == "difference"
+            else " "
+        )
         errors = _all_below("sensors", {where: each.sensor})
-        # what is structurally absent (an int) has no random numbers: to add it would change those of all others
+        # what is structurally absent (an int) has no random numbers: to add it would
+        # change those of all others
         yield from (
-            row for row in errors if not row[1].startswith(unread) and isinstance(_exact(scenario, row[1]), float)
+            row
+            for row in errors
+            if not row[1].startswith(unread)
+            and isinstance(_exact(scenario, row[1]), float)
         )
     yield from _all_below("faults", {"environment.faults": scenario.agent.faults})
     loads = (f"payloads.{i}.mass" for i in range(len(scenario.agent.payloads)))
-    yield from (("payload", path) for path in ("plant.payload.mass", "model.payload.mass", *loads))
+    yield from (
+        ("payload", path)
+        for path in ("plant.payload.mass", "model.payload.mass", *loads)
+    )
     yield "delay", "delays.command"
 
 
@@ -149,13 +214,17 @@ def _exact(scenario: Scenario, path: str) -> object:
 
 
 def _all_below(group: str, records: Mapping[str, object]) -> Iterator[tuple[str, str]]:
-    """Yield (slider panel, parameter path) of all parameters inside the given parts of a scenario."""
+    """Yield (slider panel, parameter path) of all parameters inside the given parts of
+    a scenario.
+    """
     for root, record in records.items():
         yield from ((group, path) for path in _below(record, root))
 
 
 def _of_tree(tree: object, path: str) -> Iterator[str]:
-    """Yield the parameter paths in a tree of field names; position components by letter, not by index."""
+    """Yield the parameter paths in a tree of field names; position components by
+    letter, not by index.
+    """
     if not isinstance(tree, Mapping):
         yield path
         return
@@ -165,8 +234,11 @@ def _of_tree(tree: object, path: str) -> Iterator[str]:
 
 
 def _below(value: object, path: str) -> Iterator[str]:
-    """Yield the parameter paths inside one part of a scenario, by the keys of the scenario file."""
-    # the coefficients of a planned curve are made together: a hand that moved one would tear the curve
+    """Yield the parameter paths inside one part of a scenario, by the keys of the
+    scenario file.
+    """
+    # the coefficients of a planned curve are made together: a hand that moved one would
+    # tear the curve
     if value is None or isinstance(value, (bool, str, Polynomials)):
         return
     if isinstance(value, (int, float)):
@@ -188,18 +260,24 @@ def _below(value: object, path: str) -> Iterator[str]:
 
 
 def _span_of_delay(scenario: Scenario) -> tuple[float, float]:
-    """Range of the command delay: what the queue of commands leaves beside further delays of rotors or joints."""
+    """Range of the command delay: what the queue of commands leaves beside further
+    delays of rotors or joints.
+    """
     delays = scenario.agent.delays
     return 0.0, delays.longest - max(float(delays.rotors), float(delays.joints))
 
 
 def _span(group: str, value: float, unit: Unit) -> tuple[float, float]:
-    """Compute the range of a slider around a parameter's value, within the parameter's bounds."""
+    """Compute the range of a slider around a parameter's value, within the parameter's
+    bounds.
+    """
     if unit.high - unit.low <= WIDEST:
         return unit.low, unit.high
     reach = SPANS.get(unit.unit, 1.0)
     low, high = value - reach, value + reach
     if group in ("law", "sensors"):
         usual = 1.0 if group == "law" else SIGMAS.get(unit.unit, 1.0)
-        low, high = (min(0.0, 4.0 * value), max(0.0, 4.0 * value)) if value else (0.0, usual)
+        low, high = (
+            (min(0.0, 4.0 * value), max(0.0, 4.0 * value)) if value else (0.0, usual)
+        )
     return max(low, unit.low), min(high, unit.high)

@@ -8,8 +8,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skyarm.scenario.scenario_file import list_scenarios
-from skyarm.view.studio.controls import Chart, KnobPanel, add_clock, charts, literal, on_user_input, swatch
-from skyarm.view.studio.fleet import BLOW, GUST, MOST, Fleet, Flight, FlownAgent, law_names
+from skyarm.view.studio.controls import (
+    Chart,
+    KnobPanel,
+    add_clock,
+    charts,
+    literal,
+    on_user_input,
+    swatch,
+)
+from skyarm.view.studio.fleet import (
+    BLOW,
+    GUST,
+    MOST,
+    Fleet,
+    Flight,
+    FlownAgent,
+    law_names,
+)
 from skyarm.view.studio.knobs import AdjustableNumber
 from skyarm.view.studio.page_loop import PageLoop
 from skyarm.view.studio.picture import COLORS, FleetPicture
@@ -20,11 +36,19 @@ if TYPE_CHECKING:
 
 NO_LAW = "none"
 NO_CASE = "choose"
-DIRECTIONS = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
+DIRECTIONS = {
+    "+x": (1, 0, 0),
+    "-x": (-1, 0, 0),
+    "+y": (0, 1, 0),
+    "-y": (0, -1, 0),
+    "+z": (0, 0, 1),
+    "-z": (0, 0, -1),
+}
 
 
 class Controls:
-    """Buttons and menus of the studio's web page: clock, pushes, controllers and scenarios.
+    """Buttons and menus of the studio's web page: clock, pushes, controllers and
+    scenarios.
 
     Args:
         gui: controls of viser.
@@ -35,8 +59,13 @@ class Controls:
     def __init__(self, gui: GuiApi, page: Page, laws: list[str]) -> None:
         self.status = gui.add_markdown("Machine code is being made ...")
         self.time = add_clock(gui, page.do, 30.0)
-        direction = gui.add_dropdown("push towards", tuple(DIRECTIONS), initial_value="+x")
-        pushes = {f"push ({BLOW[0] * BLOW[1]:g} N s)": BLOW, f"gust ({GUST[0]:g} N, {GUST[1]:g} s)": GUST}
+        direction = gui.add_dropdown(
+            "push towards", tuple(DIRECTIONS), initial_value="+x"
+        )
+        pushes = {
+            f"push ({BLOW[0] * BLOW[1]:g} N s)": BLOW,
+            f"gust ({GUST[0]:g} N, {GUST[1]:g} s)": GUST,
+        }
 
         def push(value: str) -> None:
             towards = DIRECTIONS[direction.value]
@@ -45,47 +74,72 @@ class Controls:
         on_user_input(gui.add_button_group("disturb", tuple(pushes)), push)
         self._menus: list[Menu] = []
         self.tabs = gui.add_tab_group()
-        # the two last ones are filled anew with the flights; they stay, and so does the one that is chosen
-        self.plots, menus, self.world, self.laws = map(self.tabs.add_tab, ("plots", "scenario", "world", "laws"))
+        # the two last ones are filled anew with the flights; they stay, and so does the
+        # one that is chosen
+        self.plots, menus, self.world, self.laws = map(
+            self.tabs.add_tab, ("plots", "scenario", "world", "laws")
+        )
         with menus:
             with gui.add_folder("laws"):
                 for place in range(MOST):
-                    self._law(gui, page, place, laws[place] if place < len(laws) else NO_LAW)
+                    self._law(
+                        gui, page, place, laws[place] if place < len(laws) else NO_LAW
+                    )
             with gui.add_folder("cases"):
-                menu = gui.add_dropdown("case", (NO_CASE, *list_scenarios()), initial_value=NO_CASE)
+                menu = gui.add_dropdown(
+                    "case", (NO_CASE, *list_scenarios()), initial_value=NO_CASE
+                )
                 on_user_input(menu, page.choose_case)
-                save = gui.add_button("Save flights", hint="logs, with every change by hand at its control period")
+                save = gui.add_button(
+                    "Save flights",
+                    hint="logs, with every change by hand at its control period",
+                )
                 on_user_input(save, lambda _: page.save())
-            box = gui.add_checkbox("follow", False, hint="the camera goes along with the first vehicle")
+            box = gui.add_checkbox(
+                "follow", False, hint="the camera goes along with the first vehicle"
+            )
             on_user_input(box, page.follow)
 
     def _law(self, gui: GuiApi, page: Page, place: int, first: str) -> None:
         """Create a menu for choosing the controller of one of up to three flights."""
         names = dict.fromkeys([first, *law_names(), *([NO_LAW] if place else [])])
         menu = gui.add_dropdown(f"law {place + 1}", tuple(names), initial_value=first)
-        on_user_input(menu, lambda value: page.choose_law(place, None if value == NO_LAW else value))
+        on_user_input(
+            menu,
+            lambda value: page.choose_law(place, None if value == NO_LAW else value),
+        )
 
     def add_agents(self, gui: GuiApi, page: Page, names: Collection[str]) -> None:
-        """Create the menu of the vehicle that plots, sliders and pushes belong to; none for the only one."""
+        """Create the menu of the vehicle that plots, sliders and pushes belong to; none
+        for the only one.
+        """
         for menu in self._menus:
             menu.remove()
         self._menus = []
         if len(names) > 1:
             hint = "plots, sliders and pushes are of this one"
-            self._menus = [gui.add_dropdown("vehicle", tuple(names), hint=hint, order=self.tabs.order - 0.5)]
+            self._menus = [
+                gui.add_dropdown(
+                    "vehicle", tuple(names), hint=hint, order=self.tabs.order - 0.5
+                )
+            ]
             on_user_input(self._menus[0], page.choose_agent)
 
 
 class Page(PageLoop):
-    """Web page of the studio that simulates flights in real time and compiles them in a background thread.
+    """Web page of the studio that simulates flights in real time and compiles them in a
+    background thread.
 
     Args:
         server: server of viser.
-        fleet: initial one, without flights. laws: laws of its flights; None is the scenario's own.
+        fleet: initial one, without flights. laws: laws of its flights; None is the
+            scenario's own.
         out: folder of saved flights.
     """
 
-    def __init__(self, server: ViserServer, fleet: Fleet, laws: Sequence[str | None], out: Path) -> None:
+    def __init__(
+        self, server: ViserServer, fleet: Fleet, laws: Sequence[str | None], out: Path
+    ) -> None:
         super().__init__(server, "machine code")
         self._out = out
         self._moves: dict[int | None, dict[str, float]] = {}
@@ -102,7 +156,9 @@ class Page(PageLoop):
     # orders, from any thread
 
     def do(self, work: Callable[[Fleet], None]) -> None:
-        """Queue a function that changes the flights, to be called before the next frame."""
+        """Queue a function that changes the flights, to be called before the next
+        frame.
+        """
 
         def done() -> None:
             work(self.fleet)
@@ -111,7 +167,9 @@ class Page(PageLoop):
         self._orders.put(done)
 
     def choose_law(self, place: int, law: str | None) -> None:
-        """Queue a change of the controller of the flight with a menu's index; None removes the flight."""
+        """Queue a change of the controller of the flight with a menu's index; None
+        removes the flight.
+        """
 
         def choose() -> None:
             if law is not None:
@@ -149,8 +207,12 @@ class Page(PageLoop):
         self._orders.put(lambda: self._say(self.fleet.save(self._out)))
 
     def move(self, place: int | None, path: str, value: float) -> None:
-        """Queue a parameter change of one flight, or of all flights if ``place`` is None."""
-        self._orders.put(lambda: self._moves.setdefault(place, {}).__setitem__(path, value))
+        """Queue a parameter change of one flight, or of all flights if ``place`` is
+        None.
+        """
+        self._orders.put(
+            lambda: self._moves.setdefault(place, {}).__setitem__(path, value)
+        )
 
     # the loop
 
@@ -199,7 +261,9 @@ class Page(PageLoop):
             flight, words = None, f"{name}: {' '.join(str(error).split())}"
         self._orders.put(lambda: self._join(fleet, flight, place, words))
 
-    def _join(self, fleet: Fleet, flight: Flight | None, place: int, words: str) -> None:
+    def _join(
+        self, fleet: Fleet, flight: Flight | None, place: int, words: str
+    ) -> None:
         self._making -= 1
         self._say(words)
         if flight is not None and fleet is self.fleet:
@@ -210,11 +274,15 @@ class Page(PageLoop):
         """Rebuild vehicles, sliders and plots after a flight was added or removed."""
         with self._server.atomic():
             if not self._making:
-                self._picture.build(self.fleet.scenario, [flight.title for flight in self.fleet.flights])
+                self._picture.build(
+                    self.fleet.scenario, [flight.title for flight in self.fleet.flights]
+                )
             self._fill_tabs()
 
     def _fill_tabs(self) -> None:
-        """Replace sliders and plots by those of the present flights and the chosen vehicle."""
+        """Replace sliders and plots by those of the present flights and the chosen
+        vehicle.
+        """
         for _, panel in self._panels:
             panel.remove()
         for chart in self._charts:
@@ -223,9 +291,13 @@ class Page(PageLoop):
         with self._controls.plots:
             self._charts = charts(self._server.gui, vehicles)
         for each in vehicles[:1]:
-            self._add_panel(self._controls.world, None, each.shared_knobs, "wind and forces")
+            self._add_panel(
+                self._controls.world, None, each.shared_knobs, "wind and forces"
+            )
         for i, each in enumerate(vehicles):
-            self._add_panel(self._controls.laws, i, each.own_knobs, "" if i else "law", each.title)
+            self._add_panel(
+                self._controls.laws, i, each.own_knobs, "" if i else "law", each.title
+            )
 
     @property
     def _vehicles(self) -> list[FlownAgent]:
@@ -233,10 +305,17 @@ class Page(PageLoop):
         return [flight.agents[self.agent] for flight in self.fleet.flights]
 
     def _add_panel(
-        self, tab: Tab, place: int | None, knobs: Sequence[AdjustableNumber], opened: str, title: str = ""
+        self,
+        tab: Tab,
+        place: int | None,
+        knobs: Sequence[AdjustableNumber],
+        opened: str,
+        title: str = "",
     ) -> None:
         with tab:
-            panel = KnobPanel(self._server.gui, knobs, partial(self.move, place), opened, title)
+            panel = KnobPanel(
+                self._server.gui, knobs, partial(self.move, place), opened, title
+            )
             self._panels.append((place, panel))
 
     def _show_values(self) -> None:
@@ -263,13 +342,21 @@ class Page(PageLoop):
         self._controls.status.content = self._status()
 
     def _status(self) -> str:
-        """Status text of the page: clock, and tip error and contact force of each flight."""
+        """Status text of the page: clock, and tip error and contact force of each
+        flight.
+        """
         fleet = self.fleet
         lines = [f"**{literal(fleet.scenario.title or fleet.source)}**", fleet.words]
         for each, color in zip(self._vehicles, COLORS, strict=False):
             last, lost = each.last, each.flight.lost
-            words = f"lost at {last.time:.2f} s: {lost}" if lost else f"tip error {1e3 * last.error:.1f} mm"
-            touching = f", contact {last.contact:.2f} N" if last.contact and not lost else ""
+            words = (
+                f"lost at {last.time:.2f} s: {lost}"
+                if lost
+                else f"tip error {1e3 * last.error:.1f} mm"
+            )
+            touching = (
+                f", contact {last.contact:.2f} N" if last.contact and not lost else ""
+            )
             lines.append(f"{swatch(color)} {each.title}: {words}{touching}")
         if self._making:
             lines.append("Machine code is being made ...")

@@ -26,7 +26,8 @@ Work = Callable[[], None]
 
 
 class PageLoop(ABC):
-    """Real-time loop of a page; requests of browser tabs are executed by the drawing thread between two frames.
+    """Real-time loop of a page; requests of browser tabs are executed by the drawing
+    thread between two frames.
 
     Args:
         server: server of viser.
@@ -47,7 +48,9 @@ class PageLoop(ABC):
         self._stopped.set()
 
     def run(self) -> None:
-        """Advance the flights and draw them, again and again, until :meth:`stop` is called."""
+        """Advance the flights and draw them, again and again, until :meth:`stop` is
+        called.
+        """
         last, slow = time.perf_counter(), 0.0
         try:
             while not self._stopped.is_set():
@@ -63,7 +66,9 @@ class PageLoop(ABC):
                         slow = now
                         self._draw_slowly()
                 last = now
-                self._stopped.wait(max(0.0, (FRAME if watched else IDLE) - (time.perf_counter() - now)))
+                self._stopped.wait(
+                    max(0.0, (FRAME if watched else IDLE) - (time.perf_counter() - now))
+                )
         finally:
             self._close()
 
@@ -84,7 +89,9 @@ class PageLoop(ABC):
         self._worker.shutdown(wait=False, cancel_futures=True)
 
     def _handle_inputs(self) -> None:
-        """Execute the queued inputs of the browser tabs; an invalid one is reported on the page."""
+        """Execute the queued inputs of the browser tabs; an invalid one is reported on
+        the page.
+        """
         while True:
             try:
                 order = self._orders.get_nowait()

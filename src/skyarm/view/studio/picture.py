@@ -1,4 +1,6 @@
-"""3D picture of the studio: vehicles with force arrows and trails, surroundings, and the desired pose."""
+"""3D picture of the studio: vehicles with force arrows and trails, surroundings, and
+the desired pose.
+"""
 
 from __future__ import annotations
 
@@ -16,28 +18,48 @@ from skyarm.simulate.first_state import first_loop_state
 from skyarm.vehicle import Vehicle
 from skyarm.view.picture.frames import goal_of, poses_of, scenes_at
 from skyarm.view.picture.marks import tones_of, touch_arrows
-from skyarm.view.picture.viser_sink import STILL, Arrows, LineNodes, SolidNodes, VehicleNodes, add_light, segments
+from skyarm.view.picture.viser_sink import (
+    STILL,
+    Arrows,
+    LineNodes,
+    SolidNodes,
+    VehicleNodes,
+    add_light,
+    segments,
+)
 from skyarm.view.studio.fleet import Flight, FlownAgent
 from skyarm.view.studio.sights import PlottedInstant
 from skyarm.world.scene.scene import OBSTACLES, Scene, hidden_share
 from skyarm.world.scene.shapes import Solid, floats
-from skyarm.world.scene.vehicle_shapes import Placed, disc_name, payload_shape, rotor_turns
+from skyarm.world.scene.vehicle_shapes import (
+    Placed,
+    disc_name,
+    payload_shape,
+    rotor_turns,
+)
 
 if TYPE_CHECKING:
     from skyarm.view.studio.server import SceneApi, ViserServer
 
 COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
-"""Colours of the first, second and third law, here and in the plots: blue, orange, green."""
+"""Colours of the first, second and third law, here and in the plots: blue, orange,
+green."""
 
 GHOST, LOST = (130, 130, 140), (200, 40, 40)
 
 SHELL = 0.06
-"""Relative enlargement of the wire-frame vehicle of each further law, so that coincident vehicles are all visible."""
+"""Relative enlargement of the wire-frame vehicle of each further law, so that
+coincident vehicles are all visible."""
 
 FLOORS = {False: ((200, 200, 200), (140, 140, 140)), True: ((40, 40, 40), (62, 62, 62))}
 """True for a dark page -> colours of the floor's lines, of cells and of metres."""
 
-THRUST, WIND, PUSHED, TOUCH = (240, 190, 40), (70, 170, 220), (225, 60, 60), (198, 26, 140)
+THRUST, WIND, PUSHED, TOUCH = (
+    (240, 190, 40),
+    (70, 170, 220),
+    (225, 60, 60),
+    (198, 26, 140),
+)
 
 NEWTON = 0.08
 """Length of an arrow (m) per newton, or per metre a second of air."""
@@ -52,17 +74,23 @@ SLOW = 6
 """Frames between two drawings of slowly moving parts: ghost, trails, labels."""
 
 STAGE = "/stage"
-"""Root node of the scene. A following camera moves this node the other way, so that each tab keeps its own view."""
+"""Root node of the scene. A following camera moves this node the other way, so that
+each tab keeps its own view."""
 
-VIEWS = tuple(np.array([x, y, 0.38]) for x, y in ((0.72, -0.85), (-0.72, -0.85), (-0.72, 0.85), (0.72, 0.85)))
+VIEWS = tuple(
+    np.array([x, y, 0.38])
+    for x, y in ((0.72, -0.85), (-0.72, -0.85), (-0.72, 0.85), (0.72, 0.85))
+)
 """Camera positions (m, relative to the vehicle) that a new tab may start from."""
 
 LOOK_AT = np.array([0.12, 0.08, -0.28])
-"""Camera target (m, relative to the vehicle) of a new tab, left of the panel on a wide screen."""
+"""Camera target (m, relative to the vehicle) of a new tab, left of the panel on a wide
+screen."""
 
 
 class AgentNodes:
-    """Scene nodes of one vehicle of a flight in the studio: vehicle, force arrows, trail, name and surroundings.
+    """Scene nodes of one vehicle of a flight in the studio: vehicle, force arrows,
+    trail, name and surroundings.
 
     Args:
         scene: scene of viser. number: number of the flight, from 0.
@@ -71,40 +99,76 @@ class AgentNodes:
     """
 
     def __init__(
-        self, scene: SceneApi, number: int, suffix: str, title: str, vehicle: Vehicle, state: State, first: Scene
+        self,
+        scene: SceneApi,
+        number: int,
+        suffix: str,
+        title: str,
+        vehicle: Vehicle,
+        state: State,
+        first: Scene,
     ) -> None:
         end, placed = f"{number + 1}{suffix}", poses_of(vehicle, state)
         self._vehicle, self._lost, self._first = vehicle, False, number == 0
         self._above = np.array([0.0, 0.0, 0.16 + 0.08 * number])
-        self._paint, points, wires = tones_of(COLORS[number]), first.attached, SHELL * number
-        self.vehicle = VehicleNodes(scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points, wires=wires)
-        colors, at = [THRUST] * len(vehicle.rotors) + [WIND, PUSHED], np.tile(placed.positions[0], (2, 1))
+        self._paint, points, wires = (
+            tones_of(COLORS[number]),
+            first.attached,
+            SHELL * number,
+        )
+        self.vehicle = VehicleNodes(
+            scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points, wires=wires
+        )
+        colors, at = (
+            [THRUST] * len(vehicle.rotors) + [WIND, PUSHED],
+            np.tile(placed.positions[0], (2, 1)),
+        )
         self._forces = Arrows(scene, f"{STAGE}/arrows{end}", colors, SHAFT, at)
         still = np.tile(placed.tip, (1, 2, 1)).astype(np.float32)
-        self._trail = scene.add_line_segments(f"{STAGE}/trail{end}", still, COLORS[number], thickness=0.004)
-        self._label = scene.add_label(f"{STAGE}/label{end}", title, position=placed.positions[0] + self._above)
+        self._trail = scene.add_line_segments(
+            f"{STAGE}/trail{end}", still, COLORS[number], thickness=0.004
+        )
+        self._label = scene.add_label(
+            f"{STAGE}/label{end}", title, position=placed.positions[0] + self._above
+        )
         self._world = SolidNodes(scene, f"{STAGE}/scene{end}", self._paint)
         self._lines = LineNodes(scene, f"{STAGE}/lines{end}")
         touches = [TOUCH] * len(first.arrows)
-        self._touches = Arrows(scene, f"{STAGE}/touches{end}", touches, TOUCH_SHAFT, at) if touches else None
+        self._touches = (
+            Arrows(scene, f"{STAGE}/touches{end}", touches, TOUCH_SHAFT, at)
+            if touches
+            else None
+        )
         self._place_scene(first)
         self.vehicle.place(placed.poses, turns_of(vehicle, state))
 
     def _place_scene(self, scene: Scene, more: Sequence[Solid] = ()) -> None:
-        """Draw payloads and cables of a flight; surfaces and objects only for the first flight."""
-        solids = scene.solids if self._first else [each for each in scene.solids if each.shape.role not in OBSTACLES]
+        """Draw payloads and cables of a flight; surfaces and objects only for the first
+        flight.
+        """
+        solids = (
+            scene.solids
+            if self._first
+            else [each for each in scene.solids if each.shape.role not in OBSTACLES]
+        )
         self._world.place([*solids, *more])
         self._lines.place(scene.lines)
         if self._touches is not None:
             self._touches.point(touch_arrows(scene.arrows, 0, NEWTON))
 
-    def draw(self, agent: FlownAgent, state: State, scene: Scene, *, slow: bool) -> Array:
-        """Draw a vehicle in a state with its surroundings; returns the position (m) of its base."""
+    def draw(
+        self, agent: FlownAgent, state: State, scene: Scene, *, slow: bool
+    ) -> Array:
+        """Draw a vehicle in a state with its surroundings; returns the position (m) of
+        its base.
+        """
         placed, flight = poses_of(self._vehicle, state), agent.flight
         speeds, turns = float_array(state.rotor_speeds), turns_of(self._vehicle, state)
         self.vehicle.place(placed.poses, turns if flight.session.running else {})
         self._place_scene(scene, self._attached_mass(agent.hung_mass, placed))
-        self._forces.point(force_arrows(self._vehicle, agent.last, placed, speeds, turns))
+        self._forces.point(
+            force_arrows(self._vehicle, agent.last, placed, speeds, turns)
+        )
         if slow:
             self._trail.points = trail([seen.tip for seen in agent.recent(TRAIL)])
             if bool(flight.lost) != self._lost:
@@ -117,30 +181,63 @@ class AgentNodes:
         return base
 
     def _attached_mass(self, mass: float, placed: Placed) -> list[Solid]:
-        """Solid of the mass (kg) that the user attached to the tip by a slider; empty for no mass."""
+        """Solid of the mass (kg) that the user attached to the tip by a slider; empty
+        for no mass.
+        """
         if not (mass > 0.0 and self._vehicle.end_effector):
             return []
         shape = payload_shape(self._vehicle, mass)
         R = placed.rotations[1 + shape.body]
-        return [Solid(shape, (placed.positions[1 + shape.body] + R @ np.array(shape.position))[None], R[None])]
+        return [
+            Solid(
+                shape,
+                (placed.positions[1 + shape.body] + R @ np.array(shape.position))[None],
+                R[None],
+            )
+        ]
 
     def remove(self) -> None:
         """Remove the vehicle's nodes from the scene."""
-        parts = self.vehicle, self._forces, self._trail, self._label, self._world, self._lines
+        parts = (
+            self.vehicle,
+            self._forces,
+            self._trail,
+            self._label,
+            self._world,
+            self._lines,
+        )
         for node in (*parts, self._touches):
             if node is not None:
                 node.remove()
 
 
 def force_arrows(
-    vehicle: Vehicle, last: PlottedInstant, placed: Placed, speeds: Array, turns: dict[str, Array]
+    vehicle: Vehicle,
+    last: PlottedInstant,
+    placed: Placed,
+    speeds: Array,
+    turns: dict[str, Array],
 ) -> Array:
-    """Start and end points (m) of arrows for thrusts, air velocity and external force, (rotors + 2, 2, 3)."""
+    """Start and end points (m) of arrows for thrusts, air velocity and external force,
+    (rotors + 2, 2, 3).
+    """
     R, p, ends = placed.rotations[0], placed.positions[0], []
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
-        hub, axis = p + R @ np.array(floats(rotor.position)), np.array(floats(rotor.axis))
+        hub, axis = (
+            p + R @ np.array(floats(rotor.position)),
+            np.array(floats(rotor.axis)),
+        )
         turn = turns.get(disc_name(rotor.name), np.eye(3)[None])[0]
-        ends.append((hub, hub + NEWTON * float(rotor.thrust_coefficient) * speed**2 * (R @ turn @ axis)))
+        ends.append(
+            (
+                hub,
+                hub
+                + NEWTON
+                * float(rotor.thrust_coefficient)
+                * speed**2
+                * (R @ turn @ axis),
+            )
+        )
     above = p + np.array([0.0, 0.0, 0.22])
     ends += [(above - NEWTON * last.air, above), (p - NEWTON * last.pushed, p)]
     return np.array(ends)
@@ -158,7 +255,8 @@ def turns_of(vehicle: Vehicle, state: State) -> dict[str, Array]:
 
 
 class StudioStage:
-    """Light, ground and camera of a viser scene that can shift so that the camera follows a vehicle.
+    """Light, ground and camera of a viser scene that can shift so that the camera
+    follows a vehicle.
 
     Args:
         server: server of viser.
@@ -171,11 +269,15 @@ class StudioStage:
         add_light(self._scene, 1.5)
         self._stage = self._scene.add_frame(STAGE, show_axes=False)
         self._origin, self._moved = np.zeros(3), np.zeros(3)
-        self._ground = self._scene.add_grid(f"{STAGE}/ground", width=12.0, height=12.0, cell_size=0.5)
+        self._ground = self._scene.add_grid(
+            f"{STAGE}/ground", width=12.0, height=12.0, cell_size=0.5
+        )
         self._dark = False
 
     def _follow(self, at: Array) -> None:
-        """Shift the scene to keep a vehicle in place for the camera, and match the floor to the page's colours."""
+        """Shift the scene to keep a vehicle in place for the camera, and match the
+        floor to the page's colours.
+        """
         dark = getattr(self._server, "dark", False)
         if dark != self._dark:
             self._dark = dark
@@ -185,7 +287,9 @@ class StudioStage:
             self._stage.position = self._moved = moved
 
     def hurry(self) -> None:
-        """Redraw everything in the next frame, including parts usually drawn at a lower rate."""
+        """Redraw everything in the next frame, including parts usually drawn at a lower
+        rate.
+        """
         self._frame = -1
 
 
@@ -203,14 +307,23 @@ class FleetPicture(StudioStage):
         self._around = np.zeros(3)
 
     def build(self, scenario: Scenario, titles: Sequence[str]) -> None:
-        """Clear the scene and draw the vehicles of each flight at the scenario's initial state."""
+        """Clear the scene and draw the vehicles of each flight at the scenario's
+        initial state.
+        """
         for nodes in itertools.chain(*self._flights):
             nodes.remove()
         for ghost in self._ghosts:
             ghost.remove()
         now, vehicles = first_loop_state(scenario), scenario.vehicles
-        placed = [poses_of(*each) for each in zip(vehicles.values(), [own.state for own in now.agents], strict=True)]
-        bases, tips = map(np.array, ([p.positions[0] for p in placed], [p.tip for p in placed]))
+        placed = [
+            poses_of(*each)
+            for each in zip(
+                vehicles.values(), [own.state for own in now.agents], strict=True
+            )
+        ]
+        bases, tips = map(
+            np.array, ([p.positions[0] for p in placed], [p.tip for p in placed])
+        )
         self._origin, self._around = bases.mean(axis=0), tips.mean(axis=0)
         self._follow(self._origin)
         scenes = scenes_at(scenario, now, 0.0, self._around)
@@ -218,20 +331,36 @@ class FleetPicture(StudioStage):
         rows = [*zip(ends, vehicles.items(), now.agents, scenes, strict=True)]
         self._flights = [
             [
-                AgentNodes(self._scene, i, end, f"{title}, {name}" if end else title, vehicle, own.state, scene)
+                AgentNodes(
+                    self._scene,
+                    i,
+                    end,
+                    f"{title}, {name}" if end else title,
+                    vehicle,
+                    own.state,
+                    scene,
+                )
                 for end, (name, vehicle), own, scene in rows
             ]
             for i, title in enumerate(titles)
         ]
         grey = tones_of(GHOST, 0.25)
-        self._ghosts = [VehicleNodes(self._scene, f"{STAGE}/ghost{end}", each[1], grey) for end, each, *_ in rows]
+        self._ghosts = [
+            VehicleNodes(self._scene, f"{STAGE}/ghost{end}", each[1], grey)
+            for end, each, *_ in rows
+        ]
         self._draw_ghosts(scenario, 0.0)
         self._ground.position = (0.0, 0.0, scenes[0].ground or 0.0)
         self._look_at(scenes[0], tips, 1.0 + float(lengths(bases - self._origin).max()))
 
     def _look_at(self, scene: Scene, tips: Array, scale: float) -> None:
-        """Initial camera of a new tab: ahead and to the right, or where no surface hides the tips."""
-        hidden = [hidden_share(scene.obstacles, tips, view / np.linalg.norm(view)) for view in VIEWS]
+        """Initial camera of a new tab: ahead and to the right, or where no surface
+        hides the tips.
+        """
+        hidden = [
+            hidden_share(scene.obstacles, tips, view / np.linalg.norm(view))
+            for view in VIEWS
+        ]
         camera = self._server.initial_camera
         camera.look_at = tuple(self._origin + scale * LOOK_AT)
         camera.position = tuple(self._origin + scale * VIEWS[int(np.argmin(hidden))])
@@ -243,9 +372,14 @@ class FleetPicture(StudioStage):
         for i, (nodes, flight) in enumerate(zip(self._flights, flights, strict=False)):
             session = flight.session
             now = session.now
-            scenes = scenes_at(session.scenario, now, session.time, self._around, attached=False)
+            scenes = scenes_at(
+                session.scenario, now, session.time, self._around, attached=False
+            )
             rows = zip(nodes, flight.agents.values(), now.agents, scenes, strict=True)
-            bases = [each.draw(agent, own.state, scene, slow=slow) for each, agent, own, scene in rows]
+            bases = [
+                each.draw(agent, own.state, scene, slow=slow)
+                for each, agent, own, scene in rows
+            ]
             if i == 0:
                 self._follow(np.mean(bases, axis=0))
         if slow and flights:

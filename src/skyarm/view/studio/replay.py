@@ -1,4 +1,6 @@
-"""Replay of a measured flight next to the motion that its vehicle's model predicts from the recorded commands."""
+"""Replay of a measured flight next to the motion that its vehicle's model predicts from
+the recorded commands.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +19,15 @@ RATE = 100
 """Rate (Hz) of stored pictures, more than a screen shows at any speed."""
 
 SHOWN, CURVE = 20.0, 300
-"""Number of horizons in a plot, and of points of its curves; fewer would hide returns to the measured state."""
+"""Number of horizons in a plot, and of points of its curves; fewer would hide returns
+to the measured state."""
 
 HORIZONS = (0.05, 5.0)
 """Shortest and longest horizon (s) of the page's slider."""
 
 Predict = Callable[[float], PredictedMotion]
-"""Function from a horizon (s) to the predicted motion, which restarts at the measured state after each horizon."""
+"""Function from a horizon (s) to the predicted motion, which restarts at the measured
+state after each horizon."""
 
 
 @positional
@@ -45,7 +49,8 @@ class ErrorCurves:
     """Errors of one prediction of a replay, for its live plots.
 
     Attributes:
-        title: name of the prediction. replay: its replay. errors: (2, steps) position, m, and attitude, rad.
+        title: name of the prediction. replay: its replay. errors: (2, steps) position,
+            m, and attitude, rad.
     """
 
     title: str
@@ -53,7 +58,9 @@ class ErrorCurves:
     errors: Callable[[], Array]
 
     def recent(self, seconds: float) -> Sequence[PredictionError]:
-        """Errors of the last seconds, or of a few prediction horizons if these are shorter."""
+        """Errors of the last seconds, or of a few prediction horizons if these are
+        shorter.
+        """
         now, errors = self.replay.tick, self.errors()
         count = round(min(seconds, SHOWN * self.replay.horizon) * RATE)
         every = -(-count // CURVE)
@@ -76,18 +83,32 @@ class PredictionReplay(Clock):
     Attributes:
         predict: as given.
         measured, model: (steps,) motions at the pictures, on the flight's own clock.
-        errors, held_errors: (2, steps) position, m, and attitude, rad, of the model, and of held velocity and rate.
+        errors, held_errors: (2, steps) position, m, and attitude, rad, of the model,
+            and of held velocity and rate.
         age: (steps,) s since the model was set back to the measured state.
     """
 
     def __init__(
-        self, title: str, vehicle: Vehicle, measured: PoseSeries, predict: Predict, horizon: float, warning: str = ""
+        self,
+        title: str,
+        vehicle: Vehicle,
+        measured: PoseSeries,
+        predict: Predict,
+        horizon: float,
+        warning: str = "",
     ) -> None:
         super().__init__()
-        self.title, self.vehicle, self.predict, self.warning = title, vehicle, predict, warning
+        self.title, self.vehicle, self.predict, self.warning = (
+            title,
+            vehicle,
+            predict,
+            warning,
+        )
         start, end = float(measured.time[0]), float(measured.time[-1])
         # the last one may lie a rounding error behind the end
-        self._times = np.minimum(start + np.arange(int((end - start) * RATE + 1e-6) + 1) / RATE, end)
+        self._times = np.minimum(
+            start + np.arange(int((end - start) * RATE + 1e-6) + 1) / RATE, end
+        )
         self.measured = measured.at(self._times)
         self.furthest = self.steps - 1
         self.show(self.predict(horizon), horizon)
@@ -114,11 +135,17 @@ class PredictionReplay(Clock):
 
     @property
     def curves(self) -> tuple[ErrorCurves, ErrorCurves]:
-        """Errors of two predictions for plots: of the model, and of constant velocity and rate."""
-        return ErrorCurves("model", self, lambda: self.errors), ErrorCurves("held", self, lambda: self.held_errors)
+        """Errors of two predictions for plots: of the model, and of constant velocity
+        and rate.
+        """
+        return ErrorCurves("model", self, lambda: self.errors), ErrorCurves(
+            "held", self, lambda: self.held_errors
+        )
 
     def trails(self, seconds: float) -> tuple[Array, Array]:
-        """Line segments (m) of the base's latest path, (N, 2, 3) each: measured, and predicted between resets."""
+        """Line segments (m) of the base's latest path, (N, 2, 3) each: measured, and
+        predicted between resets.
+        """
         rows = np.arange(max(0, self.tick - round(seconds * RATE)), self.tick + 1)
         measured = segments(self.measured.position[rows])
         own = np.diff(self.age[rows]) > 0.0
@@ -137,7 +164,11 @@ class PredictionReplay(Clock):
 
 
 def mean_error(errors: Array) -> tuple[float, float]:
-    """Root mean square errors in position (m) and attitude (rad) over the predicted instants; NaN without any."""
+    """Root mean square errors in position (m) and attitude (rad) over the predicted
+    instants; NaN without any.
+    """
     finite = errors[:, np.isfinite(errors).all(axis=0)]
-    position, attitude = np.sqrt((finite**2).mean(axis=1)).tolist() if finite.size else (np.nan, np.nan)
+    position, attitude = (
+        np.sqrt((finite**2).mean(axis=1)).tolist() if finite.size else (np.nan, np.nan)
+    )
     return position, attitude

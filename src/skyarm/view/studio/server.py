@@ -1,7 +1,8 @@
 """Viser server with access check of every request and filter of every received frame.
 
-viser takes every page's websocket and every value, and opens a tunnel into the internet where a frame requests it; it
-is given a socket that is bound already, and websockets that pass allowed frames only.
+viser takes every page's websocket and every value, and opens a tunnel into the internet
+where a frame requests it; it is given a socket that is bound already, and websockets
+that pass allowed frames only.
 """
 
 from __future__ import annotations
@@ -59,12 +60,13 @@ STYLE = """<style>
   #root .mantine-Slider-root { padding-block: 14px !important }
 }
 </style>"""
-"""Style sheet of the page. On screens up to 36 em wide, as viser counts them, the picture is above the controls,
-which are as large as a finger."""
+"""Style sheet of the page. On screens up to 36 em wide, as viser counts them, the
+picture is above the controls, which are as large as a finger."""
 
 
 Inputs: TypeAlias = "dict[str, ViserServer]"
-"""Name "server" -> server with the sliders and buttons of the page; empty until it is made."""
+"""Name "server" -> server with the sliders and buttons of the page; empty until it is
+made."""
 
 
 class StudioError(ValueError):
@@ -90,14 +92,16 @@ def require_viser() -> None:
 
 
 def listening_socket(port: int, host: str = LOOPBACK[0]) -> socket.socket:
-    """Open a listening socket on an address of this machine, the loopback by default; port 0 selects a free port.
+    """Open a listening socket on an address of this machine, the loopback by default;
+    port 0 selects a free port.
 
     Raises:
         StudioError: the port is taken, or the machine has no such address.
     """
     if host in EVERYWHERE:
         raise StudioError(
-            f"--host = {shown(host)}: must be one address of this machine, as the page's address names it"
+            f"--host = {shown(host)}: must be one address of this machine, as the"
+            " page's address names it"
         )
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     if os.name == "posix":  # elsewhere it lets two servers take one port
@@ -109,13 +113,21 @@ def listening_socket(port: int, host: str = LOOPBACK[0]) -> socket.socket:
     except (OSError, OverflowError) as error:
         listening.close()
         words = (getattr(error, "strerror", None) or str(error)).lower()
-        if isinstance(error, socket.gaierror) or getattr(error, "errno", None) == errno.EADDRNOTAVAIL:
-            raise StudioError(f"--host = {shown(host)}: must be an IPv4 address of this machine ({words})") from None
+        if (
+            isinstance(error, socket.gaierror)
+            or getattr(error, "errno", None) == errno.EADDRNOTAVAIL
+        ):
+            raise StudioError(
+                f"--host = {shown(host)}: must be an IPv4 address of this machine"
+                f" ({words})"
+            ) from None
         raise StudioError(f"--port = {port}: must be free ({words})") from None
     return listening
 
 
-def open_server(listening: socket.socket, guard: AccessGuard, title: str) -> ViserServer:
+def open_server(
+    listening: socket.socket, guard: AccessGuard, title: str
+) -> ViserServer:
     """Start a viser server on a socket, with access check and frame filter.
 
     Args:
@@ -131,14 +143,18 @@ def open_server(listening: socket.socket, guard: AccessGuard, title: str) -> Vis
     inputs: Inputs = {}
     # of what viser prints when it starts and stops nothing is wanted
     with _serving(module, listening, guard, inputs), redirect_stdout(io.StringIO()):
-        server = viser.ViserServer(host=LOOPBACK[0], port=guard.port, label=title, verbose=False)
+        server = viser.ViserServer(
+            host=LOOPBACK[0], port=guard.port, label=title, verbose=False
+        )
     inputs["server"] = server
     configure_theme(server, dark=False)
     return server
 
 
 def configure_theme(server: Any, *, dark: bool) -> None:
-    """Set the look of the page of all tabs: light or dark (``server.dark``), without viser's logo and tunnel."""
+    """Set the look of the page of all tabs: light or dark (``server.dark``), without
+    viser's logo and tunnel.
+    """
     server.dark = dark
     server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
 
@@ -150,17 +166,26 @@ def close_server(server: ViserServer) -> None:
 
 
 @contextmanager
-def _serving(module: Any, listening: socket.socket, guard: AccessGuard, inputs: Inputs) -> Iterator[None]:
-    """Context manager in which viser serves on a given socket, with access checks and a frame filter."""
+def _serving(
+    module: Any, listening: socket.socket, guard: AccessGuard, inputs: Inputs
+) -> Iterator[None]:
+    """Context manager in which viser serves on a given socket, with access checks and a
+    frame filter.
+    """
     plain = module.serve
 
-    def serve(handler: Callable[[Any], Any], _host: str, _port: int, **options: Any) -> Any:
+    def serve(
+        handler: Callable[[Any], Any], _host: str, _port: int, **options: Any
+    ) -> Any:
         page = options.pop("process_request")
 
         async def handle(connection: ServerConnection) -> None:
             assert connection.request is not None
             # there is one reader, so that all tabs look as the last one that was opened
-            configure_theme(inputs["server"], dark=guard.wants_dark(connection.request.headers.get("Cookie", "")))
+            configure_theme(
+                inputs["server"],
+                dark=guard.wants_dark(connection.request.headers.get("Cookie", "")),
+            )
             await handler(Sieve(connection, inputs))
 
         def answer(connection: ServerConnection, request: Request) -> Response | None:
@@ -168,22 +193,32 @@ def _serving(module: Any, listening: socket.socket, guard: AccessGuard, inputs: 
                 return respond(connection, request)
             except (ValueError, LookupError, OSError):
                 # no address, a header twice, no text, a name beyond the disk's
-                return connection.respond(http.HTTPStatus.BAD_REQUEST, "400: must be a request of a browser\n")
+                return connection.respond(
+                    http.HTTPStatus.BAD_REQUEST, "400: must be a request of a browser\n"
+                )
 
         def respond(connection: ServerConnection, request: Request) -> Response | None:
             websocket = request.headers.get("Upgrade", "").lower() == "websocket"
             # of a name that stands twice no one is asked
             first = {name: request.headers.get_all(name)[0] for name in request.headers}
-            refusal = guard.refusal(request.path, {k.title(): v for k, v in first.items()}, websocket=websocket)
+            refusal = guard.refusal(
+                request.path,
+                {k.title(): v for k, v in first.items()},
+                websocket=websocket,
+            )
             if refusal is not None:
-                return connection.respond(http.HTTPStatus.FORBIDDEN, f"403: {refusal}\n")
+                return connection.respond(
+                    http.HTTPStatus.FORBIDDEN, f"403: {refusal}\n"
+                )
             request.headers.get("Sec-WebSocket-Key", "").encode("ascii")
             if "Accept-Encoding" in request.headers:
                 del request.headers["Accept-Encoding"]
             response: Response | None = page(connection, request)
             if response is not None:
                 if b"<head>" in response.body:
-                    response.body = response.body.replace(b"<head>", b"<head>" + (guard.script() + STYLE).encode(), 1)
+                    response.body = response.body.replace(
+                        b"<head>", b"<head>" + (guard.script() + STYLE).encode(), 1
+                    )
                     del response.headers["Content-Length"]
                     response.headers["Content-Length"] = str(len(response.body))
                 response.headers["Set-Cookie"] = guard.remember()
@@ -203,10 +238,12 @@ def _serving(module: Any, listening: socket.socket, guard: AccessGuard, inputs: 
 
 
 class Sieve:
-    """Websocket wrapper that passes valid slider and camera messages, and drops all others.
+    """Websocket wrapper that passes valid slider and camera messages, and drops all
+    others.
 
     Args:
-        connection: the websocket. inputs: "server" -> that of viser, with the sliders and buttons of the page.
+        connection: the websocket. inputs: "server" -> that of viser, with the sliders
+            and buttons of the page.
     """
 
     ALLOWED = ("GuiUpdateMessage", "ViewerCameraMessage")
@@ -226,7 +263,9 @@ class Sieve:
                 return passed
 
     def admit(self, frame: Any) -> bytes | None:
-        """Return a received message with slider values clipped to their limits; None to drop it."""
+        """Return a received message with slider values clipped to their limits; None to
+        drop it.
+        """
         import msgspec
 
         try:
@@ -236,10 +275,19 @@ class Sieve:
                 return None
             if kind == "ViewerCameraMessage":
                 return frame if _is_camera(message) else None
-            if set(message) != {"type", "uuid", "updates"} or set(message["updates"]) != {"value"}:
+            if set(message) != {"type", "uuid", "updates"} or set(
+                message["updates"]
+            ) != {"value"}:
                 return None
             value = self._value(message["uuid"], message["updates"]["value"])
-        except (msgspec.DecodeError, KeyError, TypeError, ValueError, AttributeError, RecursionError):
+        except (
+            msgspec.DecodeError,
+            KeyError,
+            TypeError,
+            ValueError,
+            AttributeError,
+            RecursionError,
+        ):
             return None
         return msgspec.msgpack.encode({**message, "updates": {"value": value}})
 
@@ -273,13 +321,19 @@ SCALARS = ("fov", "near", "far", "image_height", "image_width")
 
 
 def _is_camera(message: dict[str, Any]) -> bool:
-    """True for a valid camera message: all fields with finite numbers of the right count."""
+    """True for a valid camera message: all fields with finite numbers of the right
+    count.
+    """
     vectors = all(
-        type(message[name]) is list and len(message[name]) == count and all(map(_is_finite, message[name]))
+        type(message[name]) is list
+        and len(message[name]) == count
+        and all(map(_is_finite, message[name]))
         for name, count in CAMERA.items()
     )
     return (
-        vectors and all(_is_finite(message[name]) for name in SCALARS) and set(message) == {"type", *CAMERA, *SCALARS}
+        vectors
+        and all(_is_finite(message[name]) for name in SCALARS)
+        and set(message) == {"type", *CAMERA, *SCALARS}
     )
 
 
@@ -310,19 +364,28 @@ class AccessGuard:
         """Name of the cookie that holds the token; it contains the port."""
         return f"skyarm_studio_{self.port}"
 
-    def refusal(self, path: str, headers: Mapping[str, str], *, websocket: bool) -> str | None:
+    def refusal(
+        self, path: str, headers: Mapping[str, str], *, websocket: bool
+    ) -> str | None:
         """Return the reason why a request is refused; None for an allowed request.
 
         Args:
             path: with its query.
             headers: by name.
-            websocket: whether it asks for one; browsers send its page's ``Origin`` along, whatever the page wants.
+            websocket: whether it asks for one; browsers send its page's ``Origin``
+                along, whatever the page wants.
         """
         host = headers.get("Host", "")
-        if host not in {f"{name}:{self.port}" for name in (LOOPBACK if self.host in LOOPBACK else (self.host,))}:
+        if host not in {
+            f"{name}:{self.port}"
+            for name in (LOOPBACK if self.host in LOOPBACK else (self.host,))
+        }:
             return "Host: must be the address that skyarm printed"
         origin = headers.get("Origin")
-        if (origin is not None or websocket) and origin not in (f"http://{host}", f"https://{host}"):
+        if (origin is not None or websocket) and origin not in (
+            f"http://{host}",
+            f"https://{host}",
+        ):
             return "Origin: must be the page of skyarm itself"
         if not self._has_token(path, headers):
             return "token: must be that of the address that skyarm printed"
@@ -332,16 +395,23 @@ class AccessGuard:
         """True if a request has the secret token in its address or cookie."""
         given = parse_qs(urlsplit(path).query).get("token", [])
         given = [*given, *_cookie(headers.get("Cookie", ""), self.cookie)]
-        return any(hmac.compare_digest(each.encode(), self.token.encode()) for each in given)
+        return any(
+            hmac.compare_digest(each.encode(), self.token.encode()) for each in given
+        )
 
     def remember(self) -> str:
         """Header that stores the secret token as a cookie in the browser."""
         return f"{self.cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
 
     def script(self) -> str:
-        """Script of the page that stores in a cookie whether its browser prefers dark pages."""
+        """Script of the page that stores in a cookie whether its browser prefers dark
+        pages.
+        """
         dark = 'matchMedia("(prefers-color-scheme: dark)").matches'
-        return f'<script>document.cookie = "{self.cookie}_dark=" + {dark} + "; Path=/; SameSite=Strict"</script>'
+        return (
+            f'<script>document.cookie = "{self.cookie}_dark=" + {dark} + "; Path=/;'
+            ' SameSite=Strict"</script>'
+        )
 
     def wants_dark(self, cookies: str) -> bool:
         """True for cookies of a browser that prefers dark pages."""

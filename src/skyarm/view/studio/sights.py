@@ -1,4 +1,6 @@
-"""Quantities of a running simulation that the studio draws and plots: errors, efforts, forces."""
+"""Quantities of a running simulation that the studio draws and plots: errors, efforts,
+forces.
+"""
 
 from __future__ import annotations
 
@@ -26,17 +28,21 @@ from skyarm.world.scene.shapes import floats
 
 @positional
 class PlottedInstant:
-    """Plotted quantities of a running simulation at one instant: tip error, tilt, efforts, rotor speeds, forces.
+    """Plotted quantities of a running simulation at one instant: tip error, tilt,
+    efforts, rotor speeds, forces.
 
     Attributes:
         tick: control periods flown. time: s.
-        tip: its position, world axes, m. error: its distance from its reference, m; across the model's normal while it
-            shall press.
+        tip: its position, world axes, m. error: its distance from its reference, m;
+            across the model's normal while it shall press.
         tilt: angle of the base's z axis against the vertical, rad.
-        efforts: share of each joint's limit that its setpoint takes; N m or N of a joint without a limit.
+        efforts: share of each joint's limit that its setpoint takes; N m or N of a
+            joint without a limit.
         rotors: share of each rotor's highest speed.
-        air: velocity of the air at the base, world axes, m/s. pushed: force on the base of all that surrounds it, N.
-        contacts: surface -> sum of its normal forces on the vehicle, N; empty without surfaces.
+        air: velocity of the air at the base, world axes, m/s. pushed: force on the base
+            of all that surrounds it, N.
+        contacts: surface -> sum of its normal forces on the vehicle, N; empty without
+            surfaces.
     """
 
     tick: int
@@ -57,19 +63,39 @@ class PlottedInstant:
 
 
 def sights(session: Session) -> list[PlottedInstant]:
-    """Compute the plotted quantities of each vehicle of a simulation session at its current time, in order."""
+    """Compute the plotted quantities of each vehicle of a simulation session at its
+    current time, in order.
+    """
     scenario, now, time = session.scenario, session.now, session.time
-    rows = zip(scenario.agents.values(), now.agents, Stages(scenario).around(now, time), strict=True)
-    return [_sight(session.tick, time, agent, own.queue[-1], *around) for agent, own, around in rows]
+    rows = zip(
+        scenario.agents.values(),
+        now.agents,
+        Stages(scenario).around(now, time),
+        strict=True,
+    )
+    return [
+        _sight(session.tick, time, agent, own.queue[-1], *around)
+        for agent, own, around in rows
+    ]
 
 
 def _sight(
-    tick: int, time: float, agent: Agent, command: Command, around: Surroundings, motion: PointMotion
+    tick: int,
+    time: float,
+    agent: Agent,
+    command: Command,
+    around: Surroundings,
+    motion: PointMotion,
 ) -> PlottedInstant:
-    """Compute the plotted quantities of one vehicle at an instant (s), given the last command of its law."""
+    """Compute the plotted quantities of one vehicle at an instant (s), given the last
+    command of its law.
+    """
     vehicle, state, outside = agent.vehicle, motion.state, wind_at(around, motion)
     placed = poses_of(vehicle, state)
-    upward, away = float(placed.rotations[0, 2, 2]), placed.tip - goal_of(agent, time).tip
+    upward, away = (
+        float(placed.rotations[0, 2, 2]),
+        placed.tip - goal_of(agent, time).tip,
+    )
     push = getattr(agent.reference, "push", None)
     if push is not None:
         away = push.across(away, time, placed.tip)
@@ -78,9 +104,14 @@ def _sight(
         time=time,
         tip=placed.tip,
         error=norm(away),
-        tilt=math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi,
+        tilt=(
+            math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi
+        ),
         efforts=_efforts(vehicle, command.efforts),
-        rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
+        rotors=tuple(
+            float(w) / float(r.max_speed)
+            for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)
+        ),
         air=np.array(floats(outside.air_velocity_W)),
         pushed=np.array(floats(outside.force_W)),
         contacts=contact_forces(around.components, around.memories, motion),
@@ -99,15 +130,29 @@ def contact_forces(
     """
     forces: dict[str, float] = {}
     for part, memory in zip(components, memories, strict=True):
-        own = [column for column in part.of_agent(motion.name).columns if column[0] == "contact_force"]
-        pairs = [column[1].partition("/")[0] if column in own else "" for column in part.columns]
-        for surface, force in zip(pairs, part.logged(memory, motion), strict=True) if any(pairs) else ():
+        own = [
+            column
+            for column in part.of_agent(motion.name).columns
+            if column[0] == "contact_force"
+        ]
+        pairs = [
+            column[1].partition("/")[0] if column in own else ""
+            for column in part.columns
+        ]
+        for surface, force in (
+            zip(pairs, part.logged(memory, motion), strict=True) if any(pairs) else ()
+        ):
             if surface:
                 forces[surface] = forces.get(surface, 0.0) + float(force)
     return forces
 
 
 def _efforts(vehicle: Vehicle, setpoints: Sequence[SupportsFloat]) -> tuple[float, ...]:
-    """Joint effort commands as shares of their limits; in N m or N for a joint without a limit."""
+    """Joint effort commands as shares of their limits; in N m or N for a joint without
+    a limit.
+    """
     limits = [float(joint.effort_limit) for joint in vehicle.joints]
-    return tuple(float(u) / m if m and math.isfinite(m) else float(u) for u, m in zip(setpoints, limits, strict=True))
+    return tuple(
+        float(u) / m if m and math.isfinite(m) else float(u)
+        for u, m in zip(setpoints, limits, strict=True)
+    )

@@ -1,4 +1,6 @@
-"""Contact of a vehicle with its environment: materials, surfaces, contact points and contact forces."""
+"""Contact of a vehicle with its environment: materials, surfaces, contact points and
+contact forces.
+"""
 
 from skyarm.world.contact.carrier import CarriedFrame, Carrier
 from skyarm.world.contact.contact import Contact

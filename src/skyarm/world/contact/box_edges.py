@@ -1,19 +1,25 @@
-"""Edge-edge contact of two boxes that touch at no corner, such as crossed planks or boxes of equal size.
+"""Edge-edge contact of two boxes that touch at no corner, such as crossed planks or
+boxes of equal size.
 
-Two boxes are apart along one of 15 directions, or overlap: the normals of their faces, where corners meet faces, and
-the 9 cross products of their edges, where two edges meet. For each of these nine the edge of one box that reaches
-farthest towards the other meets its counterpart; where a face lies on a face, the parallel edge across either face
-reaches as far, and counts, too: 36 pairs of edges in all. How deep a pair overlaps is the least of
+Two boxes are apart along one of 15 directions, or overlap: the normals of their faces,
+where corners meet faces, and the 9 cross products of their edges, where two edges meet.
+For each of these nine the edge of one box that reaches farthest towards the other meets
+its counterpart; where a face lies on a face, the parallel edge across either face
+reaches as far, and counts, too: 36 pairs of edges in all. How deep a pair overlaps is
+the least of
 
 * the overlap d along the common normal of both edges,
-* the way from where they cross to the end of either, across the other edge, and ``END`` more: where edges of one length
-  end above each other, they carry,
+* the way from where they cross to the end of either, across the other edge, and ``END``
+  more: where edges of one length end above each other, they carry,
 * of a parallel edge, what is left of ``TILT`` between its face and the normal,
-* 3 o - d with o the least overlap along all 15: what lies deeper than the boxes overlap is behind.
+* 3 o - d with o the least overlap along all 15: what lies deeper than the boxes overlap
+  is behind.
 
-So every depth is continuous as boxes move, and edges that become parallel, whose normal turns at random, carry nothing.
+So every depth is continuous as boxes move, and edges that become parallel, whose normal
+turns at random, carry nothing.
 
-Source: Gottschalk, Lin, Manocha 1996, OBBTree, section 5; Ericson 2005, Real-time collision detection, 4.4.1 and 5.1.9.
+Source: Gottschalk, Lin, Manocha 1996, OBBTree, section 5; Ericson 2005, Real-time
+collision detection, 4.4.1 and 5.1.9.
 """
 
 from __future__ import annotations
@@ -35,21 +41,26 @@ END = 1e-3
 """Distance (m) beyond the end of an edge at which the edge still touches."""
 
 TILT = 0.2
-"""Sine of the largest angle between the normal and a face at which the face's far edge may touch."""
+"""Sine of the largest angle between the normal and a face at which the face's far edge
+may touch."""
 
 SLANT = 0.05
-"""Sine of the smallest angle between two edges whose common normal may separate the boxes."""
+"""Sine of the smallest angle between two edges whose common normal may separate the
+boxes."""
 
 ROOM = 0.05
 """Length (m) that multiplies a sine in the depth of tilted edges."""
 
 _PARALLEL = 1e-12
-"""Square of a sine added in a quotient: parallel edges have a zero normal instead of NaN."""
+"""Square of a sine added in a quotient: parallel edges have a zero normal instead of
+NaN."""
 
 
 @positional
 class PlacedBox:
-    """Oriented box in the world: centre (m), rotation matrix from box to world axes, and half lengths (m)."""
+    """Oriented box in the world: centre (m), rotation matrix from box to world axes,
+    and half lengths (m).
+    """
 
     middle: Vec3
     rotation: Mat3
@@ -68,7 +79,9 @@ def box_of(surface: Surface, frame: CarriedFrame | None, clock: Scalar) -> Place
 def pairs_with_edges(
     surfaces: Sequence[tuple[int, Surface]], carriers: Sequence[AnyCarrier]
 ) -> Iterator[tuple[int, Surface, int]]:
-    """Pairs of boxes whose edges may touch, each once: body and surface of one box, and body of the other box."""
+    """Pairs of boxes whose edges may touch, each once: body and surface of one box, and
+    body of the other box.
+    """
     for by, carrier in enumerate(carriers):
         for of, surface in surfaces:
             again = of != NOBODY and carriers[of].has_edges and of >= by
@@ -77,7 +90,9 @@ def pairs_with_edges(
 
 
 def face_overlap(a: PlacedBox, b: PlacedBox) -> Scalar:
-    """Smallest overlap (m) of two boxes along all their face normals; negative if a face plane separates them."""
+    """Smallest overlap (m) of two boxes along all their face normals; negative if a
+    face plane separates them.
+    """
     return reduce(minimum, _face_overlaps(a, b))
 
 
@@ -89,16 +104,24 @@ def _face_overlaps(a: PlacedBox, b: PlacedBox) -> Iterator[Scalar]:
             axis = one.rotation.column(i)
             reach = one.halves[i] - absolute(between.dot(axis))
             for j in range(3):
-                reach = reach + absolute(axis.dot(other.rotation.column(j))) * other.halves[j]
+                reach = (
+                    reach
+                    + absolute(axis.dot(other.rotation.column(j))) * other.halves[j]
+                )
             yield reach
 
 
 def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec3]]:
-    """Contact point (m), penetration (m) and normal (from b to a) of each pair of edges of the boxes ``a`` and ``b``.
+    """Contact point (m), penetration (m) and normal (from b to a) of each pair of edges
+    of the boxes ``a`` and ``b``.
 
     All in world axes; the penetration is negative where the edges are apart.
     """
-    between, overlap, crossings = a.middle - b.middle, face_overlap(a, b), list[_Crossing]()
+    between, overlap, crossings = (
+        a.middle - b.middle,
+        face_overlap(a, b),
+        list[_Crossing](),
+    )
     for i, j in product(range(3), range(3)):
         u, v = a.rotation.column(i), b.rotation.column(j)
         across, cosine = u.cross(v), u.dot(v)
@@ -114,11 +137,18 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec
                 overlap = minimum(overlap, where(sine > SLANT, depth, overlap))
             s, t = divide(rv * cosine - ru, square), divide(rv - ru * cosine, square)
             end = maximum(depth, END)
-            inside = minimum(a.halves[i] + end - absolute(s), b.halves[j] + end - absolute(t)) * sine
+            inside = (
+                minimum(
+                    a.halves[i] + end - absolute(s), b.halves[j] + end - absolute(t)
+                )
+                * sine
+            )
             for room in (room_a, room_b):
                 inside = inside if room is None else minimum(inside, room)
             # of edges nearly parallel it is far away, where a turning body is swift
-            on_a, on_b = (clip(x, -half, half) for x, half in ((s, a.halves[i]), (t, b.halves[j])))
+            on_a, on_b = (
+                clip(x, -half, half) for x, half in ((s, a.halves[i]), (t, b.halves[j]))
+            )
             place = (a.middle + off + u * on_a + b.middle + to + v * on_b) * 0.5
             crossings.append(_Crossing(place, depth, minimum(depth, inside), n))
     for each in crossings:
@@ -130,7 +160,9 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec
 
 @positional
 class _Crossing:
-    """Possible contact of two box edges: point (m), penetration (m) without and with limits at the ends, and normal."""
+    """Possible contact of two box edges: point (m), penetration (m) without and with
+    limits at the ends, and normal.
+    """
 
     place: Vec3
     depth: Scalar
@@ -138,8 +170,11 @@ class _Crossing:
     normal: Vec3
 
 
-def _facing(box: PlacedBox, along: int, way: Vec3) -> tuple[tuple[Vec3, Scalar | None], tuple[Vec3, Scalar | None]]:
-    """Midpoints (m) of a box's two outermost edges in a direction, and the largest penetration (m) of the second.
+def _facing(
+    box: PlacedBox, along: int, way: Vec3
+) -> tuple[tuple[Vec3, Scalar | None], tuple[Vec3, Scalar | None]]:
+    """Midpoints (m) of a box's two outermost edges in a direction, and the largest
+    penetration (m) of the second.
 
     Midpoints are offsets from the box's centre, world axes.
     """
@@ -149,5 +184,7 @@ def _facing(box: PlacedBox, along: int, way: Vec3) -> tuple[tuple[Vec3, Scalar |
     second = second * (box.halves[(along + 2) % 3] * where(other < 0.0, -1.0, 1.0))
     one, other = absolute(one), absolute(other)
     # the face that is nearer to square to the way, and its far edge
-    far = Vec3(*(where(one > other, x - y, y - x) for x, y in zip(first, second, strict=True)))
+    far = Vec3(
+        *(where(one > other, x - y, y - x) for x, y in zip(first, second, strict=True))
+    )
     return (first + second, None), (far, (TILT - minimum(one, other)) * ROOM)

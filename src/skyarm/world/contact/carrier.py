@@ -1,9 +1,11 @@
-"""Movable bodies with contact surfaces: free objects and one-degree-of-freedom mechanisms.
+"""Movable bodies with contact surfaces: free objects and one-degree-of-freedom
+mechanisms.
 
-A carrier is a frozen record of numbers. Its memory (:meth:`Carrier.start`) is a part of the contact's and is integrated
-with the plant: the contact takes the motion of its frame (:meth:`Carrier.frame`), adds up the touches, and takes the
-rate of the memory under that force and torque (:meth:`Carrier.slope`). The vehicle's points, and the spots of other
-carriers, touch the surfaces that it carries.
+A carrier is a frozen record of numbers. Its memory (:meth:`Carrier.start`) is a part of
+the contact's and is integrated with the plant: the contact takes the motion of its
+frame (:meth:`Carrier.frame`), adds up the touches, and takes the rate of the memory
+under that force and torque (:meth:`Carrier.slope`). The vehicle's points, and the spots
+of other carriers, touch the surfaces that it carries.
 """
 
 from __future__ import annotations
@@ -18,16 +20,20 @@ from skyarm.world.component import Column, Memory, moved_by
 from skyarm.world.contact.surface import Surface
 
 Spot = tuple[Vec3, Scalar]
-"""Contact ball of a movable body: middle (m, world axes) and radius (m; an int of 0 is a point)."""
+"""Contact ball of a movable body: middle (m, world axes) and radius (m; an int of 0 is
+a point)."""
 
 
 @immutable
 class CarriedFrame:
-    """Position, rotation, velocity and angular velocity of a movable body (free object or mechanism) in the world.
+    """Position, rotation, velocity and angular velocity of a movable body (free object
+    or mechanism) in the world.
 
     Attributes:
-        position: origin of the carrier's axes, m. rotation: carrier's axes to world axes.
-        velocity: velocity of the origin, m/s, world axes. turning: angular velocity, rad/s, world axes.
+        position: origin of the carrier's axes, m. rotation: carrier's axes to world
+            axes.
+        velocity: velocity of the origin, m/s, world axes. turning: angular velocity,
+            rad/s, world axes.
     """
 
     position: Vec3
@@ -36,17 +42,26 @@ class CarriedFrame:
     turning: Vec3
 
     def velocity_at(self, place_W: Vec3) -> Vec3:
-        """Velocity (m/s, world axes) of the material point of the movable body at a world position (m)."""
+        """Velocity (m/s, world axes) of the material point of the movable body at a
+        world position (m).
+        """
         return self.velocity + self.turning.cross(place_W - self.position)
 
-    def depth(self, surface: Surface, point_W: Vec3, radius: Scalar) -> tuple[Scalar, Vec3]:
-        """Penetration depth (m) of a ball into a surface of the movable body, and the surface's outward normal."""
-        depth, normal = surface.depth(self.rotation.apply_T(point_W - self.position), radius, 0.0)
+    def depth(
+        self, surface: Surface, point_W: Vec3, radius: Scalar
+    ) -> tuple[Scalar, Vec3]:
+        """Penetration depth (m) of a ball into a surface of the movable body, and the
+        surface's outward normal.
+        """
+        depth, normal = surface.depth(
+            self.rotation.apply_T(point_W - self.position), radius, 0.0
+        )
         return depth, self.rotation.apply(normal)
 
 
 class Carrier(Generic[Memory]):
-    """Base class of movable bodies with contact surfaces: free objects and mechanisms such as doors.
+    """Base class of movable bodies with contact surfaces: free objects and mechanisms
+    such as doors.
 
     ``Carrier[M]`` has states of the type ``M``: a dataclass or tuple of scalars.
     """
@@ -57,51 +72,71 @@ class Carrier(Generic[Memory]):
 
     @property
     def surfaces(self) -> tuple[Surface, ...]:
-        """Contact surfaces of the movable body, with positions and angles in the body's axes."""
+        """Contact surfaces of the movable body, with positions and angles in the body's
+        axes.
+        """
         raise NotImplementedError(f"{type(self).__name__} must define surfaces()")
 
     @property
     def mobility(self) -> Scalar:
-        """Largest inverse effective mass (1/kg) of the movable body over its possible contact points.
+        """Largest inverse effective mass (1/kg) of the movable body over its possible
+        contact points.
 
-        Integration steps follow from it. A body that is pushed at one point has 1/m there, and more beside its centre.
+        Integration steps follow from it. A body that is pushed at one point has 1/m
+        there, and more beside its centre.
         """
         raise NotImplementedError(f"{type(self).__name__} must define mobility()")
 
     @property
     def largest_step(self) -> Scalar | None:
-        """Longest stable integration step (s) of the movable body's springs and friction; None without any."""
+        """Longest stable integration step (s) of the movable body's springs and
+        friction; None without any.
+        """
         return None
 
     @property
     def largest_euler_step(self) -> Scalar | None:
-        """Longest stable semi-implicit Euler step (s) of the body's springs and friction, or None."""
+        """Longest stable semi-implicit Euler step (s) of the body's springs and
+        friction, or None.
+        """
         return self.largest_step
 
     def mobility_at(self, reach: Scalar) -> Scalar:
-        """Largest inverse effective mass (1/kg) at a point up to ``reach`` (m) from the movable body's surface."""
+        """Largest inverse effective mass (1/kg) at a point up to ``reach`` (m) from the
+        movable body's surface.
+        """
         return self.mobility
 
     def mobility_of(self, place: Vec3) -> Scalar:
-        """Largest inverse effective mass (1/kg) of the movable body at a place in its axes (m)."""
+        """Largest inverse effective mass (1/kg) of the movable body at a place in its
+        axes (m).
+        """
         return self.mobility
 
     def require_near(self, place: Vec3) -> None:
-        """Refuse a place (m, its axes) that is too far from the movable body to be of a grasp."""
+        """Refuse a place (m, its axes) that is too far from the movable body to be of a
+        grasp.
+        """
 
     @property
     def gyration(self) -> Scalar:
-        """Smallest squared radius of gyration (m^2) of the movable body; 0 for a mechanism."""
+        """Smallest squared radius of gyration (m^2) of the movable body; 0 for a
+        mechanism.
+        """
         return 0
 
     @property
     def step_share(self) -> float:
-        """Factor by which contact with this movable body shortens the longest stable integration step."""
+        """Factor by which contact with this movable body shortens the longest stable
+        integration step.
+        """
         return 1.0
 
     @property
     def has_edges(self) -> bool:
-        """True if the movable body is a box, whose edges may touch those of other boxes."""
+        """True if the movable body is a box, whose edges may touch those of other
+        boxes.
+        """
         return False
 
     def start(self) -> Memory:
@@ -109,15 +144,20 @@ class Carrier(Generic[Memory]):
         raise NotImplementedError(f"{type(self).__name__} must define start()")
 
     def advance(self, memory: Memory) -> Memory:
-        """State of the movable body at the start of a control period, with its attitude quaternion normalised."""
+        """State of the movable body at the start of a control period, with its attitude
+        quaternion normalised.
+        """
         return memory
 
     def frame(self, memory: Memory) -> CarriedFrame:
         """Pose and velocity of the movable body for a given state."""
         raise NotImplementedError(f"{type(self).__name__} must define frame()")
 
-    def slope(self, memory: Memory, force_W: Vec3, torque_W: Vec3, gravity: Scalar) -> Memory:
-        """Time derivative of the movable body's state under an external force (N) and torque (N m).
+    def slope(
+        self, memory: Memory, force_W: Vec3, torque_W: Vec3, gravity: Scalar
+    ) -> Memory:
+        """Time derivative of the movable body's state under an external force (N) and
+        torque (N m).
 
         Args:
             memory: present state.
@@ -128,19 +168,28 @@ class Carrier(Generic[Memory]):
         raise NotImplementedError(f"{type(self).__name__} must define slope()")
 
     def before_euler_step(self, memory: Memory, slope: Memory, dt: Scalar) -> Memory:
-        """State of the movable body with friction bristles advanced, for the forces of a semi-implicit Euler step."""
+        """State of the movable body with friction bristles advanced, for the forces of
+        a semi-implicit Euler step.
+        """
         return memory
 
     def kick(self, memory: Memory, slope: Memory, dt: Scalar) -> Memory:
-        """State of the movable body after an acceleration for ``dt`` (s): only velocities change."""
+        """State of the movable body after an acceleration for ``dt`` (s): only
+        velocities change.
+        """
         raise NotImplementedError(f"{type(self).__name__} must define kick()")
 
     def drift(self, memory: Memory, dt: Scalar) -> Memory:
-        """State of the movable body after ``dt`` (s) with constant velocities: only positions change."""
+        """State of the movable body after ``dt`` (s) with constant velocities: only
+        positions change.
+        """
         raise NotImplementedError(f"{type(self).__name__} must define drift()")
 
-    def after_push(self, memory: Memory, force_W: Vec3, torque_W: Vec3, gravity: Scalar, dt: Scalar) -> Memory:
-        """State of the movable body after a force (N) and torque (N m) acted for ``dt`` (s): only velocities change.
+    def after_push(
+        self, memory: Memory, force_W: Vec3, torque_W: Vec3, gravity: Scalar, dt: Scalar
+    ) -> Memory:
+        """State of the movable body after a force (N) and torque (N m) acted for ``dt``
+        (s): only velocities change.
 
         By one iteration of the implicit midpoint rule, which is of second order.
         """
@@ -154,18 +203,26 @@ class Carrier(Generic[Memory]):
 
     @property
     def spot_count(self) -> int:
-        """Number of points (corners, rim points) of the movable body that may touch other surfaces."""
+        """Number of points (corners, rim points) of the movable body that may touch
+        other surfaces.
+        """
         return 0
 
-    def spots(self, frame: CarriedFrame, toward: Callable[[Vec3], Vec3]) -> tuple[Spot, ...]:
-        """Points or balls of the movable body that may touch another surface: centre (m) and radius (m)."""
+    def spots(
+        self, frame: CarriedFrame, toward: Callable[[Vec3], Vec3]
+    ) -> tuple[Spot, ...]:
+        """Points or balls of the movable body that may touch another surface: centre
+        (m) and radius (m).
+        """
         return ()
 
     columns: tuple[Column, ...] = ()
     """Columns of a log, as in :attr:`skyarm.world.component.Component.columns`."""
 
     def logged(self, memory: Memory) -> Scalars:
-        """Values of the movable body that the flight log records in every control period."""
+        """Values of the movable body that the flight log records in every control
+        period.
+        """
         return ()
 
 
@@ -173,8 +230,12 @@ AnyCarrier = Carrier[Any]
 """Movable body with an internal state of any type."""
 
 
-def untouched_after(carrier: Carrier[Memory], memory: Memory, dt: Scalar, rounds: int, gravity: Scalar) -> Memory:
-    """State of a movable body that nothing touches, after several Runge-Kutta steps of ``dt`` (s)."""
+def untouched_after(
+    carrier: Carrier[Memory], memory: Memory, dt: Scalar, rounds: int, gravity: Scalar
+) -> Memory:
+    """State of a movable body that nothing touches, after several Runge-Kutta steps of
+    ``dt`` (s).
+    """
 
     def slope(at: Memory) -> Memory:
         return carrier.slope(at, ZERO3, ZERO3, gravity)
@@ -190,7 +251,8 @@ def untouched_after(carrier: Carrier[Memory], memory: Memory, dt: Scalar, rounds
 
 
 NOBODY = -1
-"""Body index of surfaces that belong to the world, and of contact points that belong to the vehicle."""
+"""Body index of surfaces that belong to the world, and of contact points that belong to
+the vehicle."""
 
 
 def both(a: Scalar, b: Scalar) -> Scalar:

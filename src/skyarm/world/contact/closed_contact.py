@@ -18,22 +18,44 @@ from skyarm.world.contact.contact_memory import ContactMemory
 
 @immutable
 class ClosedContact(Contact):
-    """Contact model whose grasps are closed by constraints of the plant, which writes their forces into the memory."""
+    """Contact model whose grasps are closed by constraints of the plant, which writes
+    their forces into the memory.
+    """
 
-    def settle(self, memory: ContactMemory, motion: PointMotion, vehicle: bool) -> ContactMemory:
-        """Internal state in static equilibrium; the first forces of constraints are those of springs."""
+    def settle(
+        self, memory: ContactMemory, motion: PointMotion, vehicle: bool
+    ) -> ContactMemory:
+        """Internal state in static equilibrium; the first forces of constraints are
+        those of springs.
+        """
         memory = Contact.settle(self, memory, motion, vehicle)
         pulls = (pull for _, _, pull, _ in self.gripping.pulls(memory, motion, 0.0))
-        return replace(memory, constraints=as_data(tuple(Force(each.torque, each.force) for each in pulls)))
+        return replace(
+            memory,
+            constraints=as_data(
+                tuple(Force(each.torque, each.force) for each in pulls)
+            ),
+        )
 
-    def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
-        """Refuse what a contact model refuses, and grasps that a plant cannot close by constraints."""
+    def require_vehicles(
+        self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar
+    ) -> None:
+        """Refuse what a contact model refuses, and grasps that a plant cannot close by
+        constraints.
+        """
         Contact.require_vehicles(self, vehicles, period, gravity)
         objects = [each.name for each in self.objects]
         for name, vehicle in vehicles.items():
             if vehicle.followers:
-                of = f"agents.{name}.plant.vehicle" if len(vehicles) > 1 else "plant.vehicle"
-                words = "must have no joints that follow others where plant.closure is 'weld'"
+                of = (
+                    f"agents.{name}.plant.vehicle"
+                    if len(vehicles) > 1
+                    else "plant.vehicle"
+                )
+                words = (
+                    "must have no joints that follow others where plant.closure is"
+                    " 'weld'"
+                )
                 raise RecordError(f"{of} = {shown(vehicle.name)}: {words}")
         for i, grasp in enumerate(self.grasps):
             at, words = f"world.grasps[{i}]", ""

@@ -1,8 +1,10 @@
-"""Contact model of the vehicle, surfaces and movable bodies, with friction bristles that the plant integrates.
+"""Contact model of the vehicle, surfaces and movable bodies, with friction bristles
+that the plant integrates.
 
-Every point of the vehicle may touch every surface, and so may every spot of a body that moves in the world
-(:mod:`skyarm.world.contact.carrier`). What a pair remembers is its bristle; where a surface moves, there is a clock
-beside them, since it advances within a control period.
+Every point of the vehicle may touch every surface, and so may every spot of a body that
+moves in the world (:mod:`skyarm.world.contact.carrier`). What a pair remembers is its
+bristle; where a surface moves, there is a clock beside them, since it advances within a
+control period.
 """
 
 from __future__ import annotations
@@ -40,7 +42,8 @@ if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
 
 FARTHEST = 0.05
-"""Largest distance (m) between a vehicle's frame and the place of its grasp, beyond a cable's length, at the start."""
+"""Largest distance (m) between a vehicle's frame and the place of its grasp, beyond a
+cable's length, at the start."""
 
 P = TypeVar("P", ContactPoint, Gripper, Grasp)
 
@@ -58,17 +61,21 @@ LOGGED = (
 """Logged quantities of a surface and a contact point: array, unit, meaning."""
 
 MUCH_SHORTER = 2.0
-"""Ratio of the vehicle's longest stable step to that of the contact above which a warning is issued."""
+"""Ratio of the vehicle's longest stable step to that of the contact above which a
+warning is issued."""
 
 
 @immutable
 class Contact(ContactSteps):
-    """Contact model: surfaces, movable bodies, grippers and the points of the vehicle that may touch them.
+    """Contact model: surfaces, movable bodies, grippers and the points of the vehicle
+    that may touch them.
 
     Attributes:
         points: contact points of the vehicle; left out for its tip.
-        objects: bodies that nothing holds. mechanisms: bodies with one degree of freedom.
-        grippers: grippers of the vehicle. grasps: joints that hold a body at a frame of a vehicle from the start.
+        objects: bodies that nothing holds. mechanisms: bodies with one degree of
+            freedom.
+        grippers: grippers of the vehicle. grasps: joints that hold a body at a frame of
+            a vehicle from the start.
     """
 
     registered_as = "world"
@@ -84,7 +91,11 @@ class Contact(ContactSteps):
     grippers: tuple[Gripper, ...] = ()
     grasps: tuple[Grasp, ...] = field_if_any(default=())
     rotor_radius: Annotated[
-        Scalar, nonnegative("m", "radius of the rotor discs, for which any contact is a crash; 0: hubs only")
+        Scalar,
+        nonnegative(
+            "m",
+            "radius of the rotor discs, for which any contact is a crash; 0: hubs only",
+        ),
     ] = 0
     hit_steps: Annotated[
         int,
@@ -100,37 +111,64 @@ class Contact(ContactSteps):
     def __post_init__(self) -> None:
         accept_fields(self, "world")
         fold_zeros(self, "rotor_radius")
-        object.__setattr__(self, "points", tuple(each for point in self.points for each in point.each()))
+        object.__setattr__(
+            self,
+            "points",
+            tuple(each for point in self.points for each in point.each()),
+        )
         self._require_distinct_names()
 
     def _require_distinct_names(self) -> None:
-        """Refuse duplicate names of surfaces, points, objects, mechanisms and grippers, and of grasps in a log."""
+        """Refuse duplicate names of surfaces, points, objects, mechanisms and grippers,
+        and of grasps in a log.
+        """
         taken: list[str] = []
         for what in ("surfaces", "points", "objects", "grippers", "mechanisms"):
             names = [each.name for each in getattr(self, what)]
             if what == "mechanisms":
                 names += [part.name for each in self.mechanisms for part in each.parts]
             for name in names:
-                if names.count(name) > 1 or (what not in ("surfaces", "points") and name in taken):
-                    raise RecordError(f"world.{what}: name = {shown(name)}: must be of one only")
+                if names.count(name) > 1 or (
+                    what not in ("surfaces", "points") and name in taken
+                ):
+                    raise RecordError(
+                        f"world.{what}: name = {shown(name)}: must be of one only"
+                    )
             taken += names
         labels = [each.label for each in self.grasps]
         for i, label in enumerate(labels):
             if label in labels[:i]:
-                raise RecordError(f"world.grasps[{i}].name = {shown(label)}: must be of one grasp only")
+                raise RecordError(
+                    f"world.grasps[{i}].name = {shown(label)}: must be of one grasp"
+                    " only"
+                )
 
     def on(self, vehicles: Mapping[str, Vehicle]) -> Contact:
-        """Contact model in which the tips of the vehicles are the contact points if no contact point was given.
+        """Contact model in which the tips of the vehicles are the contact points if no
+        contact point was given.
 
-        The tip of a vehicle that holds a body by a grasp is none: it is where the body is.
+        The tip of a vehicle that holds a body by a grasp is none: it is where the body
+        is.
         """
         holding = [each.agent or next(iter(vehicles)) for each in self.grasps]
-        tips = {name: each.end_effector for name, each in vehicles.items() if name not in holding and each.end_effector}
+        tips = {
+            name: each.end_effector
+            for name, each in vehicles.items()
+            if name not in holding and each.end_effector
+        }
         if self.points or not tips:
             return self
         if len(vehicles) == 1:
-            return replace(self, points=tuple(ContactPoint(name=TIP, frame=frame) for frame in tips.values()))
-        points = [ContactPoint(name=f"{name}_{TIP}", frame=frame, agent=name) for name, frame in tips.items()]
+            return replace(
+                self,
+                points=tuple(
+                    ContactPoint(name=TIP, frame=frame) for frame in tips.values()
+                ),
+            )
+        points = [
+            ContactPoint(name=f"{name}_{TIP}", frame=frame, agent=name)
+            for name, frame in tips.items()
+        ]
         return replace(self, points=tuple(points))
 
     def of_agent(self, name: str) -> Contact:
@@ -139,71 +177,113 @@ class Contact(ContactSteps):
         def own(parts: tuple[P, ...]) -> tuple[P, ...]:
             return tuple(each for each in parts if each.agent in ("", name))
 
-        return replace(self, points=own(self.points), grippers=own(self.grippers), grasps=own(self.grasps))
+        return replace(
+            self,
+            points=own(self.points),
+            grippers=own(self.grippers),
+            grasps=own(self.grasps),
+        )
 
     def touching(self, vehicle: Vehicle) -> set[int]:
-        """Bodies of a vehicle (BASE or index of a link) that bear contact points, grippers or grasps."""
-        frames = (each.frame or None for each in self.grippers), (each.frame or None for each in self.grasps)
+        """Bodies of a vehicle (BASE or index of a link) that bear contact points,
+        grippers or grasps.
+        """
+        frames = (
+            (each.frame or None for each in self.grippers),
+            (each.frame or None for each in self.grasps),
+        )
         links = {vehicle.frame(name).link for names in frames for name in names}
         return links | {point.place(vehicle)[1] for point in self.points}
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
-        """Refuse a contact model that does not fit a vehicle or needs too short integration steps."""
+        """Refuse a contact model that does not fit a vehicle or needs too short
+        integration steps.
+        """
         self.require_vehicles({"": vehicle}, period, gravity)
 
-    def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
-        """Refuse a contact model that does not fit the vehicles or needs too short integration steps."""
+    def require_vehicles(
+        self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar
+    ) -> None:
+        """Refuse a contact model that does not fit the vehicles or needs too short
+        integration steps.
+        """
         carriers = self.carriers
         bodies = {each.name: each for each in carriers}
         for i, grasp in enumerate(self.grasps):
             if grasp.body not in bodies:
-                known = must_be_one_of(bodies, grasp.body) if bodies else "there are no objects or mechanisms"
-                raise RecordError(f"world.grasps[{i}].body = {shown(grasp.body)}: {known}")
+                known = (
+                    must_be_one_of(bodies, grasp.body)
+                    if bodies
+                    else "there are no objects or mechanisms"
+                )
+                raise RecordError(
+                    f"world.grasps[{i}].body = {shown(grasp.body)}: {known}"
+                )
             with errors_as(RecordError, f"world.grasps[{i}]."):
                 bodies[grasp.body].require_near(grasp.place)
         if not self.surfaces and not carriers:
-            raise RecordError("world.surfaces: is missing; a world has at least one surface")
+            raise RecordError(
+                "world.surfaces: is missing; a world has at least one surface"
+            )
         if not self.points and not carriers:
             name = next(iter(vehicles.values())).name
             raise RecordError(f"world.points: is missing; vehicle {name!r} has no tip")
         for i, point in enumerate(self.points):
             vehicle = _vehicle_of(point.agent, vehicles, f"world.points[{i}]")
-            of_frame = errors_as(RecordError, f"frame = {shown(point.frame)}: ", VehicleError)
+            of_frame = errors_as(
+                RecordError, f"frame = {shown(point.frame)}: ", VehicleError
+            )
             with errors_as(RecordError, f"world.points[{i}]."), of_frame:
                 point.place(vehicle)
         for i, mechanism in enumerate(self.mechanisms):
             if not mechanism.surfaces:
                 where = f"world.mechanisms[{i}].parts"
-                raise RecordError(f"{where}: is missing; nothing of {mechanism.name!r} can be touched")
+                raise RecordError(
+                    f"{where}: is missing; nothing of {mechanism.name!r} can be touched"
+                )
         for kind in ("grippers", "grasps"):
             for i, holder in enumerate(getattr(self, kind)):
                 vehicle = _vehicle_of(holder.agent, vehicles, f"world.{kind}[{i}]")
                 with errors_as(RecordError, f"world.{kind}[{i}]."):
-                    with errors_as(RecordError, f"frame = {shown(holder.frame)}: ", VehicleError):
+                    with errors_as(
+                        RecordError, f"frame = {shown(holder.frame)}: ", VehicleError
+                    ):
                         vehicle.frame(holder.frame or None)
                     if kind == "grasps":
                         holder.require_heavy(vehicle)
         if self.grippers and not carriers:
-            raise RecordError("world.grippers: must be left out of a world without objects")
+            raise RecordError(
+                "world.grippers: must be left out of a world without objects"
+            )
         self.require_steps(period / MOST_STEPS)
 
     def require_within_reach(self, motion: PointMotion) -> None:
-        """Refuse a grasp whose frame is too far from its place on the body at the start, given the vehicles' motion.
+        """Refuse a grasp whose frame is too far from its place on the body at the
+        start, given the vehicles' motion.
 
         Raises:
             RecordError: one line.
         """
         memory = self.start(0.0, ())
-        for i, (grasp, _, pull, frame) in enumerate(self.gripping.pulls(memory, motion, 0.0)):
+        for i, (grasp, _, pull, frame) in enumerate(
+            self.gripping.pulls(memory, motion, 0.0)
+        ):
             apart = frame.position - pull.place
             far = sqrt(apart.dot(apart)) - grasp.length
             if concrete(far) and far > FARTHEST:
                 of = f"frame {grasp.frame or 'tip'} of {grasp.agent or 'the vehicle'}"
-                words = f"{of} starts {far:.3g} m from there, must be within {FARTHEST:g} m"
-                raise RecordError(f"world.grasps[{i}].place = {shown([float(c) for c in grasp.place])}: {words}")
+                words = (
+                    f"{of} starts {far:.3g} m from there, must be within {FARTHEST:g} m"
+                )
+                raise RecordError(
+                    f"world.grasps[{i}].place ="
+                    f" {shown([float(c) for c in grasp.place])}: {words}"
+                )
 
     def start(self, period: float, draws: Sequence[Scalar]) -> ContactMemory:
-        """Initial internal state: undeflected friction bristles, initial states of movable bodies and grippers."""
+        """Initial internal state: undeflected friction bristles, initial states of
+        movable bodies and grippers.
+        """
         return ContactMemory(
             finer=(1.0,) if self.hit_steps > 1 else (),
             clock=(0.0,) if any(surface.moves for surface in self.surfaces) else (),
@@ -215,74 +295,149 @@ class Contact(ContactSteps):
         )
 
     def advance(
-        self, memory: ContactMemory, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]
+        self,
+        memory: ContactMemory,
+        t: Scalar,
+        dt: float,
+        state: State,
+        draws: Sequence[Scalar],
     ) -> ContactMemory:
         """Internal state of the contact model at the start of a control period."""
         if not memory.clock and not memory.carried:
             return memory
-        carried = tuple(each.advance(body) for each, body in zip(self.carriers, memory.carried, strict=True))
+        carried = tuple(
+            each.advance(body)
+            for each, body in zip(self.carriers, memory.carried, strict=True)
+        )
         return replace(memory, clock=(t,) if memory.clock else (), carried=carried)
 
     def on_carriers(
-        self, memory: ContactMemory, motion: PointMotion, meetings: Sequence[Meeting], t: Scalar
+        self,
+        memory: ContactMemory,
+        motion: PointMotion,
+        meetings: Sequence[Meeting],
+        t: Scalar,
     ) -> list[tuple[Vec3, Vec3]]:
-        """Force (N) and torque (N m) of contacts and grasps on each movable body, about the body's origin."""
+        """Force (N) and torque (N m) of contacts and grasps on each movable body, about
+        the body's origin.
+        """
         loads = []
-        rows = zip(self.carriers, memory.carried, self.gripping.on_bodies(memory, motion, t), strict=True)
+        rows = zip(
+            self.carriers,
+            memory.carried,
+            self.gripping.on_bodies(memory, motion, t),
+            strict=True,
+        )
         for i, (carrier, body, held) in enumerate(rows):
             origin, force, torque = carrier.frame(body).position, ZERO3, ZERO3
             for each in meetings:
                 if i in (each.of, each.by):
                     push = each.touch.force if each.by == i else -each.touch.force
-                    force, torque = force + push, torque + (each.place - origin).cross(push)
+                    force, torque = (
+                        force + push,
+                        torque + (each.place - origin).cross(push),
+                    )
             loads.append((force + held[0], torque + held[1]))
         return loads
 
     def slope(
-        self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+        self,
+        memory: ContactMemory,
+        t: Scalar,
+        motion: PointMotion,
+        rotor_speeds: Sequence[Scalar],
     ) -> ContactMemory:
         """Time derivative of the contact model's internal state."""
         meetings = self.meetings(memory, motion)
-        rows = zip(self.carriers, memory.carried, self.on_carriers(memory, motion, meetings, t), strict=True)
+        rows = zip(
+            self.carriers,
+            memory.carried,
+            self.on_carriers(memory, motion, meetings, t),
+            strict=True,
+        )
         return replace(
             # grippers and grasps change at control instants only
             rebuild(memory, repeat(0.0)),
             clock=tuple(1.0 for _ in memory.clock),
             bristles=as_data(tuple(each.touch.bristle_rate for each in meetings)),
-            carried=tuple(carrier.slope(body, *push, motion.gravity) for carrier, body, push in rows),
+            carried=tuple(
+                carrier.slope(body, *push, motion.gravity)
+                for carrier, body, push in rows
+            ),
             # zeros within a plant that exerts them itself
             constraints=memory.constraints,
         )
 
-    def before_euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
-        """Internal state of the contact model with friction bristles advanced, for a semi-implicit Euler step."""
+    def before_euler_step(
+        self, memory: ContactMemory, slope: ContactMemory, dt: Scalar
+    ) -> ContactMemory:
+        """Internal state of the contact model with friction bristles advanced, for a
+        semi-implicit Euler step.
+        """
         rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
-        carried = tuple(carrier.before_euler_step(body, rate, dt) for carrier, body, rate in rows)
-        return replace(memory, bristles=moved_by(memory.bristles, slope.bristles, dt), carried=carried)
+        carried = tuple(
+            carrier.before_euler_step(body, rate, dt) for carrier, body, rate in rows
+        )
+        return replace(
+            memory,
+            bristles=moved_by(memory.bristles, slope.bristles, dt),
+            carried=carried,
+        )
 
     def push(
-        self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar], dt: Scalar,
+        self,
+        memory: ContactMemory,
+        t: Scalar,
+        motion: PointMotion,
+        rotor_speeds: Sequence[Scalar],
+        dt: Scalar,
         felt: ContactMemory | None = None,
     ) -> ContactMemory:
-        """Internal state of the contact model after forces accelerated the movable bodies for ``dt`` (s)."""
+        """Internal state of the contact model after forces accelerated the movable
+        bodies for ``dt`` (s).
+        """
         felt = memory if felt is None else felt
         pushes = self.on_carriers(felt, motion, self.meetings(felt, motion), t)
         rows = zip(self.carriers, memory.carried, pushes, strict=True)
-        carried = tuple(carrier.after_push(body, *push, motion.gravity, dt) for carrier, body, push in rows)
+        carried = tuple(
+            carrier.after_push(body, *push, motion.gravity, dt)
+            for carrier, body, push in rows
+        )
         return replace(memory, carried=carried)
 
     def drift(self, memory: ContactMemory, dt: Scalar) -> ContactMemory:
-        """Internal state of the contact model after ``dt`` (s) with constant velocities of the movable bodies."""
-        carried = tuple(each.drift(body, dt) for each, body in zip(self.carriers, memory.carried, strict=True))
-        return replace(memory, clock=tuple(t + dt for t in memory.clock), carried=carried)
+        """Internal state of the contact model after ``dt`` (s) with constant velocities
+        of the movable bodies.
+        """
+        carried = tuple(
+            each.drift(body, dt)
+            for each, body in zip(self.carriers, memory.carried, strict=True)
+        )
+        return replace(
+            memory, clock=tuple(t + dt for t in memory.clock), carried=carried
+        )
 
-    def euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
-        """Internal state of the contact model after a semi-implicit Euler step of ``dt`` (s)."""
+    def euler_step(
+        self, memory: ContactMemory, slope: ContactMemory, dt: Scalar
+    ) -> ContactMemory:
+        """Internal state of the contact model after a semi-implicit Euler step of
+        ``dt`` (s).
+        """
         rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
-        return self.drift(replace(memory, carried=tuple(each.kick(body, rate, dt) for each, body, rate in rows)), dt)
+        return self.drift(
+            replace(
+                memory,
+                carried=tuple(each.kick(body, rate, dt) for each, body, rate in rows),
+            ),
+            dt,
+        )
 
     def wrenches(
-        self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+        self,
+        memory: ContactMemory,
+        t: Scalar,
+        motion: PointMotion,
+        rotor_speeds: Sequence[Scalar],
     ) -> Sequence[Wrench]:
         """Forces and torques of all contacts and grasps on the vehicle's bodies."""
         touches, pushes = self.on_points(memory, motion), []
@@ -291,60 +446,112 @@ class Contact(ContactSteps):
             for each in touches[i :: len(self.points)]:
                 force, torque = force + each.force, torque + each.torque
             pushes.append((force, torque))
-        return [*wrenches_on(self.points, motion, pushes), *self.gripping.wrenches(memory, motion, t)]
+        return [
+            *wrenches_on(self.points, motion, pushes),
+            *self.gripping.wrenches(memory, motion, t),
+        ]
 
-    def settle(self, memory: ContactMemory, motion: PointMotion, vehicle: bool) -> ContactMemory:
-        """Internal state of the contact model in which friction balances the weight of bodies that start at rest."""
-        memory = replace(memory, turns=self.gripping.turns(memory, motion)) if memory.turns else memory
-        weights = {i: each.mass * motion.gravity for i, each in enumerate(self.objects) if each.standing}
+    def settle(
+        self, memory: ContactMemory, motion: PointMotion, vehicle: bool
+    ) -> ContactMemory:
+        """Internal state of the contact model in which friction balances the weight of
+        bodies that start at rest.
+        """
+        memory = (
+            replace(memory, turns=self.gripping.turns(memory, motion))
+            if memory.turns
+            else memory
+        )
+        weights = {
+            i: each.mass * motion.gravity
+            for i, each in enumerate(self.objects)
+            if each.standing
+        }
         if vehicle and len(motion.agents) == 1:
             weights[NOBODY] = motion.vehicle.mass * motion.gravity
         if not weights:
             return memory
         materials = {each.name: each.material for _, each in self.every_surface}
         meetings = self.meetings(memory, motion)
-        return replace(memory, bristles=standing_bristles(meetings, memory.bristles, weights, materials))
+        return replace(
+            memory,
+            bristles=standing_bristles(meetings, memory.bristles, weights, materials),
+        )
 
-    def act(self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion) -> ContactMemory:
-        """Internal state of the contact model after grippers and grasps close, open or slip at a control instant."""
+    def act(
+        self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion
+    ) -> ContactMemory:
+        """Internal state of the contact model after grippers and grasps close, open or
+        slip at a control instant.
+        """
         return self.gripping.act(memory, t, dt, motion)
 
     def holds(self, memory: ContactMemory, frame: str, agent: str = "") -> Scalars:
-        """Grasp sensor signal of each gripper at a vehicle frame: 1 while the gripper holds a body, else 0."""
+        """Grasp sensor signal of each gripper at a vehicle frame: 1 while the gripper
+        holds a body, else 0.
+        """
         grips = zip(self.grippers, memory.grips, strict=True)
-        ours = [grip for own, grip in grips if own.frame in ("", frame) and own.agent in ("", agent)]
+        ours = [
+            grip
+            for own, grip in grips
+            if own.frame in ("", frame) and own.agent in ("", agent)
+        ]
         return tuple(where(grip.taken > 0.5, 1.0, 0.0) for grip in ours)
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
         """Log columns of contact forces, movable bodies and grippers."""
-        labels = [f"{surface.name}/{point.name}" for _, surface in self.every_surface for point in self.points]
-        columns = [Column(f"contact_{array}", label, *words) for label in labels for array, *words in LOGGED]
+        labels = [
+            f"{surface.name}/{point.name}"
+            for _, surface in self.every_surface
+            for point in self.points
+        ]
+        columns = [
+            Column(f"contact_{array}", label, *words)
+            for label in labels
+            for array, *words in LOGGED
+        ]
         columns += [column for carrier in self.carriers for column in carrier.columns]
         return (*columns, *self.gripping.columns)
 
     @property
     def constants(self) -> Mapping[str, Scalars]:
-        """Hinge axis of the first mechanism, for metrics: a point (m) and a unit vector; empty for a slide."""
+        """Hinge axis of the first mechanism, for metrics: a point (m) and a unit
+        vector; empty for a slide.
+        """
         return {"mechanism_hinge": self.mechanisms[0].hinge} if self.mechanisms else {}
 
     def logged(self, memory: ContactMemory, motion: PointMotion) -> Scalars:
-        """Logged contact forces (N) and penetrations (m), states of movable bodies, and gripper forces."""
-        numbers = [number for each in self.on_points(memory, motion) for number in each.logged]
+        """Logged contact forces (N) and penetrations (m), states of movable bodies, and
+        gripper forces.
+        """
+        numbers = [
+            number for each in self.on_points(memory, motion) for number in each.logged
+        ]
         for carrier, body in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(body)
         return (*numbers, *self.gripping.logged(memory, motion))
 
     def shapes(self, seen: Instants) -> Scene:
-        """Shapes of surfaces and movable bodies, and arrows of contact forces, for pictures."""
+        """Shapes of surfaces and movable bodies, and arrows of contact forces, for
+        pictures.
+        """
         from skyarm.world.contact.contact_scene import contact_scene
 
-        return contact_scene(seen, self.surfaces, self.points, self.objects, self.mechanisms, self.grasps)
+        return contact_scene(
+            seen, self.surfaces, self.points, self.objects, self.mechanisms, self.grasps
+        )
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
-        """Warnings about contact that needs very short steps, and about ball grippers that hold objects tilted."""
+        """Warnings about contact that needs very short steps, and about ball grippers
+        that hold objects tilted.
+        """
         pairs = product(self.grippers, self.objects)
-        tilted = [line for hand, it in pairs for line in hand.tilt_warning(it.name, it.mass, it.half_width)]
+        tilted = [
+            line
+            for hand, it in pairs
+            for line in hand.tilt_warning(it.name, it.mass, it.half_width)
+        ]
         if not self.steps:
             return tuple(tilted)
         what, bound = min(self.steps, key=lambda each: float(each[1]))
@@ -353,9 +560,12 @@ class Contact(ContactSteps):
             return tilted
         return (
             *tilted,
-            f"{what} asks for integration steps of {1e3 * least:.2g} ms in contact; they are taken by themselves, "
-            f"about {step / least:.0f} in place of each of rates.physics, and cost that much more; "
-            "is it so light, or its contact so stiff?",
+            (
+                f"{what} asks for integration steps of {1e3 * least:.2g} ms in contact;"
+                f" they are taken by themselves, about {step / least:.0f} in place of"
+                " each of rates.physics, and cost that much more; is it so light, or"
+                " its contact so stiff?"
+            ),
         )
 
 
@@ -370,5 +580,9 @@ def _vehicle_of(agent: str, vehicles: Mapping[str, Vehicle], where: str) -> Vehi
     if (not agent and len(vehicles) == 1) or "" in vehicles:
         return next(iter(vehicles.values()))
     if not agent:
-        raise RecordError(f"{where}.agent: is missing; must be one of {', '.join(vehicles)}")
-    raise RecordError(f"{where}.agent = {shown(agent)}: {must_be_one_of(vehicles, agent)}")
+        raise RecordError(
+            f"{where}.agent: is missing; must be one of {', '.join(vehicles)}"
+        )
+    raise RecordError(
+        f"{where}.agent = {shown(agent)}: {must_be_one_of(vehicles, agent)}"
+    )

@@ -1,4 +1,6 @@
-"""Internal state of the contact model, which a plant integrates together with the vehicles."""
+"""Internal state of the contact model, which a plant integrates together with the
+vehicles.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +13,21 @@ from skyarm.world.contact.gripper import Grip
 
 @immutable
 class ContactMemory:
-    """Internal state of the contact model: time of moving surfaces, friction bristles, movable bodies and grippers.
+    """Internal state of the contact model: time of moving surfaces, friction bristles,
+    movable bodies and grippers.
 
     Attributes:
-        finer: steps in the place of one in this interval; empty where hits take no more.
+        finer: steps in the place of one in this interval; empty where hits take no
+            more.
         clock: s, of surfaces that move; empty where none does.
         bristles: deflection of each pair's bristle, m, world axes, in the order of
             :func:`skyarm.world.contact.meetings.meetings_of`.
         carried: memories of the carriers. grips: memories of the grippers.
-        turns: attitudes that fixed grasps keep, from the axes of the body to those of the vehicle's frame.
+        turns: attitudes that fixed grasps keep, from the axes of the body to those of
+            the vehicle's frame.
         places: places on their bodies at which grasps with ``close`` have closed, m.
-        constraints: force and torque on the body of each grasp that the plant closes; empty where grasps are springs.
+        constraints: force and torque on the body of each grasp that the plant closes;
+            empty where grasps are springs.
     """
 
     finer: Scalars

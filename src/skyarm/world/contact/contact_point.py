@@ -30,38 +30,54 @@ MOST = 64
 @immutable
 @checked("ring")
 class Ring:
-    """Equally spaced contact points on a circle about the z axis, such as the rim of a peg.
+    """Equally spaced contact points on a circle about the z axis, such as the rim of a
+    peg.
 
     Attributes:
         count: number of places, the first on the x axis.
     """
 
     radius: Annotated[Scalar, positive("m", "radius of the circle of contact points")]
-    count: Annotated[int, Unit("", "number of contact points on the circle", low=3, high=MOST)]
+    count: Annotated[
+        int, Unit("", "number of contact points on the circle", low=3, high=MOST)
+    ]
 
     def offsets(self) -> list[Vec3]:
         """Positions of the ring's points relative to its centre, m."""
         angles = [2.0 * math.pi * i / self.count for i in range(self.count)]
-        return [Vec3(self.radius * math.cos(angle), self.radius * math.sin(angle), 0) for angle in angles]
+        return [
+            Vec3(self.radius * math.cos(angle), self.radius * math.sin(angle), 0)
+            for angle in angles
+        ]
 
 
 @immutable
 class ContactPoint:
-    """Point or ball fixed to a body of the vehicle, at which surfaces exert contact forces.
+    """Point or ball fixed to a body of the vehicle, at which surfaces exert contact
+    forces.
 
     Attributes:
         name: name in logs and messages.
-        frame: frame of the vehicle, in whose axes ``position`` is; empty where ``body`` defines them.
+        frame: frame of the vehicle, in whose axes ``position`` is; empty where ``body``
+            defines them.
         body: "base" or the name of a link.
-        ring: points on a circle about the position, in its place; :meth:`each` makes them.
+        ring: points on a circle about the position, in its place; :meth:`each` makes
+            them.
         agent: name of the vehicle; empty for the only one.
     """
 
-    name: Annotated[str, Unit("", "name of the contact point, for logs and messages", rule=coerce.name)]
+    name: Annotated[
+        str,
+        Unit("", "name of the contact point, for logs and messages", rule=coerce.name),
+    ]
     frame: str = ""
     body: str = ""
-    position: Annotated[Vec3, Unit("m", "position of the contact point, axes of its frame or body")] = ZERO3
-    radius: Annotated[Scalar, nonnegative("m", "radius of the contact ball; 0 for a point")] = 0
+    position: Annotated[
+        Vec3, Unit("m", "position of the contact point, axes of its frame or body")
+    ] = ZERO3
+    radius: Annotated[
+        Scalar, nonnegative("m", "radius of the contact ball; 0 for a point")
+    ] = 0
     ring: Ring | None = None
     agent: str = field_if_any(default="")
 
@@ -69,22 +85,32 @@ class ContactPoint:
         accept_fields(self, "point")
         fold_zeros(self, "radius")
         if self.frame and self.body:
-            raise RecordError(f"point.frame = {shown(self.frame)}: must be left out beside body")
+            raise RecordError(
+                f"point.frame = {shown(self.frame)}: must be left out beside body"
+            )
         if not self.frame and not self.body:
-            raise RecordError("point.body: is missing; say a frame of the vehicle, or a body with a position")
+            raise RecordError(
+                "point.body: is missing; say a frame of the vehicle, or a body with a"
+                " position"
+            )
 
     def each(self) -> tuple[ContactPoint, ...]:
-        """List the single contact points: the points of a ring, or the contact point itself without a ring."""
+        """List the single contact points: the points of a ring, or the contact point
+        itself without a ring.
+        """
         if self.ring is None:
             return (self,)
         points = []
         for i, offset in enumerate(self.ring.offsets()):
             place = self.position + offset
-            points.append(replace(self, name=f"{self.name}_{i + 1}", position=place, ring=None))
+            points.append(
+                replace(self, name=f"{self.name}_{i + 1}", position=place, ring=None)
+            )
         return tuple(points)
 
     def place(self, vehicle: Vehicle) -> tuple[Vec3, int]:
-        """Position (m, body axes) of the contact point, and index of the vehicle's body that it is fixed to.
+        """Position (m, body axes) of the contact point, and index of the vehicle's body
+        that it is fixed to.
 
         Raises:
             ValueError: the vehicle has no such frame or body; names those it has.
@@ -98,18 +124,24 @@ class ContactPoint:
             return self.position, BASE
         names = [link.name for link in vehicle.moving]
         if self.body not in names:
-            raise RecordError(f"body = {shown(self.body)}: {must_be_one_of([BASE_NAME, *names], self.body)}")
+            raise RecordError(
+                f"body = {shown(self.body)}:"
+                f" {must_be_one_of([BASE_NAME, *names], self.body)}"
+            )
         return self.position, names.index(self.body)
 
 
 @immutable
 class Touch:
-    """Contact state of one point at one surface: penetration, slip velocity, normal force and friction.
+    """Contact state of one point at one surface: penetration, slip velocity, normal
+    force and friction.
 
     Attributes:
-        depth: penetration, m; negative outside. slip: velocity of the point relative to the surface, m/s.
+        depth: penetration, m; negative outside. slip: velocity of the point relative to
+            the surface, m/s.
         normal: normal force, N, along ``axis``, the surface's outward normal.
-        friction: friction force, N. bristle_rate: m/s. spot: place where it acts, seen from the point, m.
+        friction: friction force, N. bristle_rate: m/s. spot: place where it acts, seen
+            from the point, m.
     """
 
     depth: Scalar
@@ -132,8 +164,14 @@ class Touch:
 
     @property
     def logged(self) -> Scalars:
-        """Normal force (N), friction (N) and penetration (m, at least 0) of the contact, for the log."""
-        return self.normal, sqrt(self.friction.dot(self.friction)), maximum(self.depth, 0.0)
+        """Normal force (N), friction (N) and penetration (m, at least 0) of the
+        contact, for the log.
+        """
+        return (
+            self.normal,
+            sqrt(self.friction.dot(self.friction)),
+            maximum(self.depth, 0.0),
+        )
 
 
 def touch_of(
@@ -148,7 +186,8 @@ def touch_of(
     *,
     mean: Scalar | None = None,
 ) -> Touch:
-    """Contact state of one point at one surface, from penetration, slip velocity and bristle deflection.
+    """Contact state of one point at one surface, from penetration, slip velocity and
+    bristle deflection.
 
     Args:
         material: material of the surface.
@@ -159,15 +198,25 @@ def touch_of(
         deflection: deflection of the bristle as the memory has it, m.
         step: longest integration step of the whole contact, s.
         mass: mass (kg) that the pair moves at least.
-        mean: time (s) in which a point makes the way that the depth is a mean over; the material's longest step of a
-            contact with a vehicle if left out.
+        mean: time (s) in which a point makes the way that the depth is a mean over; the
+            material's longest step of a contact with a vehicle if left out.
     """
     # a round surface's normal turns
     bristle, along = _across(deflection, axis), _across(slip, axis)
     rate = material.bristle_rate(bristle, along, depth, step)
     normal = material.normal_force(depth, -slip.dot(axis), mean)
-    friction = material.friction_force(bristle, material.bending_rate(bristle, along), normal, mass)
-    return Touch(depth=depth, slip=slip, normal=normal, friction=friction, spot=spot, bristle_rate=rate, axis=axis)
+    friction = material.friction_force(
+        bristle, material.bending_rate(bristle, along), normal, mass
+    )
+    return Touch(
+        depth=depth,
+        slip=slip,
+        normal=normal,
+        friction=friction,
+        spot=spot,
+        bristle_rate=rate,
+        axis=axis,
+    )
 
 
 def _across(vector: Vec3, n: Vec3) -> Vec3:
@@ -180,21 +229,33 @@ def _across(vector: Vec3, n: Vec3) -> Vec3:
 
 
 Moving = tuple[Vec3, Vec3, Vec3]
-"""Position (m), velocity (m/s) and angular velocity (rad/s; of a ball only) of a point, world axes."""
+"""Position (m), velocity (m/s) and angular velocity (rad/s; of a ball only) of a point,
+world axes."""
 
 
 def moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[Moving]:
     """Position, velocity and angular velocity of every contact point, world axes."""
     rows = dict[int, Moving]()
     for agent, own in _by_agent(points):
-        rows |= dict(zip(own, _moving_points([points[i] for i in own], motion.of(agent)), strict=True))
+        rows |= dict(
+            zip(
+                own,
+                _moving_points([points[i] for i in own], motion.of(agent)),
+                strict=True,
+            )
+        )
     return [rows[i] for i in range(len(points))]
 
 
 def _by_agent(points: Sequence[ContactPoint]) -> list[tuple[str, list[int]]]:
-    """Names of the vehicles that contact points are on, each with the numbers of its points."""
+    """Names of the vehicles that contact points are on, each with the numbers of its
+    points.
+    """
     names = dict.fromkeys(point.agent for point in points)
-    return [(name, [i for i, point in enumerate(points) if point.agent == name]) for name in names]
+    return [
+        (name, [i for i, point in enumerate(points) if point.agent == name])
+        for name in names
+    ]
 
 
 def _moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[Moving]:
@@ -205,46 +266,85 @@ def _moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[
     for point, (at, body) in zip(points, places, strict=True):
         ball = not absent(point.radius)
         if body in shared:
-            lever, turning = axes[body].apply(at), motion.to_world(motion.angular_velocity(body), body)
-            position, velocity = motion.position(ZERO3, body), motion.velocity(ZERO3, body)
-            rows.append((position + lever, velocity + turning.cross(lever), turning if ball else ZERO3))
+            lever, turning = (
+                axes[body].apply(at),
+                motion.to_world(motion.angular_velocity(body), body),
+            )
+            position, velocity = (
+                motion.position(ZERO3, body),
+                motion.velocity(ZERO3, body),
+            )
+            rows.append(
+                (
+                    position + lever,
+                    velocity + turning.cross(lever),
+                    turning if ball else ZERO3,
+                )
+            )
         else:
-            turning = motion.to_world(motion.angular_velocity(body), body) if ball else ZERO3
+            turning = (
+                motion.to_world(motion.angular_velocity(body), body) if ball else ZERO3
+            )
             rows.append((motion.position(at, body), motion.velocity(at, body), turning))
     return rows
 
 
 def wrenches_on(
-    points: Sequence[ContactPoint], motion: PointMotion, pushes: Sequence[tuple[Vec3, Vec3]]
+    points: Sequence[ContactPoint],
+    motion: PointMotion,
+    pushes: Sequence[tuple[Vec3, Vec3]],
 ) -> list[Wrench]:
-    """Wrenches on the vehicles' bodies from a force (N) and a torque (N m) at every contact point."""
+    """Wrenches on the vehicles' bodies from a force (N) and a torque (N m) at every
+    contact point.
+    """
     wrenches = list[Wrench]()
     for agent, own in _by_agent(points):
-        wrenches += _wrenches_on([points[i] for i in own], motion.of(agent), [pushes[i] for i in own], agent)
+        wrenches += _wrenches_on(
+            [points[i] for i in own], motion.of(agent), [pushes[i] for i in own], agent
+        )
     return wrenches
 
 
 def _wrenches_on(
-    points: Sequence[ContactPoint], motion: PointMotion, pushes: Sequence[tuple[Vec3, Vec3]], agent: str
+    points: Sequence[ContactPoint],
+    motion: PointMotion,
+    pushes: Sequence[tuple[Vec3, Vec3]],
+    agent: str,
 ) -> list[Wrench]:
-    """Wrenches on the bodies of one vehicle from a force (N) and a torque (N m) at each of its contact points."""
+    """Wrenches on the bodies of one vehicle from a force (N) and a torque (N m) at each
+    of its contact points.
+    """
     places, shared = _places(points, motion)
-    axes, whole, single = {body: _axes(motion, body) for body in shared}, dict[int, Wrench](), list[Wrench]()
+    axes, whole, single = (
+        {body: _axes(motion, body) for body in shared},
+        dict[int, Wrench](),
+        list[Wrench](),
+    )
     for (at, body), (force, torque) in zip(places, pushes, strict=True):
         if body in shared:
             sum_of = whole.get(body, Wrench(body=body, agent=agent))
             moment = sum_of.torque_W + torque + axes[body].apply(at).cross(force)
-            whole[body] = Wrench(force_W=sum_of.force_W + force, torque_W=moment, body=body, agent=agent)
+            whole[body] = Wrench(
+                force_W=sum_of.force_W + force, torque_W=moment, body=body, agent=agent
+            )
         else:
-            single.append(Wrench(force_W=force, torque_W=torque, point=at, body=body, agent=agent))
+            single.append(
+                Wrench(force_W=force, torque_W=torque, point=at, body=body, agent=agent)
+            )
     return [*whole.values(), *single]
 
 
-def _places(points: Sequence[ContactPoint], motion: PointMotion) -> tuple[list[tuple[Vec3, int]], list[int]]:
-    """Position (m, body axes) and body of each contact point, and the bodies on which contact forces are added up."""
+def _places(
+    points: Sequence[ContactPoint], motion: PointMotion
+) -> tuple[list[tuple[Vec3, int]], list[int]]:
+    """Position (m, body axes) and body of each contact point, and the bodies on which
+    contact forces are added up.
+    """
     places = [point.place(motion.vehicle) for point in points]
     bodies = [body for _, body in places]
-    return places, [body for body in dict.fromkeys(bodies) if body == BASE or bodies.count(body) > 1]
+    return places, [
+        body for body in dict.fromkeys(bodies) if body == BASE or bodies.count(body) > 1
+    ]
 
 
 def _axes(motion: PointMotion, body: int) -> Mat3:

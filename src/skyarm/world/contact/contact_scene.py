@@ -1,7 +1,7 @@
 """Picture of a contact: surfaces, movable bodies, contact points and contact forces.
 
-A plane has no end: it is drawn as a square patch about the place of the flight, or as the ground where it is level and
-at rest.
+A plane has no end: it is drawn as a square patch about the place of the flight, or as
+the ground where it is level and at rest.
 """
 
 from __future__ import annotations
@@ -22,11 +22,25 @@ from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.mechanism import Mechanism
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.scene import PATCH, Arrow, Instants, Line, Scene
-from skyarm.world.scene.shapes import OBJECT, SURFACE, Shape, Solid, floats, shape_between
-from skyarm.world.scene.vehicle_shapes import Poses, longest_boom, matrices, rotations_of, vectors
+from skyarm.world.scene.shapes import (
+    OBJECT,
+    SURFACE,
+    Shape,
+    Solid,
+    floats,
+    shape_between,
+)
+from skyarm.world.scene.vehicle_shapes import (
+    Poses,
+    longest_boom,
+    matrices,
+    rotations_of,
+    vectors,
+)
 
 POINT = 0.03
-"""Radius of the drawn mark of a contact point, as a fraction of the longest boom; a ball has its own radius."""
+"""Radius of the drawn mark of a contact point, as a fraction of the longest boom; a
+ball has its own radius."""
 
 MARK = 0.08
 """Radius of the drawn mark of a grasp, as a fraction of the vehicle's longest boom."""
@@ -46,74 +60,129 @@ def contact_scene(
     mechanisms: Sequence[Mechanism],
     grasps: Sequence[Grasp] = (),
 ) -> Scene:
-    """Drawn shapes and force arrows of the contact model at some instants of a flight."""
+    """Drawn shapes and force arrows of the contact model at some instants of a
+    flight.
+    """
     carriers: tuple[AnyCarrier, ...] = (*objects, *mechanisms)
     poses, ground = _carrier_poses(objects, mechanisms, seen), ground_of(surfaces)
     solids = [_surface_solid(each, seen) for each in surfaces if each is not ground]
-    carried = [(surface, *poses[i]) for i, each in enumerate(carriers) for surface in each.surfaces]
+    carried = [
+        (surface, *poses[i])
+        for i, each in enumerate(carriers)
+        for surface in each.surfaces
+    ]
     solids += [_carrier_solid(*each) for each in carried]
     own = [each for each in points if each.agent in ("", seen.name) or not seen.name]
     frames = {each.name: poses[i] for i, each in enumerate(carriers)}
-    drawn = [_grasp_scene(each, i, *frames[each.body], seen) for i, each in enumerate(grasps) if seen.has(each.agent)]
+    drawn = [
+        _grasp_scene(each, i, *frames[each.body], seen)
+        for i, each in enumerate(grasps)
+        if seen.has(each.agent)
+    ]
     return Scene(
         solids=(*solids, *(solid for each in drawn for solid in each.solids)),
         lines=tuple(line for each in drawn for line in each.lines),
-        arrows=(*_touch_arrows(points, surfaces, carried, seen), *(arrow for each in drawn for arrow in each.arrows)),
+        arrows=(
+            *_touch_arrows(points, surfaces, carried, seen),
+            *(arrow for each in drawn for arrow in each.arrows),
+        ),
         attached=tuple(_point_shapes(own, seen.vehicle)),
         ground=None if ground is None else float(ground.position.z),
     )
 
 
 def ground_of(surfaces: Iterable[Surface]) -> Surface | None:
-    """Highest horizontal plane that does not move, drawn as the ground; None without such a plane."""
+    """Highest horizontal plane that does not move, drawn as the ground; None without
+    such a plane.
+    """
     level = [
         each
         for each in surfaces
-        if each.shape == "plane" and not each.moves and float(each.rotation.rows[2][2]) >= 1.0 - LEVEL
+        if each.shape == "plane"
+        and not each.moves
+        and float(each.rotation.rows[2][2]) >= 1.0 - LEVEL
     ]
     return max(level, key=lambda each: float(each.position.z), default=None)
 
 
 def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
-    """Drawn shape of a contact surface in its own axes; a plane becomes a square of half width ``patch`` (m)."""
+    """Drawn shape of a contact surface in its own axes; a plane becomes a square of
+    half width ``patch`` (m).
+    """
     size = tuple(map(float, surface.size))
     if surface.shape == "plane":
         return Shape(f"world/{surface.name}", "surface", "patch", BASE, (patch, patch))
     halves = tuple(0.5 * each for each in size) if surface.shape == "box" else size
-    return Shape(f"world/{surface.name}", "surface", surface.shape, BASE, halves, mesh=surface.mesh)
+    return Shape(
+        f"world/{surface.name}",
+        "surface",
+        surface.shape,
+        BASE,
+        halves,
+        mesh=surface.mesh,
+    )
 
 
-def _carrier_poses(objects: Sequence[FreeObject], mechanisms: Sequence[Mechanism], seen: Instants) -> Poses:
-    """Rotations (N, 3, 3) and positions (N, 3) of free objects and mechanisms at N instants, by index."""
+def _carrier_poses(
+    objects: Sequence[FreeObject], mechanisms: Sequence[Mechanism], seen: Instants
+) -> Poses:
+    """Rotations (N, 3, 3) and positions (N, 3) of free objects and mechanisms at N
+    instants, by index.
+    """
     poses, count = Poses(), len(seen.times)
     for i in range(len(objects)):
         quaternion = seen.numbers["object_quaternion"][:, 4 * i : 4 * i + 4]
-        poses[i] = rotations_of(quaternion), seen.numbers["object_position"][:, 3 * i : 3 * i + 3]
+        poses[i] = (
+            rotations_of(quaternion),
+            seen.numbers["object_position"][:, 3 * i : 3 * i + 3],
+        )
     for i, mechanism in enumerate(mechanisms):
         frame = mechanism.frame_at(seen.numbers["mechanism_position"][:, i])
-        poses[len(objects) + i] = matrices(frame.rotation, count), vectors(frame.position, count)
+        poses[len(objects) + i] = (
+            matrices(frame.rotation, count),
+            vectors(frame.position, count),
+        )
     return poses
 
 
 def _surface_solid(surface: Surface, seen: Instants) -> Solid:
-    """Drawn solid of a surface of the world at N instants; a plane becomes a patch near the vehicle."""
+    """Drawn solid of a surface of the world at N instants; a plane becomes a patch near
+    the vehicle.
+    """
     count = len(seen.times)
-    rotation, place = matrices(surface.rotation, count), vectors(surface.place(seen.times)[0], count)
+    rotation, place = (
+        matrices(surface.rotation, count),
+        vectors(surface.place(seen.times)[0], count),
+    )
     if surface.shape == "plane" and count:
         normal, away = rotation[0, :, 2], seen.around - place[0]
         place = place + (away - normal * (normal @ away))
-    return Solid(surface_shape(surface, seen.patch), place, rotation, SURFACE, fixed=not surface.moves)
+    return Solid(
+        surface_shape(surface, seen.patch),
+        place,
+        rotation,
+        SURFACE,
+        fixed=not surface.moves,
+    )
 
 
 def _carrier_solid(surface: Surface, rotation: Array, position: Array) -> Solid:
     """Drawn solid of a movable body's surface at N instants."""
     shape = replace(surface_shape(surface), role="object")
     place = np.array(floats(surface.position))
-    return Solid(shape, position + rotation @ place, rotation @ matrices(surface.rotation, 1)[0], OBJECT)
+    return Solid(
+        shape,
+        position + rotation @ place,
+        rotation @ matrices(surface.rotation, 1)[0],
+        OBJECT,
+    )
 
 
-def _grasp_scene(grasp: Grasp, i: int, rotation: Array, position: Array, seen: Instants) -> Scene:
-    """Mark of the place of a grasp on its body, line of its cable, and arrow of its force on the vehicle.
+def _grasp_scene(
+    grasp: Grasp, i: int, rotation: Array, position: Array, seen: Instants
+) -> Scene:
+    """Mark of the place of a grasp on its body, line of its cable, and arrow of its
+    force on the vehicle.
 
     Args:
         grasp: grasp of the world.
@@ -124,16 +193,31 @@ def _grasp_scene(grasp: Grasp, i: int, rotation: Array, position: Array, seen: I
     """
     holder, label = seen.of(grasp.agent), f"grasp/{grasp.label}"
     at = holder.vehicle.frame(grasp.frame or None)
-    end, place = holder.place(at.position, at.link), position + rotation @ np.array(floats(grasp.place))
+    end, place = (
+        holder.place(at.position, at.link),
+        position + rotation @ np.array(floats(grasp.place)),
+    )
     mark = Shape(label, "point", "sphere", BASE, (MARK * longest_boom(holder.vehicle),))
     force = -seen.numbers["grasp_pull"][:, 3 * i : 3 * i + 3]
     lines: tuple[Line, ...] = ()
     if grasp.kind == "cable":
         share = np.linspace(0.0, 1.0, PIECES + 1)[:, None]
         slack = float(grasp.length) ** 2 - ((end - place) ** 2).sum(axis=1)
-        sag = np.sqrt(3.0 * np.maximum(slack, 0.0))[:, None, None] * share * (1.0 - share) * [0.0, 0.0, 1.0]
+        sag = (
+            np.sqrt(3.0 * np.maximum(slack, 0.0))[:, None, None]
+            * share
+            * (1.0 - share)
+            * [0.0, 0.0, 1.0]
+        )
         cable = end[:, None] + share * (place - end)[:, None] - sag
-        lines = (Line(label, np.where(seen.times[:, None, None] < float(grasp.release), cable, np.nan)),)
+        lines = (
+            Line(
+                label,
+                np.where(
+                    seen.times[:, None, None] < float(grasp.release), cable, np.nan
+                ),
+            ),
+        )
     return Scene(
         solids=(Solid(mark, place, np.broadcast_to(np.eye(3), rotation.shape)),),
         lines=lines,
@@ -142,7 +226,9 @@ def _grasp_scene(grasp: Grasp, i: int, rotation: Array, position: Array, seen: I
 
 
 def _point_shapes(points: Iterable[ContactPoint], vehicle: Vehicle) -> Iterator[Shape]:
-    """Drawn shapes of the contact points: balls, each on a rod from the origin of its body."""
+    """Drawn shapes of the contact points: balls, each on a rod from the origin of its
+    body.
+    """
     least = POINT * longest_boom(vehicle)
     for point in points:
         radius = float(point.radius)
@@ -150,10 +236,14 @@ def _point_shapes(points: Iterable[ContactPoint], vehicle: Vehicle) -> Iterator[
             continue
         at, body = point.place(vehicle)
         place = floats(at)
-        yield Shape(f"point/{point.name}", "point", "sphere", body, (radius or least,), place)
+        yield Shape(
+            f"point/{point.name}", "point", "sphere", body, (radius or least,), place
+        )
         if math.hypot(*place) > 2.0 * least:
             ends = (0.0, 0.0, 0.0), place
-            yield shape_between(f"stalk/{point.name}", "boom", "capsule", body, 0.4 * least, *ends)
+            yield shape_between(
+                f"stalk/{point.name}", "boom", "capsule", body, 0.4 * least, *ends
+            )
 
 
 def _touch_arrows(
@@ -162,7 +252,9 @@ def _touch_arrows(
     carried: Iterable[tuple[Surface, Array, Array]],
     seen: Instants,
 ) -> Iterator[Arrow]:
-    """Arrows of the normal forces of each surface on each contact point of the vehicle."""
+    """Arrows of the normal forces of each surface on each contact point of the
+    vehicle.
+    """
     still = np.eye(3)[None], np.zeros((1, 3))
     every = [*((each, *still) for each in surfaces), *carried]
     pairs = [(*surface, point) for surface in every for point in points]
@@ -177,7 +269,15 @@ def _touch_arrows(
         if not np.any(force > 0.0):
             yield Arrow(name, middle, np.zeros_like(middle))
             continue
-        local = np.einsum("nij,ni->nj", np.broadcast_to(turn, (len(middle), 3, 3)), middle - origin)
-        normal = vectors(surface.depth(Vec3(*local.T), point.radius, seen.times)[1], len(middle))
-        normal = np.einsum("nij,nj->ni", np.broadcast_to(turn, (len(middle), 3, 3)), normal)
-        yield Arrow(name, middle - float(point.radius) * normal, force[:, None] * normal)
+        local = np.einsum(
+            "nij,ni->nj", np.broadcast_to(turn, (len(middle), 3, 3)), middle - origin
+        )
+        normal = vectors(
+            surface.depth(Vec3(*local.T), point.radius, seen.times)[1], len(middle)
+        )
+        normal = np.einsum(
+            "nij,nj->ni", np.broadcast_to(turn, (len(middle), 3, 3)), normal
+        )
+        yield Arrow(
+            name, middle - float(point.radius) * normal, force[:, None] * normal
+        )

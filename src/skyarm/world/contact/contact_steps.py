@@ -1,4 +1,6 @@
-"""Longest stable integration steps of a contact model, and the times at which it needs shorter ones."""
+"""Longest stable integration steps of a contact model, and the times at which it needs
+shorter ones.
+"""
 
 from __future__ import annotations
 
@@ -21,22 +23,27 @@ from skyarm.world.contact.meetings import TouchingBodies, misses
 from skyarm.world.contact.surface import Surface
 
 HIT = 1.2
-"""Impact speed (m/s) above which steps are finest; slower impacts use proportionally longer steps."""
+"""Impact speed (m/s) above which steps are finest; slower impacts use proportionally
+longer steps."""
 
 REGROWTH = 0.1
 """Time constant (s) in which steps grow again after an impact."""
 
 CALM_FOR = 2.0
-"""Number of control periods in which nothing may be reached where steps are those of grasps alone."""
+"""Number of control periods in which nothing may be reached where steps are those of
+grasps alone."""
 
 VERLET_SHARE = 0.75
-"""Step of the Stoermer-Verlet method as a fraction of that of semi-implicit Euler. An elastic bounce then changes
-the energy by 0.006 % at any phase of the steps, and by 0.014 % at a fraction of 1 (measured). Sticking is stable
-up to 13 N on a tip of 20 g at a friction of 0.6, against 7 N at a fraction of 1."""
+"""Step of the Stoermer-Verlet method as a fraction of that of semi-implicit Euler. An
+elastic bounce then changes the energy by 0.006 % at any phase of the steps, and by
+0.014 % at a fraction of 1 (measured). Sticking is stable up to 13 N on a tip of 20 g at
+a friction of 0.6, against 7 N at a fraction of 1."""
 
 
 class ContactSteps(TouchingBodies):
-    """Base class of the contact model: how long its integration steps may be, and when it needs the shorter ones."""
+    """Base class of the contact model: how long its integration steps may be, and when
+    it needs the shorter ones.
+    """
 
     __slots__ = ()
 
@@ -46,16 +53,27 @@ class ContactSteps(TouchingBodies):
 
     @property
     def gripping(self) -> Holds:
-        """Grippers and grasps of the vehicles combined with the movable bodies that they can hold."""
+        """Grippers and grasps of the vehicles combined with the movable bodies that
+        they can hold.
+        """
         return Holds(self.grippers, self.grasps, self.carriers)
 
     @property
     def steps(self) -> tuple[tuple[str, Scalar], ...]:
-        """Longest stable integration step (s) of each contact, grasp and mechanism, each with a describing text."""
+        """Longest stable integration step (s) of each contact, grasp and mechanism,
+        each with a describing text.
+        """
         carriers = self.carriers
         touched = self.surfaces if self.points or not carriers else ()
-        own = [(f"the material of surface {each.name!r}", each.material.largest_step) for each in touched]
-        inner = [(f"mechanism {c.name!r}", c.largest_step) for c in carriers if c.largest_step is not None]
+        own = [
+            (f"the material of surface {each.name!r}", each.material.largest_step)
+            for each in touched
+        ]
+        inner = [
+            (f"mechanism {c.name!r}", c.largest_step)
+            for c in carriers
+            if c.largest_step is not None
+        ]
         return (
             *own,
             *steps_of_carriers(carriers, self.surfaces, points=bool(self.points)),
@@ -65,89 +83,152 @@ class ContactSteps(TouchingBodies):
 
     @property
     def largest_step(self) -> Scalar | None:  # type: ignore[override]
-        """Longest stable integration step (s) of the whole contact model; None without contact."""
+        """Longest stable integration step (s) of the whole contact model; None without
+        contact.
+        """
         return least_of(step for _, step in self.steps)
 
     @property
     def largest_euler_step(self) -> Scalar | None:
-        """Longest stable semi-implicit Euler step (s) of the whole contact model; None without contact."""
-        return least_of((*(step for _, step in self.steps), *self._held_steps(euler=True)))
+        """Longest stable semi-implicit Euler step (s) of the whole contact model; None
+        without contact.
+        """
+        return least_of(
+            (*(step for _, step in self.steps), *self._held_steps(euler=True))
+        )
 
     @property
     def largest_verlet_step(self) -> Scalar | None:
-        """Longest stable Stoermer-Verlet step (s) of the whole contact model; None without contact."""
+        """Longest stable Stoermer-Verlet step (s) of the whole contact model; None
+        without contact.
+        """
         return _verlet(self.largest_euler_step)
 
     @property
     def largest_calm_step(self) -> Scalar | None:  # type: ignore[override]
-        """Longest stable integration step (s) while no body is near another, of a model with grasps; else None."""
+        """Longest stable integration step (s) while no body is near another, of a model
+        with grasps; else None.
+        """
         return least_of(self._held_steps(euler=False)) if self.grasps else None
 
     @property
     def largest_calm_verlet_step(self) -> Scalar | None:  # type: ignore[override]
-        """Longest stable Stoermer-Verlet step (s) while no body is near another, of a model with grasps; else None."""
+        """Longest stable Stoermer-Verlet step (s) while no body is near another, of a
+        model with grasps; else None.
+        """
         return _verlet(least_of(self._held_steps(euler=True))) if self.grasps else None
 
     def _held_steps(self, *, euler: bool) -> list[Scalar]:
-        """Longest stable integration steps (s) of what acts without touch: grippers, grasps, springs of mechanisms."""
-        inner = (each.largest_euler_step if euler else each.largest_step for each in self.carriers)
+        """Longest stable integration steps (s) of what acts without touch: grippers,
+        grasps, springs of mechanisms.
+        """
+        inner = (
+            each.largest_euler_step if euler else each.largest_step
+            for each in self.carriers
+        )
         held = (step for _, step in self.gripping.steps(euler=euler))
         return [*held, *(step for step in inner if step is not None)]
 
     def require_steps(self, least: float) -> None:
-        """Refuse a contact model that needs integration steps shorter than ``least`` (s)."""
+        """Refuse a contact model that needs integration steps shorter than ``least``
+        (s).
+        """
         if not concrete(*leaves(self)):
             return  # of a batch: its lanes are looked at one by one
-        allowed = f"must leave them {least:g} s or more, a thousandth of the control period"
+        allowed = (
+            f"must leave them {least:g} s or more, a thousandth of the control period"
+        )
         try:
             steps = [(what, float(step)) for what, step in self.steps]
         except ArithmeticError:  # of numbers beyond measure
-            raise RecordError(f"world: has no integration steps in contact: {allowed}") from None
+            raise RecordError(
+                f"world: has no integration steps in contact: {allowed}"
+            ) from None
         for what, step in steps:
             if not step >= least:
-                raise RecordError(f"world: {what} asks for integration steps of {step:.2g} s in contact: {allowed}")
+                raise RecordError(
+                    f"world: {what} asks for integration steps of {step:.2g} s in"
+                    f" contact: {allowed}"
+                )
 
-    def far(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> Scalar:
-        """True if nothing can touch a surface within ``seconds`` and no gripper holds anything.
+    def far(
+        self, memory: ContactMemory, motion: PointMotion, seconds: Scalar
+    ) -> Scalar:
+        """True if nothing can touch a surface within ``seconds`` and no gripper holds
+        anything.
 
-        Its whole speed counts, and not only what brings it nearer to the nearest place: force may still act where it
-        leaves, and in a hole another wall may be in its way. What a gripper holds is near.
+        Its whole speed counts, and not only what brings it nearer to the nearest place:
+        force may still act where it leaves, and in a hole another wall may be in its
+        way. What a gripper holds is near.
         """
         if self.grasps:
             return False
-        return self._apart([grip.taken < 0.5 for grip in memory.grips], memory, motion, seconds)
+        return self._apart(
+            [grip.taken < 0.5 for grip in memory.grips], memory, motion, seconds
+        )
 
-    def calm(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> Scalar:
-        """True if nothing can touch a surface within ``CALM_FOR`` times ``seconds``, and no impact was just before.
+    def calm(
+        self, memory: ContactMemory, motion: PointMotion, seconds: Scalar
+    ) -> Scalar:
+        """True if nothing can touch a surface within ``CALM_FOR`` times ``seconds``,
+        and no impact was just before.
 
-        The force of a grasp can be larger than what ``far`` reckons with, hence the longer time.
+        The force of a grasp can be larger than what ``far`` reckons with, hence the
+        longer time.
         """
-        return self._apart([steps <= 1.0 for steps in memory.finer], memory, motion, CALM_FOR * seconds)
+        return self._apart(
+            [steps <= 1.0 for steps in memory.finer], memory, motion, CALM_FOR * seconds
+        )
 
-    def _apart(self, also: list[Scalar], memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> Scalar:
-        """True if nothing can touch a surface within ``seconds`` and all other conditions hold, too."""
-        apart = [*also, *(misses(each.touch, seconds) for each in self.meetings(memory, motion))]
+    def _apart(
+        self,
+        also: list[Scalar],
+        memory: ContactMemory,
+        motion: PointMotion,
+        seconds: Scalar,
+    ) -> Scalar:
+        """True if nothing can touch a surface within ``seconds`` and all other
+        conditions hold, too.
+        """
+        apart = [
+            *also,
+            *(misses(each.touch, seconds) for each in self.meetings(memory, motion)),
+        ]
         return reduce(logical_and, apart) if apart else True
 
     @property
     def most_hit_steps(self) -> int:  # type: ignore[override]
-        """Largest number of substeps into which an integration step is divided during an impact."""
+        """Largest number of substeps into which an integration step is divided during
+        an impact.
+        """
         return self.hit_steps
 
-    def hurry(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> tuple[ContactMemory, Scalar]:
-        """Internal state of the contact model, and number of substeps: 1 in slow contact, ``hit_steps`` in hard impact.
+    def hurry(
+        self, memory: ContactMemory, motion: PointMotion, seconds: Scalar
+    ) -> tuple[ContactMemory, Scalar]:
+        """Internal state of the contact model, and number of substeps: 1 in slow
+        contact, ``hit_steps`` in hard impact.
 
-        They stay nearly as fine through a hit, or the change of the step itself would be felt as energy.
+        They stay nearly as fine through a hit, or the change of the step itself would
+        be felt as energy.
         """
         fastest: Scalar = 0.0
         for each in self.meetings(memory, motion):
             slip = each.touch.slip
-            fastest = maximum(fastest, where(misses(each.touch, seconds), 0.0, slip.dot(slip)))
+            fastest = maximum(
+                fastest, where(misses(each.touch, seconds), 0.0, slip.dot(slip))
+            )
         asked = sqrt(fastest) * (self.hit_steps / HIT)
-        finer = clip(maximum(asked, memory.finer[0] * exp(-seconds / REGROWTH)), 1.0, float(self.hit_steps))
+        finer = clip(
+            maximum(asked, memory.finer[0] * exp(-seconds / REGROWTH)),
+            1.0,
+            float(self.hit_steps),
+        )
         return replace(memory, finer=(finer,)), finer
 
-    def alone(self, memory: ContactMemory, seconds: Scalar, rounds: int, gravity: Scalar) -> ContactMemory:
+    def alone(
+        self, memory: ContactMemory, seconds: Scalar, rounds: int, gravity: Scalar
+    ) -> ContactMemory:
         """Internal state of the contact model after ``seconds`` without any contact."""
         left = exp(-RECOVERY * seconds)
         bodies = zip(self.carriers, memory.carried, strict=True)
@@ -155,7 +236,10 @@ class ContactSteps(TouchingBodies):
             memory,
             clock=tuple(t + seconds for t in memory.clock),
             bristles=tuple(bristle * left for bristle in memory.bristles),
-            carried=tuple(untouched_after(each, body, seconds / rounds, rounds, gravity) for each, body in bodies),
+            carried=tuple(
+                untouched_after(each, body, seconds / rounds, rounds, gravity)
+                for each, body in bodies
+            ),
         )
 
 
@@ -167,7 +251,8 @@ def _verlet(step: Scalar | None) -> Scalar | None:
 def steps_of_carriers(
     carriers: Sequence[AnyCarrier], surfaces: Sequence[Surface], *, points: bool
 ) -> Iterator[tuple[str, Scalar]]:
-    """Longest stable integration step (s) of each kind of contact pair with a movable body.
+    """Longest stable integration step (s) of each kind of contact pair with a movable
+    body.
 
     Args:
         carriers: movable bodies.
@@ -176,13 +261,20 @@ def steps_of_carriers(
     """
     masses = [1.0 / each.mobility for each in carriers]
     for i, carrier in enumerate(carriers):
-        others = [(masses[j], each.step_share) for j, each in enumerate(carriers) if j != i and each.spot_count]
+        others = [
+            (masses[j], each.step_share)
+            for j, each in enumerate(carriers)
+            if j != i and each.spot_count
+        ]
         what, share = f"the mass of {carrier.name!r}", carrier.step_share
         for surface in carrier.surfaces:
             if points:
                 yield what, share * surface.material.step_of(both(masses[i], LIGHTEST))
             for mass, other in others:
-                yield what, min(share, other) * surface.material.step_of(both(masses[i], mass))
+                yield (
+                    what,
+                    min(share, other) * surface.material.step_of(both(masses[i], mass)),
+                )
         if carrier.spot_count:
             for surface in surfaces:
                 yield what, share * surface.material.step_of(masses[i])

@@ -1,7 +1,8 @@
 """Free objects: rigid bodies that rest on surfaces, slide, roll, tip over and fall.
 
-An object's motion is that of Newton and Euler about its centre of mass. Its skin is a surface for the vehicle's points
-and for other objects; with its own corners, rims or as a ball it touches the surfaces of the world.
+An object's motion is that of Newton and Euler about its centre of mass. Its skin is a
+surface for the vehicle's points and for other objects; with its own corners, rims or as
+a ball it touches the surfaces of the world.
 """
 
 from __future__ import annotations
@@ -13,7 +14,16 @@ from itertools import product
 from typing import Annotated
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Quaternion, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import absolute, add, data, divide, maximum, minimum, mul, sqrt
+from skyarm.algebra.scalars import (
+    absolute,
+    add,
+    data,
+    divide,
+    maximum,
+    minimum,
+    mul,
+    sqrt,
+)
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields
@@ -30,12 +40,14 @@ SOLIDS = tuple(shape for shape in SHAPES if shape not in ("plane", "hole"))
 """Shapes of free objects: bounded and without a hollow."""
 
 RIM = ((1.0, 0.0), (-0.5, 0.75**0.5), (-0.5, -(0.75**0.5)))
-"""Cosines and sines of three contact positions on a cylinder's rim, starting at its deepest one."""
+"""Cosines and sines of three contact positions on a cylinder's rim, starting at its
+deepest one."""
 
 STEP_SHARE = 0.7
-"""Step as a fraction of the material's longest one. A rotating body leaves a surface at another speed than it came,
-and the work at its skin grows with (speed * step)^2. Thrown boxes, cylinders and balls of 3 g to 3 kg gain less
-than 0.1 % of energy (measured; 0.15 % at a fraction of 1)."""
+"""Step as a fraction of the material's longest one. A rotating body leaves a surface at
+another speed than it came, and the work at its skin grows with (speed * step)^2. Thrown
+boxes, cylinders and balls of 3 g to 3 kg gain less than 0.1 % of energy (measured; 0.15
+% at a fraction of 1)."""
 
 REST = Vec3(0.0, 0.0, 0.0)
 """Default of initial vectors: zeros that may vary, not structure."""
@@ -49,8 +61,8 @@ LOGGED = (
 """Logged arrays of an object: name, axes, unit, meaning."""
 
 _LEVEL = 1e-12
-"""Fraction of a fixed direction added to that of the rim's deepest position, which is undefined for an upright
-cylinder."""
+"""Fraction of a fixed direction added to that of the rim's deepest position, which is
+undefined for an upright cylinder."""
 
 
 @immutable
@@ -59,7 +71,8 @@ class ObjectMotion:
 
     Attributes:
         position: centre of mass, m, world axes. attitude: its axes to world axes.
-        velocity: velocity of the centre of mass, m/s, world axes. rate: angular velocity, rad/s, its own axes.
+        velocity: velocity of the centre of mass, m/s, world axes. rate: angular
+            velocity, rad/s, its own axes.
     """
 
     position: Vec3
@@ -70,30 +83,62 @@ class ObjectMotion:
 
 @immutable
 class FreeObject(Carrier[ObjectMotion]):
-    """Free object: a rigid box, cylinder or ball that lies on surfaces and can be pushed or grasped.
+    """Free object: a rigid box, cylinder or ball that lies on surfaces and can be
+    pushed or grasped.
 
     Attributes:
-        name: name in messages, logs and paths. shape: one of ``SOLIDS``. size: lengths as of a surface.
+        name: name in messages, logs and paths. shape: one of ``SOLIDS``. size: lengths
+            as of a surface.
         inertia: moments of inertia; left out for those of a body of uniform density.
-        standing: whether it is set down on what is below it, at rest, when a file is read.
+        standing: whether it is set down on what is below it, at rest, when a file is
+            read.
         mesh: path of a mesh, as of a surface.
     """
 
-    name: Annotated[str, Unit("", "name of the object, for messages, logs and paths", rule=coerce.name)]
+    name: Annotated[
+        str,
+        Unit("", "name of the object, for messages, logs and paths", rule=coerce.name),
+    ]
     mass: Annotated[Scalar, positive("kg", "mass of the object")]
-    shape: Annotated[str, Unit("", "shape of the object", rule=coerce.word_of(SOLIDS))] = "box"
+    shape: Annotated[
+        str, Unit("", "shape of the object", rule=coerce.word_of(SOLIDS))
+    ] = "box"
     size: Annotated[Scalars, positive("m", "lengths of the shape, as of a surface")]
     inertia: Annotated[
         Vec3,
-        nonnegative("kg m^2", "principal moments of inertia about the centre of mass, object axes; 0: uniform density"),
+        nonnegative(
+            "kg m^2",
+            "principal moments of inertia about the centre of mass, object axes; 0:"
+            " uniform density",
+        ),
     ] = ZERO3
-    com: Annotated[Vec3, Unit("m", "centre of mass from the middle of the shape, object axes", folds=True)] = ZERO3
-    position: Annotated[Vec3, Unit("m", "initial position of the middle of the shape, world axes", begins=True)] = REST
-    angles: Annotated[
-        Vec3, Unit("rad", "initial roll, pitch, yaw: about x, then y, then z of the world", begins=True)
+    com: Annotated[
+        Vec3,
+        Unit(
+            "m", "centre of mass from the middle of the shape, object axes", folds=True
+        ),
+    ] = ZERO3
+    position: Annotated[
+        Vec3,
+        Unit(
+            "m", "initial position of the middle of the shape, world axes", begins=True
+        ),
     ] = REST
-    velocity: Annotated[Vec3, Unit("m/s", "initial velocity of the centre of mass, world axes", begins=True)] = REST
-    angular_velocity: Annotated[Vec3, Unit("rad/s", "initial angular velocity, world axes", begins=True)] = REST
+    angles: Annotated[
+        Vec3,
+        Unit(
+            "rad",
+            "initial roll, pitch, yaw: about x, then y, then z of the world",
+            begins=True,
+        ),
+    ] = REST
+    velocity: Annotated[
+        Vec3,
+        Unit("m/s", "initial velocity of the centre of mass, world axes", begins=True),
+    ] = REST
+    angular_velocity: Annotated[
+        Vec3, Unit("rad/s", "initial angular velocity, world axes", begins=True)
+    ] = REST
     standing: bool = False
     material: Material = field(default_factory=Material)
     mesh: str = field_if_any(default="")
@@ -103,8 +148,13 @@ class FreeObject(Carrier[ObjectMotion]):
         coerce.fold_zeros(self, "com")
         require_size("object.size", self.shape, self.size)
         self._require_moments()
-        if self.standing and any(concrete(c) and c != 0.0 for c in (*self.velocity, *self.angular_velocity)):
-            raise RecordError("object.standing = true: must be false of an object that moves at the start")
+        if self.standing and any(
+            concrete(c) and c != 0.0 for c in (*self.velocity, *self.angular_velocity)
+        ):
+            raise RecordError(
+                "object.standing = true: must be false of an object that moves at the"
+                " start"
+            )
 
     def _require_moments(self) -> None:
         """Refuse moments of inertia that are physically impossible."""
@@ -115,40 +165,66 @@ class FreeObject(Carrier[ObjectMotion]):
         if all(each == 0.0 for each in moments):
             object.__setattr__(self, "inertia", ZERO3)
         elif min(moments) == 0.0:
-            raise RecordError(f"object.inertia = {said}: must be above 0, or left out for a uniform density")
+            raise RecordError(
+                f"object.inertia = {said}: must be above 0, or left out for a uniform"
+                " density"
+            )
         elif 2.0 * largest > sum(moments) * (1.0 + 1e-9):
-            raise RecordError(f"object.inertia = {said}: no moment may be larger than the sum of the other two")
+            raise RecordError(
+                f"object.inertia = {said}: no moment may be larger than the sum of the"
+                " other two"
+            )
 
     @property
     def moments(self) -> Vec3:
         """Moments of inertia about the centre of mass and the object's axes, kg m^2."""
         given = all(map(absent, self.inertia))
-        return uniform_moments(self.shape, self.size, self.mass) if given else self.inertia
+        return (
+            uniform_moments(self.shape, self.size, self.mass) if given else self.inertia
+        )
 
     @property
     def surfaces(self) -> tuple[Surface, ...]:
         """Contact surface of the free object."""
-        return (Surface(name=self.name, shape=self.shape, size=self.size, material=self.material, mesh=self.mesh),)
+        return (
+            Surface(
+                name=self.name,
+                shape=self.shape,
+                size=self.size,
+                material=self.material,
+                mesh=self.mesh,
+            ),
+        )
 
     def require_near(self, place: Vec3) -> None:
-        """Refuse a place (m, its axes) farther from the surface of the body than the body is large."""
+        """Refuse a place (m, its axes) farther from the surface of the body than the
+        body is large.
+        """
         far, most = sqrt(place.dot(place)), 3.0 * self.surfaces[0].farthest
         if concrete(far, most) and far > most:
-            words = f"lies {far:.3g} m from the middle of {shown(self.name)}, must be within {most:.3g} m"
+            words = (
+                f"lies {far:.3g} m from the middle of {shown(self.name)}, must be"
+                f" within {most:.3g} m"
+            )
             raise RecordError(f"place = {shown([float(c) for c in place])}: {words}")
 
     @property
     def mobility(self) -> Scalar:
         """Largest inverse effective mass over all contacts of the object, 1/kg."""
-        return largest_mobility(self.shape, self.size, self.com, self.mass, self.moments)
+        return largest_mobility(
+            self.shape, self.size, self.com, self.mass, self.moments
+        )
 
     def mobility_at(self, reach: Scalar) -> Scalar:
-        """Largest inverse effective mass (1/kg) of the free object in a grasp that also fixes the attitude."""
+        """Largest inverse effective mass (1/kg) of the free object in a grasp that also
+        fixes the attitude.
+        """
         lever = self.surfaces[0].farthest + sqrt(self.com.dot(self.com) + 1e-24) + reach
         return (2.0 + lever * lever / self.gyration) / self.mass
 
     def mobility_of(self, place: Vec3) -> Scalar:
-        """Largest inverse effective mass (1/kg) at a place: row sums bound the eigenvalues of 1 / m + S(r)^T J^-1 S(r).
+        """Largest inverse effective mass (1/kg) at a place: row sums bound the
+        eigenvalues of 1 / m + S(r)^T J^-1 S(r).
 
         Source: Gershgorin 1931.
         """
@@ -158,14 +234,20 @@ class FreeObject(Carrier[ObjectMotion]):
             divide(r.z * r.z, J.x) + divide(r.x * r.x, J.z),
             divide(r.y * r.y, J.x) + divide(r.x * r.x, J.y),
         )
-        beside = (divide(r.x * r.y, J.z), divide(r.x * r.z, J.y), divide(r.y * r.z, J.x))
+        beside = (
+            divide(r.x * r.y, J.z),
+            divide(r.x * r.z, J.y),
+            divide(r.y * r.z, J.x),
+        )
         xy, xz, yz = map(absolute, beside)
         rows = (diagonal[0] + xy + xz, diagonal[1] + xy + yz, diagonal[2] + xz + yz)
         return 1.0 / self.mass + maximum(maximum(rows[0], rows[1]), rows[2])
 
     @property
     def step_share(self) -> float:
-        """Empirical factor by which contact with this free object shortens the longest stable integration step."""
+        """Empirical factor by which contact with this free object shortens the longest
+        stable integration step.
+        """
         return STEP_SHARE
 
     @property
@@ -175,7 +257,9 @@ class FreeObject(Carrier[ObjectMotion]):
 
     @property
     def half_width(self) -> float:
-        """Half the largest dimension (m) of the free object: largest offset of a grasp from the object's centre."""
+        """Half the largest dimension (m) of the free object: largest offset of a grasp
+        from the object's centre.
+        """
         if self.shape == "cylinder":
             return max(float(self.size[0]), 0.5 * float(self.size[1]))
         return max(map(float, self.size)) * (0.5 if self.shape == "box" else 1.0)
@@ -205,41 +289,69 @@ class FreeObject(Carrier[ObjectMotion]):
         return replace(memory, attitude=memory.attitude.normalized())
 
     def frame(self, memory: ObjectMotion) -> CarriedFrame:
-        """Pose and velocity of the object's axes, whose origin is the centre of its shape."""
+        """Pose and velocity of the object's axes, whose origin is the centre of its
+        shape.
+        """
         R = memory.attitude.rotation()
         arm, turning = R.apply(self.com), R.apply(memory.rate)
         return CarriedFrame(
-            position=memory.position - arm, rotation=R, velocity=memory.velocity - turning.cross(arm), turning=turning
+            position=memory.position - arm,
+            rotation=R,
+            velocity=memory.velocity - turning.cross(arm),
+            turning=turning,
         )
 
-    def slope(self, memory: ObjectMotion, force_W: Vec3, torque_W: Vec3, gravity: Scalar) -> ObjectMotion:
+    def slope(
+        self, memory: ObjectMotion, force_W: Vec3, torque_W: Vec3, gravity: Scalar
+    ) -> ObjectMotion:
         """Time derivative of the state by Newton's and Euler's equations."""
         R, w, moments = memory.attitude.rotation(), memory.rate, self.moments
-        torque = R.apply_T(torque_W - R.apply(self.com).cross(force_W)) - w.cross(w.hadamard(moments))
+        torque = R.apply_T(torque_W - R.apply(self.com).cross(force_W)) - w.cross(
+            w.hadamard(moments)
+        )
         return ObjectMotion(
             position=memory.velocity,
             attitude=memory.attitude.derivative(w),
             velocity=as_data(force_W * (1.0 / self.mass) - E_Z * gravity),
-            rate=as_data(Vec3(*(divide(t, i) for t, i in zip(torque, moments, strict=True)))),
+            rate=as_data(
+                Vec3(*(divide(t, i) for t, i in zip(torque, moments, strict=True)))
+            ),
         )
 
-    def kick(self, memory: ObjectMotion, slope: ObjectMotion, dt: Scalar) -> ObjectMotion:
-        """State of the free object after an acceleration for ``dt`` (s): only velocities change."""
-        velocity, rate = memory.velocity + slope.velocity * dt, memory.rate + slope.rate * dt
+    def kick(
+        self, memory: ObjectMotion, slope: ObjectMotion, dt: Scalar
+    ) -> ObjectMotion:
+        """State of the free object after an acceleration for ``dt`` (s): only
+        velocities change.
+        """
+        velocity, rate = (
+            memory.velocity + slope.velocity * dt,
+            memory.rate + slope.rate * dt,
+        )
         return replace(memory, velocity=velocity, rate=rate)
 
     def drift(self, memory: ObjectMotion, dt: Scalar) -> ObjectMotion:
-        """State of the free object after ``dt`` (s) with constant velocities: only position and attitude change."""
+        """State of the free object after ``dt`` (s) with constant velocities: only
+        position and attitude change.
+        """
         attitude = memory.attitude * Quaternion.of_small_rotation(memory.rate, dt)
-        return replace(memory, position=memory.position + memory.velocity * dt, attitude=attitude)
+        return replace(
+            memory, position=memory.position + memory.velocity * dt, attitude=attitude
+        )
 
     @property
     def spot_count(self) -> int:
-        """Number of the object's contact points: corners of a box, rim points of a cylinder, one for a ball."""
+        """Number of the object's contact points: corners of a box, rim points of a
+        cylinder, one for a ball.
+        """
         return {"box": 8, "cylinder": 2 * len(RIM), "sphere": 1}[self.shape]
 
-    def spots(self, frame: CarriedFrame, toward: Callable[[Vec3], Vec3]) -> tuple[Spot, ...]:
-        """Contact points of the free object with world surfaces: centre (m, world axes) and radius (m)."""
+    def spots(
+        self, frame: CarriedFrame, toward: Callable[[Vec3], Vec3]
+    ) -> tuple[Spot, ...]:
+        """Contact points of the free object with world surfaces: centre (m, world axes)
+        and radius (m).
+        """
         if self.shape == "sphere":
             return ((frame.position, self.size[0]),)
         if self.shape == "box":
@@ -254,26 +366,37 @@ class FreeObject(Carrier[ObjectMotion]):
         down = way * divide(self.size[0], sqrt(way.dot(way) + _LEVEL**3))
         across, half = axis.cross(down), axis * (0.5 * self.size[1])
         return tuple(
-            (frame.position + half * end + down * cosine + across * sine, 0) for end in (-1, 1) for cosine, sine in RIM
+            (frame.position + half * end + down * cosine + across * sine, 0)
+            for end in (-1, 1)
+            for cosine, sine in RIM
         )
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
         """Log columns of the free object's pose and velocities."""
         return tuple(
-            Column(f"object_{array}", f"{self.name}/{axis}", unit, f"{meaning} of an object")
+            Column(
+                f"object_{array}",
+                f"{self.name}/{axis}",
+                unit,
+                f"{meaning} of an object",
+            )
             for array, axes, unit, meaning in LOGGED
             for axis in axes
         )
 
     def logged(self, memory: ObjectMotion) -> Scalars:
-        """Position, attitude, velocity and angular velocity of the free object, for the log."""
+        """Position, attitude, velocity and angular velocity of the free object, for the
+        log.
+        """
         frame = self.frame(memory)
         return (*frame.position, *memory.attitude, *frame.velocity, *memory.rate)
 
 
 def uniform_moments(shape: str, size: Sequence[Scalar], mass: Scalar) -> Vec3:
-    """Principal moments of inertia of a uniform box, cylinder or sphere about its centre, kg m^2."""
+    """Principal moments of inertia of a uniform box, cylinder or sphere about its
+    centre, kg m^2.
+    """
     if shape == "sphere":
         moment = 0.4 * mass * size[0] * size[0]
         return Vec3(moment, moment, moment)
@@ -285,8 +408,11 @@ def uniform_moments(shape: str, size: Sequence[Scalar], mass: Scalar) -> Vec3:
     return Vec3(mass * (y + z) / 12.0, mass * (x + z) / 12.0, mass * (x + y) / 12.0)
 
 
-def largest_mobility(shape: str, size: Sequence[Scalar], com: Vec3, mass: Scalar, moments: Vec3) -> Scalar:
-    """Largest inverse effective mass (1/kg) of a rigid body over all its possible contacts.
+def largest_mobility(
+    shape: str, size: Sequence[Scalar], com: Vec3, mass: Scalar, moments: Vec3
+) -> Scalar:
+    """Largest inverse effective mass (1/kg) of a rigid body over all its possible
+    contacts.
 
     Args:
         shape: box, cylinder or sphere.
@@ -310,16 +436,29 @@ def largest_mobility(shape: str, size: Sequence[Scalar], com: Vec3, mass: Scalar
     else:
         halves = tuple(0.5 * each for each in size)
         faces = [
-            _face(4, 4.0 * halves[a] * halves[a], 4.0 * halves[b] * halves[b], com[a], com[b], mass, moments[a],
-                  moments[b])
+            _face(
+                4,
+                4.0 * halves[a] * halves[a],
+                4.0 * halves[b] * halves[b],
+                com[a],
+                com[b],
+                mass,
+                moments[a],
+                moments[b],
+            )
             for a, b in ((0, 1), (1, 2), (2, 0))
         ]
-    ends = [1.0 / mass + _reach(half, Vec3(0, 0, com[i])) / least for i, half in enumerate(halves)]
+    ends = [
+        1.0 / mass + _reach(half, Vec3(0, 0, com[i])) / least
+        for i, half in enumerate(halves)
+    ]
     return reduce(maximum, [*faces, *ends])
 
 
 def _reach(distance: Scalar, com: Vec3) -> Scalar:
-    """Squared largest distance (m^2) between a body's surface and its centre of mass."""
+    """Squared largest distance (m^2) between a body's surface and its centre of
+    mass.
+    """
     away = distance
     for each in com:
         away = add(away, _size(each))
@@ -336,7 +475,8 @@ def _face(
     moment_a: Scalar,
     moment_b: Scalar,
 ) -> Scalar:
-    """Upper bound of the inverse effective mass (1/kg) of a box or cylinder face that rests on several contacts.
+    """Upper bound of the inverse effective mass (1/kg) of a box or cylinder face that
+    rests on several contacts.
 
     Args:
         count: number of contacts.
@@ -355,10 +495,16 @@ def _face(
     with_a = mul(_size(off_b), count / sqrt(mass * moment_a))
     with_b = mul(_size(off_a), count / sqrt(mass * moment_b))
     both = mul(mul(_size(off_a), _size(off_b)), count / sqrt(moment_a * moment_b))
-    rows = (add(add(sink, with_a), with_b), add(add(about_a, with_a), both), add(add(about_b, with_b), both))
+    rows = (
+        add(add(sink, with_a), with_b),
+        add(add(about_a, with_a), both),
+        add(add(about_b, with_b), both),
+    )
     return maximum(maximum(rows[0], rows[1]), rows[2])
 
 
 def _size(value: Scalar) -> Scalar:
-    """Absolute value of a number; an integer 0 stays an integer for constant folding."""
+    """Absolute value of a number; an integer 0 stays an integer for constant
+    folding.
+    """
     return 0 if absent(value) else absolute(value)

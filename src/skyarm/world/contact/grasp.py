@@ -1,13 +1,17 @@
-"""Grasps: joints that hold a body of the world at a frame of a vehicle from the start of a flight.
+"""Grasps: joints that hold a body of the world at a frame of a vehicle from the start
+of a flight.
 
-A grasp is a spring with damping of stated numbers, so that the force in it follows from the flight also where several
-vehicles hold one body and statics alone does not say who bears what:
+A grasp is a spring with damping of stated numbers, so that the force in it follows from
+the flight also where several vehicles hold one body and statics alone does not say who
+bears what:
 
 * ``ball`` holds a place: the body turns about it freely;
-* ``fixed`` holds the attitude, too, in which frame and body are to each other when the flight begins;
+* ``fixed`` holds the attitude, too, in which frame and body are to each other when the
+  flight begins;
 * ``cable`` pulls along a line of a length, and never pushes.
 
-A gripper (:mod:`skyarm.world.contact.gripper`) is a grasp that takes hold and gives way in flight.
+A gripper (:mod:`skyarm.world.contact.gripper`) is a grasp that takes hold and gives way
+in flight.
 """
 
 from __future__ import annotations
@@ -38,42 +42,66 @@ TINY = 1e-24
 
 @immutable
 class Grasp:
-    """Joint between a frame of a vehicle and a body of the world, from the start of the flight.
+    """Joint between a frame of a vehicle and a body of the world, from the start of the
+    flight.
 
     Attributes:
-        agent: name of the vehicle; empty for the only one. frame: frame of the vehicle; empty for its tip.
+        agent: name of the vehicle; empty for the only one. frame: frame of the vehicle;
+            empty for its tip.
         body: name of the object or of the mechanism's part. kind: one of ``KINDS``.
         name: name in logs; left out, of vehicle and body.
     """
 
-    body: Annotated[str, Unit("", "object or mechanism that the grasp holds", rule=coerce.name)]
+    body: Annotated[
+        str, Unit("", "object or mechanism that the grasp holds", rule=coerce.name)
+    ]
     agent: str = ""
     frame: str = ""
-    place: Annotated[Vec3, Unit("m", "place of the grasp, axes of the body from its middle")] = ZERO3
-    kind: Annotated[str, Unit("", "kind of the grasp", rule=coerce.word_of(KINDS))] = "ball"
+    place: Annotated[
+        Vec3, Unit("m", "place of the grasp, axes of the body from its middle")
+    ] = ZERO3
+    kind: Annotated[str, Unit("", "kind of the grasp", rule=coerce.word_of(KINDS))] = (
+        "ball"
+    )
     stiffness: Annotated[
         Scalar,
         positive(
             "N/m",
             "stiffness of the grasp",
-            effect="higher values hold the body more rigidly and need smaller integration steps",
+            effect=(
+                "higher values hold the body more rigidly and need smaller integration"
+                " steps"
+            ),
         ),
     ] = 5000.0
     damping: Annotated[
         Scalar,
-        nonnegative("N s/m", "damping of the grasp", effect="higher values let the body swing less in the grasp"),
+        nonnegative(
+            "N s/m",
+            "damping of the grasp",
+            effect="higher values let the body swing less in the grasp",
+        ),
     ] = 20.0
     radius: Annotated[
         Scalar,
         positive(
-            "m", "radius of the patch over which a fixed grasp holds: attitude stiffness is stiffness times its square"
+            "m",
+            "radius of the patch over which a fixed grasp holds: attitude stiffness is"
+            " stiffness times its square",
         ),
     ] = 0.02
     length: Annotated[Scalar, nonnegative("m", "length of a cable without load")] = 0
     close: Annotated[
-        Scalar, nonnegative("s", "time at which the grasp closes, where the frame then is; 0: closed at its place")
+        Scalar,
+        nonnegative(
+            "s",
+            "time at which the grasp closes, where the frame then is; 0: closed at its"
+            " place",
+        ),
     ] = field_if_any(default=0)
-    release: Annotated[Scalar, nonnegative("s", "time at which the grasp opens", infinite=True)] = math.inf
+    release: Annotated[
+        Scalar, nonnegative("s", "time at which the grasp opens", infinite=True)
+    ] = math.inf
     name: str = field_if_any(default="")
 
     def __post_init__(self) -> None:
@@ -81,10 +109,18 @@ class Grasp:
         coerce.fold_zeros(self, "length", "close")
         if self.kind != "cable" and not coerce.absent(self.length):
             raise RecordError(
-                f"grasp.length = {self.length!r}: must be left out of a {self.kind} grasp; cables have one"
+                f"grasp.length = {self.length!r}: must be left out of a {self.kind}"
+                " grasp; cables have one"
             )
-        if self.closes and coerce.concrete(self.close, self.release) and not self.release > self.close:
-            raise RecordError(f"grasp.release = {self.release:g}: must be after close, {self.close:g} s")
+        if (
+            self.closes
+            and coerce.concrete(self.close, self.release)
+            and not self.release > self.close
+        ):
+            raise RecordError(
+                f"grasp.release = {self.release:g}: must be after close,"
+                f" {self.close:g} s"
+            )
         if any(letter in self.name for letter in "/,"):
             coerce.refuse("grasp.name", self.name, "must be without / and ,")
 
@@ -101,11 +137,17 @@ class Grasp:
     @property
     def columns(self) -> tuple[Column, ...]:
         """Log columns of the grasp: force, and pull on the body."""
-        pull = (Column("grasp_pull", f"{self.label}/{axis}", "N", "of a grasp on the body") for axis in "xyz")
+        pull = (
+            Column("grasp_pull", f"{self.label}/{axis}", "N", "of a grasp on the body")
+            for axis in "xyz"
+        )
         return (Column("grasp_force", self.label, "N", "of a grasp"), *pull)
 
-    def step_of(self, carrier: AnyCarrier, together: Sequence[Grasp], *, euler: bool = False) -> Scalar:
-        """Longest stable integration step (s) between the lightest tip and a body, which several grasps hold.
+    def step_of(
+        self, carrier: AnyCarrier, together: Sequence[Grasp], *, euler: bool = False
+    ) -> Scalar:
+        """Longest stable integration step (s) between the lightest tip and a body,
+        which several grasps hold.
 
         Args:
             carrier: the body.
@@ -118,13 +160,21 @@ class Grasp:
             mobility = carrier.mobility_of(each.place)
             # over the patch, on the body's smallest moment of inertia
             if each.kind == "fixed":
-                inertia = maximum(divide(carrier.gyration, carrier.mobility_of(ZERO3)), TINY)
+                inertia = maximum(
+                    divide(carrier.gyration, carrier.mobility_of(ZERO3)), TINY
+                )
                 mobility = mobility + divide(each.radius * each.radius, inertia)
-            square, decay = square + each.stiffness * mobility, decay + each.damping * mobility
-        return minimum(NORMAL_STEP / sqrt(square), longest_step(square, decay, euler=euler))
+            square, decay = (
+                square + each.stiffness * mobility,
+                decay + each.damping * mobility,
+            )
+        return minimum(
+            NORMAL_STEP / sqrt(square), longest_step(square, decay, euler=euler)
+        )
 
     def require_heavy(self, vehicle: Vehicle) -> None:
-        """Refuse a frame that is lighter than the steps of the integration are chosen for.
+        """Refuse a frame that is lighter than the steps of the integration are chosen
+        for.
 
         Raises:
             RecordError: field, value and what is allowed.
@@ -136,7 +186,10 @@ class Grasp:
                 carried |= {i} if each.parent in carried else set()
             mass = sum((vehicle.moving[i].body.mass for i in carried), 0.0)
         if concrete(mass) and mass < LIGHTEST:
-            words = f"its link of {vehicle.name} weighs {1e3 * mass:.3g} g, must be {1e3 * LIGHTEST:g} g or more"
+            words = (
+                f"its link of {vehicle.name} weighs {1e3 * mass:.3g} g, must be"
+                f" {1e3 * LIGHTEST:g} g or more"
+            )
             raise RecordError(f"frame = {self.frame!r}: {words}")
 
     def frame_of(self, motion: PointMotion) -> CarriedFrame:
@@ -144,7 +197,9 @@ class Grasp:
         return frame_of(motion.of(self.agent), self.frame)
 
     def turn(self, motion: PointMotion, body: CarriedFrame) -> Mat3:
-        """Rotation from the axes of the body to those of the vehicle's frame, which a fixed grasp keeps."""
+        """Rotation from the axes of the body to those of the vehicle's frame, which a
+        fixed grasp keeps.
+        """
         return self.frame_of(motion).rotation.T @ body.rotation
 
     def pull(
@@ -159,12 +214,15 @@ class Grasp:
         """Force and torque of the grasp on the body.
 
         Args:
-            turn: rotation of :meth:`turn` that a fixed grasp keeps; empty for other kinds.
+            turn: rotation of :meth:`turn` that a fixed grasp keeps; empty for other
+                kinds.
             frame: the vehicle's frame.
             body: the body's frame.
             t: s.
-            constraint: force and torque of a constraint in place of the spring, at the grasp, world axes.
-            place: place at which the grasp has closed, axes of the body; None for that of the grasp.
+            constraint: force and torque of a constraint in place of the spring, at the
+                grasp, world axes.
+            place: place at which the grasp has closed, axes of the body; None for that
+                of the grasp.
         """
         at = body.position + body.rotation.apply(self.place if place is None else place)
         by = constraint or self._spring(turn, frame, body, at)
@@ -176,21 +234,37 @@ class Grasp:
         share = where(t < self.close, 0.0, share) if self.closes else share
         return pull * share
 
-    def _spring(self, turn: Mat3 | tuple[()], frame: CarriedFrame, body: CarriedFrame, place: Vec3) -> Force:
-        """Force and torque of the spring and damper on the body, world axes; ``place`` (m) is that of the grasp."""
+    def _spring(
+        self,
+        turn: Mat3 | tuple[()],
+        frame: CarriedFrame,
+        body: CarriedFrame,
+        place: Vec3,
+    ) -> Force:
+        """Force and torque of the spring and damper on the body, world axes; ``place``
+        (m) is that of the grasp.
+        """
         spring = Spring(self.stiffness, self.damping, frame, body)
         if self.kind == "cable":
-            force = self._tension(frame.position - place, frame.velocity - body.velocity_at(place))
+            force = self._tension(
+                frame.position - place, frame.velocity - body.velocity_at(place)
+            )
         else:
             force = spring.force(place)
         if isinstance(turn, tuple):
             return Force(ZERO3, force)
-        return Force(spring.torque(spring.error(turn), self.radius * self.radius), force)
+        return Force(
+            spring.torque(spring.error(turn), self.radius * self.radius), force
+        )
 
     def _tension(self, line: Vec3, speed: Vec3) -> Vec3:
-        """Force of a cable along the line from the body to the frame: it pulls where it is taut, and never pushes."""
+        """Force of a cable along the line from the body to the frame: it pulls where it
+        is taut, and never pushes.
+        """
         length = sqrt(line.dot(line) + TINY)
         along = line * divide(1.0, length)
         stretch = length - self.length
-        tension = maximum(self.stiffness * stretch + self.damping * speed.dot(along), 0.0)
+        tension = maximum(
+            self.stiffness * stretch + self.damping * speed.dot(along), 0.0
+        )
         return along * where(stretch > 0.0, tension, 0.0)

@@ -1,20 +1,24 @@
 """Grippers of a vehicle: grasp and release of movable bodies.
 
-A grasp is a stiff spring with damping between a frame of the vehicle and the body: the pose in which they are to each
-other when the gripper takes hold is kept. The law of the spring is the same for all kinds; they differ in what they
-hold and where they give way:
+A grasp is a stiff spring with damping between a frame of the vehicle and the body: the
+pose in which they are to each other when the gripper takes hold is kept. The law of the
+spring is the same for all kinds; they differ in what they hold and where they give way:
 
-* ``magnet`` and ``suction`` hold the whole pose. They give way to a pull beyond their force along the outward normal of
-  the skin at which they took hold, to more shear than friction holds under what is left of that force, and to a torque;
-* ``jaw``, two fingers that close on a body, holds the whole pose, up to a force in any direction and a torque;
-* ``ball``, which a magnet or a spring draws into a socket, holds a place: the body turns about it against dry friction
-  in the socket, freely without;
-* ``hook`` takes hold when it rises past a body within its reach, carries it from below, and lets go when it is lowered
-  out of it. It has no command.
+* ``magnet`` and ``suction`` hold the whole pose. They give way to a pull beyond their
+  force along the outward normal of the skin at which they took hold, to more shear than
+  friction holds under what is left of that force, and to a torque;
+* ``jaw``, two fingers that close on a body, holds the whole pose, up to a force in any
+  direction and a torque;
+* ``ball``, which a magnet or a spring draws into a socket, holds a place: the body
+  turns about it against dry friction in the socket, freely without;
+* ``hook`` takes hold when it rises past a body within its reach, carries it from below,
+  and lets go when it is lowered out of it. It has no command.
 
-A mechanism is held at a place by all of them: its attitude is its own, and no torque loads the grasp.
+A mechanism is held at a place by all of them: its attitude is its own, and no torque
+loads the grasp.
 
-Taking hold and giving way happen at control instants. What gave way takes hold again only after it was opened.
+Taking hold and giving way happen at control instants. What gave way takes hold again
+only after it was opened.
 """
 
 from __future__ import annotations
@@ -24,7 +28,16 @@ from dataclasses import field, replace
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Vec3
-from skyarm.algebra.scalars import asin, divide, logical_and, logical_or, maximum, minimum, sqrt, where
+from skyarm.algebra.scalars import (
+    asin,
+    divide,
+    logical_and,
+    logical_or,
+    maximum,
+    minimum,
+    sqrt,
+    where,
+)
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent
 from skyarm.records.field_rules import accept_fields, checked
@@ -59,7 +72,9 @@ class Command:
 
     @classmethod
     def from_table(cls, entry: Entry, where: str) -> Command:
-        """Read a gripper command from a value of a scenario file; raises a one-line ValueError if invalid."""
+        """Read a gripper command from a value of a scenario file; raises a one-line
+        ValueError if invalid.
+        """
         return cls(signal_from(entry, where))
 
     def at(self, t: Scalar) -> Scalar:
@@ -70,11 +85,13 @@ class Command:
 
 @immutable
 class Grip:
-    """Internal state of a gripper: index of the held body, pose of the grasp, and number of slips.
+    """Internal state of a gripper: index of the held body, pose of the grasp, and
+    number of slips.
 
     Attributes:
         taken: number of the carrier that it holds, from 1; 0 for none.
-        ready: 1 where it may take hold: it was opened since it last held something. lost: number of slips.
+        ready: 1 where it may take hold: it was opened since it last held something.
+            lost: number of slips.
         place: origin of the gripper's frame in the axes of the held body, m.
         normal: outward normal of the skin there, these axes.
         turn: rotation from the axes of the held body to the gripper's.
@@ -90,45 +107,70 @@ class Grip:
 
 @immutable
 class Gripper:
-    """Gripper of the vehicle (magnet, suction cup, jaw, ball or hook) that can hold one movable body.
+    """Gripper of the vehicle (magnet, suction cup, jaw, ball or hook) that can hold one
+    movable body.
 
     Attributes:
         name: name in messages, logs and paths. kind: one of ``KINDS``.
-        frame: frame of the vehicle; empty for its tip. closed: command, a signal of time.
+        frame: frame of the vehicle; empty for its tip. closed: command, a signal of
+            time.
         agent: name of the vehicle; empty for the only one.
     """
 
-    name: Annotated[str, Unit("", "name of the gripper, for messages, logs and paths", rule=coerce.name)]
-    kind: Annotated[str, Unit("", "kind of the gripper", rule=coerce.word_of(KINDS))] = "magnet"
+    name: Annotated[
+        str,
+        Unit("", "name of the gripper, for messages, logs and paths", rule=coerce.name),
+    ]
+    kind: Annotated[
+        str, Unit("", "kind of the gripper", rule=coerce.word_of(KINDS))
+    ] = "magnet"
     frame: str = ""
     closed: Command = field(default_factory=Command)
-    reach: Annotated[Scalar, positive("m", "largest distance from the gripper's frame to a body that it can take")] = (
-        0.01
-    )
+    reach: Annotated[
+        Scalar,
+        positive(
+            "m", "largest distance from the gripper's frame to a body that it can take"
+        ),
+    ] = 0.01
     force: Annotated[
         Scalar,
-        positive("N", "force at which the grasp opens", effect="higher values hold heavier loads"),
+        positive(
+            "N",
+            "force at which the grasp opens",
+            effect="higher values hold heavier loads",
+        ),
     ] = 10.0
     torque: Annotated[
         Scalar,
-        positive("N m", "torque at which the grasp opens", effect="higher values hold loads farther off their centre"),
+        positive(
+            "N m",
+            "torque at which the grasp opens",
+            effect="higher values hold loads farther off their centre",
+        ),
     ] = 0.5
     friction: Annotated[
         Scalar,
         nonnegative(
             "",
-            "friction coefficient of a magnet or cup against shear, or of a ball in its socket",
+            "friction coefficient of a magnet or cup against shear, or of a ball in its"
+            " socket",
             high=ROUGHEST,
             effect="higher values slip later",
         ),
     ] = 0.5
-    radius: Annotated[Scalar, nonnegative("m", "radius of a ball in its socket; 0 turns without friction")] = 0.005
+    radius: Annotated[
+        Scalar,
+        nonnegative("m", "radius of a ball in its socket; 0 turns without friction"),
+    ] = 0.005
     stiffness: Annotated[
         Scalar,
         positive(
             "N/m",
             "stiffness of the grasp",
-            effect="higher values hold the body more rigidly and need smaller integration steps",
+            effect=(
+                "higher values hold the body more rigidly and need smaller integration"
+                " steps"
+            ),
         ),
     ] = 5000.0
     damping_ratio: Annotated[
@@ -146,29 +188,44 @@ class Gripper:
         accept_fields(self, "gripper")
         coerce.fold_zeros(self, "radius")
         if self.kind == "hook" and self.closed != Command():
-            raise RecordError("gripper.closed: must be left out of a hook, which has no command")
+            raise RecordError(
+                "gripper.closed: must be left out of a hook, which has no command"
+            )
 
     @property
     def columns(self) -> tuple[Column, ...]:
         """Log columns of the gripper: held body, grasp force, and number of slips."""
-        pull = (Column("gripper_pull", f"{self.name}/{axis}", "N", "on what is held") for axis in "xyz")
+        pull = (
+            Column("gripper_pull", f"{self.name}/{axis}", "N", "on what is held")
+            for axis in "xyz"
+        )
         return (
-            Column("gripper_taken", self.name, "", "number of the object that is held, from 1; 0 for none"),
+            Column(
+                "gripper_taken",
+                self.name,
+                "",
+                "number of the object that is held, from 1; 0 for none",
+            ),
             Column("gripper_force", self.name, "N", "of the grasp"),
             Column("gripper_lost", self.name, "", "how often a grasp has given way"),
             *pull,
         )
 
     def step_of(self, mass: Scalar, moved: Scalar, *, euler: bool = False) -> Scalar:
-        """Longest stable integration step (s) of the spring and damper that model a grasp.
+        """Longest stable integration step (s) of the spring and damper that model a
+        grasp.
 
         Args:
-            mass: mass (kg) that it moves at least where it holds at the skin; its damping follows from that.
+            mass: mass (kg) that it moves at least where it holds at the skin; its
+                damping follows from that.
             moved: mass (kg) that it moves at least at the end of its reach.
             euler: True for the semi-implicit Euler method.
         """
         square, decay = self.stiffness / moved, self.damping(mass) / moved
-        return minimum(NORMAL_STEP * sqrt(mass / self.stiffness), longest_step(square, decay, euler=euler))
+        return minimum(
+            NORMAL_STEP * sqrt(mass / self.stiffness),
+            longest_step(square, decay, euler=euler),
+        )
 
     def damping(self, mass: Scalar) -> Scalar:
         """Damping coefficient (N s/m) of a grasp that moves a mass (kg)."""
@@ -182,29 +239,43 @@ class Gripper:
 
     @property
     def socket_torque(self) -> Scalar:
-        """Friction torque (N m) in the socket of a ball gripper under a preload equal to the gripper's pull-off force.
+        """Friction torque (N m) in the socket of a ball gripper under a preload equal
+        to the gripper's pull-off force.
 
-        M = mu F r: the frictional moment of a spherical plain bearing under a load F (SKF, Spherical plain bearings and
-        rod ends, catalogue 4407: M = 0.5 mu P d). mu: 0.5 dry, 0.1 to 0.2 greased steel.
+        M = mu F r: the frictional moment of a spherical plain bearing under a load F
+        (SKF, Spherical plain bearings and rod ends, catalogue 4407: M = 0.5 mu P d).
+        mu: 0.5 dry, 0.1 to 0.2 greased steel.
         """
         return self.friction * self.force * self.radius
 
-    def tilt_warning(self, name: str, mass: Scalar, half_width: Scalar) -> Iterator[str]:
-        """Warning if a ball gripper has too little friction to hold a mass (kg) level when gripped off its centre."""
+    def tilt_warning(
+        self, name: str, mass: Scalar, half_width: Scalar
+    ) -> Iterator[str]:
+        """Warning if a ball gripper has too little friction to hold a mass (kg) level
+        when gripped off its centre.
+        """
         level = self.socket_torque / (mass * EARTH)
         if self.kind == "ball" and level < half_width:
             torque, off = float(self.socket_torque), 1e3 * float(level)
             yield (
-                f"grippers.{self.name}.radius = {float(self.radius):g}: friction of this ball gives {torque:.2g} N m "
-                f"and holds {name!r} level up to {off:.2g} mm beside its centre of mass; further off it hangs tilted "
-                "and lands on an edge"
+                f"grippers.{self.name}.radius = {float(self.radius):g}: friction of"
+                f" this ball gives {torque:.2g} N m and holds {name!r} level up to"
+                f" {off:.2g} mm beside its centre of mass; further off it hangs tilted"
+                " and lands on an edge"
             )
 
     def start(self) -> Grip:
         """Initial state of the gripper: open and ready to grasp."""
         return replace(UNCHANGED, ready=1.0)
 
-    def hold(self, grip: Grip, frame: CarriedFrame, body: CarriedFrame, mass: Scalar, gyration: Scalar) -> Hold:
+    def hold(
+        self,
+        grip: Grip,
+        frame: CarriedFrame,
+        body: CarriedFrame,
+        mass: Scalar,
+        gyration: Scalar,
+    ) -> Hold:
         """Force and torque that the gripper would exert on a body if it held that body.
 
         Args:
@@ -212,7 +283,8 @@ class Gripper:
             frame: gripper's frame.
             body: axes of the held body.
             mass: mass that the grasp moves at least, kg.
-            gyration: square of a radius of gyration of the body, m^2: of an attitude's stiffness by a place's.
+            gyration: square of a radius of gyration of the body, m^2: of an attitude's
+                stiffness by a place's.
         """
         place = body.position + body.rotation.apply(grip.place)
         spring = Spring(self.stiffness, self.damping(mass), frame, body)
@@ -226,7 +298,8 @@ class Gripper:
             if self.kind == "ball":
                 most = self.socket_torque
                 torque = shorten(torque, most)
-                # the angle, of which the error is the sine: what friction bears alone does not creep
+                # the angle, of which the error is the sine: what friction bears alone
+                # does not creep
                 sine = minimum(sqrt(error.dot(error) + TINY), 1.0)
                 angle = error * divide(asin(sine), sine)
                 twist = shorten(angle, divide(most, self.stiffness * gyration))
@@ -235,26 +308,38 @@ class Gripper:
     def is_overloaded(self, grip: Grip, hold: Hold, body: CarriedFrame) -> Scalar:
         """True if the load of a grasp exceeds the gripper's limits."""
         force, torque = hold.force, hold.torque
-        twisted = False if self.kind == "ball" else torque.dot(torque) > self.torque * self.torque
+        twisted = (
+            False
+            if self.kind == "ball"
+            else torque.dot(torque) > self.torque * self.torque
+        )
         if self.kind not in ADHESIVE:
             return _any(force.dot(force) > self.force * self.force, twisted)
         normal = body.rotation.apply(grip.normal)
         pull = force.dot(normal)
         shear = force - normal * pull
         left = self.friction * maximum(self.force - pull, 0.0)
-        return logical_or(logical_or(pull > self.force, shear.dot(shear) > left * left), twisted)
+        return logical_or(
+            logical_or(pull > self.force, shear.dot(shear) > left * left), twisted
+        )
 
     def after(
-        self, grip: Grip, t: Scalar, frame: CarriedFrame, bodies: tuple[tuple[CarriedFrame, Scalar, Vec3, Hold], ...]
+        self,
+        grip: Grip,
+        t: Scalar,
+        frame: CarriedFrame,
+        bodies: tuple[tuple[CarriedFrame, Scalar, Vec3, Hold], ...],
     ) -> Grip:
-        """State of the gripper for the next control period: it keeps its grip, opens, slips, or grasps a body.
+        """State of the gripper for the next control period: it keeps its grip, opens,
+        slips, or grasps a body.
 
         Args:
             grip: state in this period.
             t: s.
             frame: gripper's frame.
-            bodies: axes of each carrier, the distance of the gripper's frame from its skin (m), the outward normal
-                there (world axes), and what the grasp does to it if it is held.
+            bodies: axes of each carrier, the distance of the gripper's frame from its
+                skin (m), the outward normal there (world axes), and what the grasp does
+                to it if it is held.
         """
         closed = True if self.kind == "hook" else self.closed.at(t)
         holding: Scalar = grip.taken > 0.5
@@ -269,27 +354,41 @@ class Gripper:
             near = _any(near, distance <= self.reach)
         keeps = _both(holding, _both(closed, _both(_not(broken), _not(out))))
         free = _both(_both(closed, grip.ready > 0.5), _not(holding))
-        taken, place, normal, turn = where(keeps, grip.taken, 0.0), grip.place, grip.normal, grip.turn
+        taken, place, normal, turn = (
+            where(keeps, grip.taken, 0.0),
+            grip.place,
+            grip.normal,
+            grip.turn,
+        )
         for i, (body, distance, outward, hold) in enumerate(bodies):
             takes = _both(_both(free, distance <= self.reach), taken < 0.5)
             if self.kind == "hook":
                 rising = frame.velocity.z - body.velocity_at(frame.position).z
                 takes = _both(takes, rising > 0.0)
             taken = where(takes, i + 1.0, taken)
-            place = select(takes, body.rotation.apply_T(frame.position - body.position), place)
+            place = select(
+                takes, body.rotation.apply_T(frame.position - body.position), place
+            )
             normal = select(takes, body.rotation.apply_T(outward), normal)
             now = frame.rotation.T @ body.rotation
             # the ball has turned in its socket by what friction did not bear
             if hold.twist is not None:
-                slipped = frame.rotation.T @ Quaternion.of_small_rotation(hold.twist).rotation() @ body.rotation
+                slipped = (
+                    frame.rotation.T
+                    @ Quaternion.of_small_rotation(hold.twist).rotation()
+                    @ body.rotation
+                )
                 turn = blend(is_taken(grip.taken, i + 1.0), as_data(slipped), turn)
             turn = blend(takes, as_data(now), turn)
         opened = _not(near) if self.kind == "hook" else _not(closed)
         used = _any(holding, taken > 0.5)
         return Grip(
-            taken=taken, ready=where(opened, 1.0, where(used, 0.0, grip.ready)),
+            taken=taken,
+            ready=where(opened, 1.0, where(used, 0.0, grip.ready)),
             lost=grip.lost + where(_both(holding, _both(closed, broken)), 1.0, 0.0),
-            place=place, normal=normal, turn=turn,
+            place=place,
+            normal=normal,
+            turn=turn,
         )
 
 
@@ -300,7 +399,11 @@ def is_taken(taken: Scalar, number: float) -> Scalar:
 
 def _not(condition: Scalar) -> Scalar:
     """Logical not of a Boolean constant or of a traced condition."""
-    return not condition if isinstance(condition, bool) else where(condition, 0.0, 1.0) > 0.5
+    return (
+        not condition
+        if isinstance(condition, bool)
+        else where(condition, 0.0, 1.0) > 0.5
+    )
 
 
 def _both(a: Scalar, b: Scalar) -> Scalar:
@@ -319,6 +422,11 @@ TINY = 1e-24
 _NOTHING = Vec3(0.0, 0.0, 0.0)
 
 UNCHANGED = Grip(
-    taken=0.0, ready=0.0, lost=0.0, place=_NOTHING, normal=_NOTHING, turn=Mat3(_NOTHING, _NOTHING, _NOTHING)
+    taken=0.0,
+    ready=0.0,
+    lost=0.0,
+    place=_NOTHING,
+    normal=_NOTHING,
+    turn=Mat3(_NOTHING, _NOTHING, _NOTHING),
 )
 """Rate of a grip's internal state: zero, since it changes at control instants only."""

@@ -1,7 +1,9 @@
-"""Spring and damper by which a vehicle holds a body: at a place, and in the attitude that they have to each other.
+"""Spring and damper by which a vehicle holds a body: at a place, and in the attitude
+that they have to each other.
 
-Grippers (:mod:`skyarm.world.contact.gripper`) and grasps (:mod:`skyarm.world.contact.grasp`) hold by this one law; they
-differ in when they hold and where they give way.
+Grippers (:mod:`skyarm.world.contact.gripper`) and grasps
+(:mod:`skyarm.world.contact.grasp`) hold by this one law; they differ in when they hold
+and where they give way.
 """
 
 from __future__ import annotations
@@ -22,8 +24,9 @@ class Hold:
 
     Attributes:
         force: N, at ``place`` (m). torque: N m, beside that of the force.
-        twist: rad, world axes, from the body's attitude to that of the grasp, as much of it as friction in the socket
-            of a ball bears; None of what has no friction.
+        twist: rad, world axes, from the body's attitude to that of the grasp, as much
+            of it as friction in the socket of a ball bears; None of what has no
+            friction.
     """
 
     force: Vec3
@@ -51,15 +54,22 @@ class Spring:
     body: CarriedFrame
 
     def force(self, place: Vec3) -> Vec3:
-        """Force (N) on the body that pulls one of its places (m, world axes) to the origin of the frame."""
-        stretch, speed = self.frame.position - place, self.frame.velocity_at(place) - self.body.velocity_at(place)
+        """Force (N) on the body that pulls one of its places (m, world axes) to the
+        origin of the frame.
+        """
+        stretch, speed = (
+            self.frame.position - place,
+            self.frame.velocity_at(place) - self.body.velocity_at(place),
+        )
         return stretch * self.stiffness + speed * self.damping
 
     def error(self, turn: Mat3) -> Vec3:
-        """Error of the body's attitude (rad, world axes; its length is the sine of the angle).
+        """Error of the body's attitude (rad, world axes; its length is the sine of the
+        angle).
 
         Args:
-            turn: rotation from the axes of the body to those of the frame that is to be kept.
+            turn: rotation from the axes of the body to those of the frame that is to be
+                kept.
         """
         aim, error = self.frame.rotation @ turn, ZERO3
         for i in range(3):
@@ -67,8 +77,13 @@ class Spring:
         return error
 
     def torque(self, error: Vec3, square: Scalar) -> Vec3:
-        """Torque (N m) on the body against an error of its attitude; ``square`` is that of the patch's radius, m^2."""
-        return (error * self.stiffness + (self.frame.turning - self.body.turning) * self.damping) * square
+        """Torque (N m) on the body against an error of its attitude; ``square`` is that
+        of the patch's radius, m^2.
+        """
+        return (
+            error * self.stiffness
+            + (self.frame.turning - self.body.turning) * self.damping
+        ) * square
 
 
 def longest_step(square: Scalar, decay: Scalar, *, euler: bool) -> Scalar:
@@ -83,7 +98,9 @@ def longest_step(square: Scalar, decay: Scalar, *, euler: bool) -> Scalar:
         return euler_step_of(square, decay)
     # the faster of the two poles of an overdamped grasp, or the frequency
     half = 0.5 * decay
-    return BRISTLE_STEP / (maximum(half, sqrt(square)) + sqrt(maximum(half * half - square, 0.0)))
+    return BRISTLE_STEP / (
+        maximum(half, sqrt(square)) + sqrt(maximum(half * half - square, 0.0))
+    )
 
 
 def frame_of(motion: PointMotion, name: str) -> CarriedFrame:

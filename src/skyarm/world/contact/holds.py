@@ -1,4 +1,6 @@
-"""Grippers and grasps of a world together with the bodies that they can hold: their forces, and when they close."""
+"""Grippers and grasps of a world together with the bodies that they can hold: their
+forces, and when they close.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ class Holds:
     carriers: tuple[AnyCarrier, ...]
 
     def steps(self, *, euler: bool = False) -> Iterator[tuple[str, Scalar]]:
-        """Longest stable integration step (s) of every possible hold, with a text that names gripper or grasp."""
+        """Longest stable integration step (s) of every possible hold, with a text that
+        names gripper or grasp.
+        """
         for gripper in self.grippers:
             for carrier in self.carriers:
                 mobilities = carrier.mobility, carrier.mobility_at(gripper.reach)
@@ -42,54 +46,105 @@ class Holds:
         for grasp in self.grasps:
             if grasp.body in bodies:
                 together = [other for other in self.grasps if other.body == grasp.body]
-                yield f"grasp {grasp.label!r}", grasp.step_of(bodies[grasp.body], together, euler=euler)
+                yield (
+                    f"grasp {grasp.label!r}",
+                    grasp.step_of(bodies[grasp.body], together, euler=euler),
+                )
 
     def frames(self, motion: PointMotion) -> list[CarriedFrame]:
         """World pose and velocity of each gripper's frame."""
-        return [frame_of(motion.of(gripper.agent), gripper.frame) for gripper in self.grippers]
+        return [
+            frame_of(motion.of(gripper.agent), gripper.frame)
+            for gripper in self.grippers
+        ]
 
     def bodies(self, memories: Sequence[Tree]) -> list[CarriedFrame]:
         """World pose and velocity of each movable body."""
-        return [carrier.frame(memory) for carrier, memory in zip(self.carriers, memories, strict=True)]
+        return [
+            carrier.frame(memory)
+            for carrier, memory in zip(self.carriers, memories, strict=True)
+        ]
 
     def possible(
-        self, grips: Sequence[Grip], frames: Sequence[CarriedFrame], bodies: Sequence[CarriedFrame]
+        self,
+        grips: Sequence[Grip],
+        frames: Sequence[CarriedFrame],
+        bodies: Sequence[CarriedFrame],
     ) -> list[list[Hold]]:
-        """Force and torque of each gripper on each movable body if it held that body, as [gripper][body]."""
+        """Force and torque of each gripper on each movable body if it held that body,
+        as [gripper][body].
+        """
         masses = [both(LIGHTEST, 1.0 / carrier.mobility) for carrier in self.carriers]
         every = list(zip(bodies, masses, self.carriers, strict=True))
         return [
-            [gripper.hold(grip, frame, body, mass, carrier.gyration) for body, mass, carrier in every]
+            [
+                gripper.hold(grip, frame, body, mass, carrier.gyration)
+                for body, mass, carrier in every
+            ]
             for gripper, grip, frame in zip(self.grippers, grips, frames, strict=True)
         ]
 
-    def actual(self, memory: ContactMemory, frames: Sequence[CarriedFrame]) -> list[list[Hold]]:
-        """Force and torque of each gripper on each movable body, zero for bodies not held, as [gripper][body]."""
+    def actual(
+        self, memory: ContactMemory, frames: Sequence[CarriedFrame]
+    ) -> list[list[Hold]]:
+        """Force and torque of each gripper on each movable body, zero for bodies not
+        held, as [gripper][body].
+        """
         possible = self.possible(memory.grips, frames, self.bodies(memory.carried))
         return [
-            [hold * where(is_taken(grip.taken, i + 1.0), 1.0, 0.0) for i, hold in enumerate(row)]
+            [
+                hold * where(is_taken(grip.taken, i + 1.0), 1.0, 0.0)
+                for i, hold in enumerate(row)
+            ]
             for grip, row in zip(memory.grips, possible, strict=True)
         ]
 
     def pulls(
         self, memory: ContactMemory, motion: PointMotion, t: Scalar
     ) -> list[tuple[Grasp, int, Hold, CarriedFrame]]:
-        """Each grasp with the number of its body, its pull on the body, and the vehicle's frame."""
+        """Each grasp with the number of its body, its pull on the body, and the
+        vehicle's frame.
+        """
         turns, places, rows = iter(memory.turns), iter(memory.places), []
         constraints = memory.constraints or (None,) * len(self.grasps)
-        for (grasp, index, body), constraint in zip(self._bodies_of_grasps(memory), constraints, strict=True):
+        for (grasp, index, body), constraint in zip(
+            self._bodies_of_grasps(memory), constraints, strict=True
+        ):
             turn = next(turns) if grasp.kind == "fixed" else ()
-            place, frame = next(places) if grasp.closes else None, grasp.frame_of(motion)
-            rows.append((grasp, index, grasp.pull(turn, frame, body, t, constraint, place), frame))
+            place, frame = (
+                next(places) if grasp.closes else None,
+                grasp.frame_of(motion),
+            )
+            rows.append(
+                (
+                    grasp,
+                    index,
+                    grasp.pull(turn, frame, body, t, constraint, place),
+                    frame,
+                )
+            )
         return rows
 
-    def _bodies_of_grasps(self, memory: ContactMemory) -> list[tuple[Grasp, int, CarriedFrame]]:
+    def _bodies_of_grasps(
+        self, memory: ContactMemory
+    ) -> list[tuple[Grasp, int, CarriedFrame]]:
         """Each grasp with number and axes of its body."""
-        names, bodies = [each.name for each in self.carriers], self.bodies(memory.carried)
-        return [(each, i, bodies[i]) for each in self.grasps for i in [names.index(each.body)]]
+        names, bodies = (
+            [each.name for each in self.carriers],
+            self.bodies(memory.carried),
+        )
+        return [
+            (each, i, bodies[i])
+            for each in self.grasps
+            for i in [names.index(each.body)]
+        ]
 
-    def on_bodies(self, memory: ContactMemory, motion: PointMotion, t: Scalar) -> list[tuple[Vec3, Vec3]]:
-        """Total force (N) and torque (N m, about the body's origin) of all holds on each movable body."""
+    def on_bodies(
+        self, memory: ContactMemory, motion: PointMotion, t: Scalar
+    ) -> list[tuple[Vec3, Vec3]]:
+        """Total force (N) and torque (N m, about the body's origin) of all holds on
+        each movable body.
+        """
         bodies, loads = self.bodies(memory.carried), []
         gripped = self.actual(memory, self.frames(motion)) if self.grippers else []
         for i, body in enumerate(bodies):
@@ -97,7 +152,11 @@ class Holds:
             for row in gripped:
                 hold = row[i]
                 force = force + hold.force
-                torque = torque + hold.torque + (hold.place - body.position).cross(hold.force)
+                torque = (
+                    torque
+                    + hold.torque
+                    + (hold.place - body.position).cross(hold.force)
+                )
             loads.append((force, torque))
         for _, i, pull, _ in self.pulls(memory, motion, t):
             force, torque = loads[i]
@@ -105,45 +164,91 @@ class Holds:
             loads[i] = force + pull.force, torque + turning
         return loads
 
-    def wrenches(self, memory: ContactMemory, motion: PointMotion, t: Scalar) -> Iterator[Wrench]:
-        """Reaction forces and torques of all holds on the vehicles, those of the grippers first."""
+    def wrenches(
+        self, memory: ContactMemory, motion: PointMotion, t: Scalar
+    ) -> Iterator[Wrench]:
+        """Reaction forces and torques of all holds on the vehicles, those of the
+        grippers first.
+        """
         frames = self.frames(motion)
         rows: list[tuple[Gripper | Grasp, CarriedFrame, list[Hold]]] = []
         rows += zip(self.grippers, frames, self.actual(memory, frames), strict=True)
-        rows += ((grasp, frame, [pull]) for grasp, _, pull, frame in self.pulls(memory, motion, t))
+        rows += (
+            (grasp, frame, [pull])
+            for grasp, _, pull, frame in self.pulls(memory, motion, t)
+        )
         for holder, frame, holds in rows:
             force = torque = ZERO3
             for hold in holds:
                 force = force - hold.force
-                torque = torque - hold.torque - (hold.place - frame.position).cross(hold.force)
+                torque = (
+                    torque
+                    - hold.torque
+                    - (hold.place - frame.position).cross(hold.force)
+                )
             at = motion.of(holder.agent).vehicle.frame(holder.frame or None)
-            yield Wrench(force_W=force, torque_W=torque, point=at.position, body=at.link, agent=holder.agent)
+            yield Wrench(
+                force_W=force,
+                torque_W=torque,
+                point=at.position,
+                body=at.link,
+                agent=holder.agent,
+            )
 
-    def act(self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion) -> ContactMemory:
-        """Internal state of the contact model after grippers and grasps close, open or slip at a control instant."""
+    def act(
+        self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion
+    ) -> ContactMemory:
+        """Internal state of the contact model after grippers and grasps close, open or
+        slip at a control instant.
+        """
         if self.grippers:
             memory = replace(memory, grips=tuple(self._following(memory, t, motion)))
-        # a grasp closes by the flight's time, by which the plant pulls, however long a reference waits
+        # a grasp closes by the flight's time, by which the plant pulls, however long a
+        # reference waits
         now = t if motion.time is None else motion.time
         return self._close(memory, now - 0.5 * dt, motion) if memory.places else memory
 
-    def _following(self, memory: ContactMemory, t: Scalar, motion: PointMotion) -> Iterator[Grip]:
-        """States of all grippers for the next control period, after possible grasps, releases and slips."""
+    def _following(
+        self, memory: ContactMemory, t: Scalar, motion: PointMotion
+    ) -> Iterator[Grip]:
+        """States of all grippers for the next control period, after possible grasps,
+        releases and slips.
+        """
         frames, bodies = self.frames(motion), self.bodies(memory.carried)
         possible = self.possible(memory.grips, frames, bodies)
-        for gripper, grip, frame, row in zip(self.grippers, memory.grips, frames, possible, strict=True):
-            skins = [_skin(carrier, body, frame.position) for carrier, body in zip(self.carriers, bodies, strict=True)]
-            seen = tuple((body, *skin, hold) for body, skin, hold in zip(bodies, skins, row, strict=True))
+        for gripper, grip, frame, row in zip(
+            self.grippers, memory.grips, frames, possible, strict=True
+        ):
+            skins = [
+                _skin(carrier, body, frame.position)
+                for carrier, body in zip(self.carriers, bodies, strict=True)
+            ]
+            seen = tuple(
+                (body, *skin, hold)
+                for body, skin, hold in zip(bodies, skins, row, strict=True)
+            )
             now = motion.of(gripper.agent).task_time if gripper.agent else t
             yield gripper.after(grip, now, frame, seen)
 
     def turns(self, memory: ContactMemory, motion: PointMotion) -> tuple[Mat3, ...]:
-        """Attitudes to each other of body and frame of each fixed grasp, which it keeps while it is closed."""
+        """Attitudes to each other of body and frame of each fixed grasp, which it keeps
+        while it is closed.
+        """
         grasped = self._bodies_of_grasps(memory)
-        return as_data(tuple(each.turn(motion, body) for each, _, body in grasped if each.kind == "fixed"))
+        return as_data(
+            tuple(
+                each.turn(motion, body)
+                for each, _, body in grasped
+                if each.kind == "fixed"
+            )
+        )
 
-    def _close(self, memory: ContactMemory, t: Scalar, motion: PointMotion) -> ContactMemory:
-        """Internal state with places and attitudes of the frames for grasps that were open at ``t`` (s)."""
+    def _close(
+        self, memory: ContactMemory, t: Scalar, motion: PointMotion
+    ) -> ContactMemory:
+        """Internal state with places and attitudes of the frames for grasps that were
+        open at ``t`` (s).
+        """
         turned = iter(zip(memory.turns, self.turns(memory, motion), strict=True))
         closing, places, turns = iter(memory.places), list[Vec3](), list[Mat3]()
         for each, _, body in self._bodies_of_grasps(memory):
@@ -152,7 +257,9 @@ class Holds:
                 before, turn = next(turned)
                 turns.append(blend(opened, turn, before) if each.closes else before)
             if each.closes:
-                here = body.rotation.apply_T(each.frame_of(motion).position - body.position)
+                here = body.rotation.apply_T(
+                    each.frame_of(motion).position - body.position
+                )
                 places.append(blend(opened, here, next(closing)))
         return replace(memory, places=tuple(places), turns=tuple(turns))
 
@@ -163,12 +270,15 @@ class Holds:
         return [column for each in holders for column in each.columns]
 
     def logged(self, memory: ContactMemory, motion: PointMotion) -> list[Scalar]:
-        """Held body, size of the force (N), number of slips and force (N) of each gripper; size and force of grasps.
+        """Held body, size of the force (N), number of slips and force (N) of each
+        gripper; size and force of grasps.
 
         The forces are those on what is held, world axes.
         """
         numbers: list[Scalar] = []
-        for grip, row in zip(memory.grips, self.actual(memory, self.frames(motion)), strict=True):
+        for grip, row in zip(
+            memory.grips, self.actual(memory, self.frames(motion)), strict=True
+        ):
             total = sum((hold.force for hold in row), ZERO3)
             numbers += [grip.taken, sqrt(total.dot(total)), grip.lost, *total]
         for _, _, pull, _ in self.pulls(memory, motion, motion.task_time):
@@ -177,7 +287,9 @@ class Holds:
 
 
 def _skin(carrier: AnyCarrier, body: CarriedFrame, place: Vec3) -> tuple[Scalar, Vec3]:
-    """Distance (m) of a point from the nearest surface of a movable body, and the outward normal there."""
+    """Distance (m) of a point from the nearest surface of a movable body, and the
+    outward normal there.
+    """
     depths = [body.depth(surface, place, 0) for surface in carrier.surfaces]
     deepest, normal = depths[0]
     for depth, outward in depths[1:]:

@@ -1,4 +1,6 @@
-"""Checks of the initial world: interpenetration, and the clearance between vehicle and surfaces."""
+"""Checks of the initial world: interpenetration, and the clearance between vehicle and
+surfaces.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +13,15 @@ from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact import Contact
 
 MOST = 2.0
-"""Largest weight of a contact point in the initial equilibrium; a body on one point needs one."""
+"""Largest weight of a contact point in the initial equilibrium; a body on one point
+needs one."""
 
 
-def require_start_outside(contact: Contact, vehicle: Vehicle, gravity: float, state: State) -> None:
-    """Refuse an initial state in which a contact force exceeds twice the weight of the bodies in contact.
+def require_start_outside(
+    contact: Contact, vehicle: Vehicle, gravity: float, state: State
+) -> None:
+    """Refuse an initial state in which a contact force exceeds twice the weight of the
+    bodies in contact.
 
     Raises:
         ValueError: one line: the point, the surface, the depth.
@@ -27,20 +33,32 @@ def require_start_outside(contact: Contact, vehicle: Vehicle, gravity: float, st
         borne = max(touching, 1e-9 if each.of == NOBODY else weights[each.of])
         if float(each.touch.normal) > MOST * max(borne, 1e-9):
             ours, way = each.by == NOBODY, ""
-            what = f"point {contact.points[each.index].name!r}" if ours else repr(contact.carriers[each.by].name)
-            inside = f"surface {each.surface!r}" if ours and each.of == NOBODY else repr(each.surface)
+            what = (
+                f"point {contact.points[each.index].name!r}"
+                if ours
+                else repr(contact.carriers[each.by].name)
+            )
+            inside = (
+                f"surface {each.surface!r}"
+                if ours and each.of == NOBODY
+                else repr(each.surface)
+            )
             if ours and each.of == NOBODY:
                 way = ", or at rest by initial.standing = true"
             elif 0 <= each.by < len(contact.objects):
                 way = ", or at rest by standing = true"
             raise ValueError(
-                f"world: {what} starts {float(each.touch.depth):.3g} m inside {inside}, which would push it with "
-                f"{float(each.touch.normal):.3g} N: must start outside{way}"
+                f"world: {what} starts {float(each.touch.depth):.3g} m inside {inside},"
+                f" which would push it with {float(each.touch.normal):.3g} N: must"
+                f" start outside{way}"
             )
 
 
-def initial_clearance(contact: Contact, vehicle: Vehicle, state: State) -> tuple[float, str, str]:
-    """Smallest distance (m) of the vehicle from a surface, negative inside, and the names of point and surface.
+def initial_clearance(
+    contact: Contact, vehicle: Vehicle, state: State
+) -> tuple[float, str, str]:
+    """Smallest distance (m) of the vehicle from a surface, negative inside, and the
+    names of point and surface.
 
     Infinite where nothing can touch.
     """

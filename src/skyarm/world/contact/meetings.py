@@ -1,8 +1,10 @@
-"""Contact detection: penetration and contact force of contact points at surfaces, and of box edges at box edges.
+"""Contact detection: penetration and contact force of contact points at surfaces, and
+of box edges at box edges.
 
-Every point of the vehicle may meet every surface, and so may every spot of a movable body that is not its own; edges of
-boxes meet those of others (:mod:`skyarm.world.contact.box_edges`). The order of the pairs is that of their bristles in
-a memory: points by surface, spots by body and surface, edges.
+Every point of the vehicle may meet every surface, and so may every spot of a movable
+body that is not its own; edges of boxes meet those of others
+(:mod:`skyarm.world.contact.box_edges`). The order of the pairs is that of their
+bristles in a memory: points by surface, spots by body and surface, edges.
 """
 
 from __future__ import annotations
@@ -15,18 +17,29 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Tree
 from skyarm.world.component import Force
-from skyarm.world.contact.box_edges import EDGE_PAIRS, box_of, edge_touches, pairs_with_edges
+from skyarm.world.contact.box_edges import (
+    EDGE_PAIRS,
+    box_of,
+    edge_touches,
+    pairs_with_edges,
+)
 from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame, both
 from skyarm.world.contact.contact_memory import ContactMemory
-from skyarm.world.contact.contact_point import ContactPoint, Moving, Touch, moving_points, touch_of
+from skyarm.world.contact.contact_point import (
+    ContactPoint,
+    Moving,
+    Touch,
+    moving_points,
+    touch_of,
+)
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.material import LIGHTEST, LONGEST
 from skyarm.world.contact.mechanism import Mechanism
 from skyarm.world.contact.surface import Surface
 
 NEAR, SWIFT = 0.005, 400.0
-"""Least distance (m) between a point and a surface during longer steps, and largest acceleration (m/s^2) of the
-point meanwhile; both give the same distance in 5 ms."""
+"""Least distance (m) between a point and a surface during longer steps, and largest
+acceleration (m/s^2) of the point meanwhile; both give the same distance in 5 ms."""
 
 EDGE = -1
 """Index of a meeting of two edges, in place of that of a spot."""
@@ -37,7 +50,8 @@ class Meeting:
     """Contact state of one surface with one point of the vehicle or of a movable body.
 
     Attributes:
-        surface: name of the surface. of: number of the carrier of the surface, or ``NOBODY`` for the world.
+        surface: name of the surface. of: number of the carrier of the surface, or
+            ``NOBODY`` for the world.
         by: number of the carrier of the spot, or ``NOBODY`` for the vehicle.
         index: number of its spot, or point; ``EDGE`` of its edges.
         touch: contact force and bristle. place: place of the contact, m, world axes.
@@ -53,7 +67,9 @@ class Meeting:
 
 @positional
 class _Place:
-    """Point or ball that may touch a surface: centre, velocity, angular velocity, radius (m) and mass (kg)."""
+    """Point or ball that may touch a surface: centre, velocity, angular velocity,
+    radius (m) and mass (kg).
+    """
 
     position: Vec3
     velocity: Vec3
@@ -63,10 +79,20 @@ class _Place:
 
 
 def _depth(
-    surface: Surface, frame: CarriedFrame | None, place: Vec3, radius: Scalar, clock: Scalar
+    surface: Surface,
+    frame: CarriedFrame | None,
+    place: Vec3,
+    radius: Scalar,
+    clock: Scalar,
 ) -> tuple[Scalar, Vec3]:
-    """Penetration depth (m) and outward normal of a ball at a surface of the world or of a movable body."""
-    return surface.depth(place, radius, clock) if frame is None else frame.depth(surface, place, radius)
+    """Penetration depth (m) and outward normal of a ball at a surface of the world or
+    of a movable body.
+    """
+    return (
+        surface.depth(place, radius, clock)
+        if frame is None
+        else frame.depth(surface, place, radius)
+    )
 
 
 def meetings_of(
@@ -78,23 +104,38 @@ def meetings_of(
     step: Scalar | None,
     mean: Scalar | None = None,
 ) -> list[Meeting]:
-    """Contact state of every surface with every point of the vehicle and of other movable bodies.
+    """Contact state of every surface with every point of the vehicle and of other
+    movable bodies.
 
     Args:
         contact: surfaces, points and movable bodies.
         memories: states of the movable bodies.
-        moving: position (m), velocity (m/s), angular velocity (rad/s) of the vehicle's points, world axes.
+        moving: position (m), velocity (m/s), angular velocity (rad/s) of the vehicle's
+            points, world axes.
         clock: time of the world's surfaces, s.
         bristles: deflections of the pairs' bristles, m.
-        step: longest integration step of the whole contact, s; None where no pair may touch.
-        mean: time (s) for the vehicle's points on the world's surfaces, as in :func:`touch_of`.
+        step: longest integration step of the whole contact, s; None where no pair may
+            touch.
+        mean: time (s) for the vehicle's points on the world's surfaces, as in
+            :func:`touch_of`.
     """
-    frames = [carrier.frame(memory) for carrier, memory in zip(contact.carriers, memories, strict=True)]
+    frames = [
+        carrier.frame(memory)
+        for carrier, memory in zip(contact.carriers, memories, strict=True)
+    ]
     masses = [1.0 / carrier.mobility for carrier in contact.carriers]
     longest = LONGEST if step is None else step
     deflections, meetings = iter(bristles), list[Meeting]()
 
-    def meet(surface: Surface, of: int, by: int, index: int, at: _Place, depth: Scalar, normal: Vec3) -> None:
+    def meet(
+        surface: Surface,
+        of: int,
+        by: int,
+        index: int,
+        at: _Place,
+        depth: Scalar,
+        normal: Vec3,
+    ) -> None:
         frame = None if of == NOBODY else frames[of]
         spot = normal * neg(at.radius)  # where it touches, seen from its middle
         place = at.position + spot
@@ -102,15 +143,39 @@ def meetings_of(
         slip = at.velocity + at.turning.cross(spot) - under
         mass = at.mass if frame is None else both(masses[of], at.mass)
         over = mean if of == by == NOBODY else longest
-        own = touch_of(surface.material, depth, normal, spot, slip, next(deflections), longest, mass, mean=over)
-        meetings.append(Meeting(surface=surface.name, of=of, by=by, index=index, touch=own, place=place))
+        own = touch_of(
+            surface.material,
+            depth,
+            normal,
+            spot,
+            slip,
+            next(deflections),
+            longest,
+            mass,
+            mean=over,
+        )
+        meetings.append(
+            Meeting(
+                surface=surface.name, of=of, by=by, index=index, touch=own, place=place
+            )
+        )
 
     def touch(surface: Surface, of: int, by: int, index: int, at: _Place) -> None:
         frame = None if of == NOBODY else frames[of]
-        meet(surface, of, by, index, at, *_depth(surface, frame, at.position, at.radius, clock))
+        meet(
+            surface,
+            of,
+            by,
+            index,
+            at,
+            *_depth(surface, frame, at.position, at.radius, clock),
+        )
 
     every = contact.every_surface
-    points = [_Place(*each, point.radius, LIGHTEST) for point, each in zip(contact.points, moving, strict=True)]
+    points = [
+        _Place(*each, point.radius, LIGHTEST)
+        for point, each in zip(contact.points, moving, strict=True)
+    ]
     for of, surface in every:
         for index, at in enumerate(points):
             touch(surface, of, NOBODY, index, at)
@@ -120,30 +185,45 @@ def meetings_of(
                 continue
             under = None if of == NOBODY else frames[of]
 
-            def toward(place: Vec3, surface: Surface = surface, under: CarriedFrame | None = under) -> Vec3:
+            def toward(
+                place: Vec3,
+                surface: Surface = surface,
+                under: CarriedFrame | None = under,
+            ) -> Vec3:
                 return _depth(surface, under, place, 0, clock)[1]
 
             own = frames[by]
             for index, (place, radius) in enumerate(carrier.spots(own, toward)):
-                at = _Place(place, own.velocity_at(place), own.turning, radius, masses[by])
+                at = _Place(
+                    place, own.velocity_at(place), own.turning, radius, masses[by]
+                )
                 touch(surface, of, by, index, at)
     for of, surface, by in pairs_with_edges(every, contact.carriers):
-        own, other = frames[by], box_of(surface, None if of == NOBODY else frames[of], clock)
-        for place, depth, normal in edge_touches(box_of(contact.carriers[by].surfaces[0], own, clock), other):
+        own, other = (
+            frames[by],
+            box_of(surface, None if of == NOBODY else frames[of], clock),
+        )
+        for place, depth, normal in edge_touches(
+            box_of(contact.carriers[by].surfaces[0], own, clock), other
+        ):
             at = _Place(place, own.velocity_at(place), own.turning, 0, masses[by])
             meet(surface, of, by, EDGE, at, depth, normal)
     return meetings
 
 
 def misses(touch: Touch, seconds: Scalar) -> Scalar:
-    """True if a point is too far from a surface to reach it within ``seconds``, even under a large acceleration."""
+    """True if a point is too far from a surface to reach it within ``seconds``, even
+    under a large acceleration.
+    """
     margin = maximum(NEAR, 0.5 * SWIFT * seconds * seconds)
     far: Scalar = touch.depth + sqrt(touch.slip.dot(touch.slip)) * seconds < -margin
     return far
 
 
 class TouchingBodies(Force[ContactMemory]):
-    """Base class of the contact model: surfaces, contact points and movable bodies, and how they touch each other."""
+    """Base class of the contact model: surfaces, contact points and movable bodies, and
+    how they touch each other.
+    """
 
     __slots__ = ()
 
@@ -159,8 +239,14 @@ class TouchingBodies(Force[ContactMemory]):
 
     @property
     def every_surface(self) -> tuple[tuple[int, Surface], ...]:
-        """All contact surfaces, each with the index of its movable body, or ``NOBODY`` for a surface of the world."""
-        carried = ((of, each) for of, carrier in enumerate(self.carriers) for each in carrier.surfaces)
+        """All contact surfaces, each with the index of its movable body, or ``NOBODY``
+        for a surface of the world.
+        """
+        carried = (
+            (of, each)
+            for of, carrier in enumerate(self.carriers)
+            for each in carrier.surfaces
+        )
         return (*((NOBODY, each) for each in self.surfaces), *carried)
 
     @property
@@ -170,10 +256,16 @@ class TouchingBodies(Force[ContactMemory]):
 
     @property
     def meeting_count(self) -> int:
-        """Number of all contact pairs of surfaces with points of the vehicle and of movable bodies."""
+        """Number of all contact pairs of surfaces with points of the vehicle and of
+        movable bodies.
+        """
         every = len(self.every_surface)
-        spots = sum(each.spot_count * (every - len(each.surfaces)) for each in self.carriers)
-        edges = EDGE_PAIRS * sum(1 for _ in pairs_with_edges(self.every_surface, self.carriers))
+        spots = sum(
+            each.spot_count * (every - len(each.surfaces)) for each in self.carriers
+        )
+        edges = EDGE_PAIRS * sum(
+            1 for _ in pairs_with_edges(self.every_surface, self.carriers)
+        )
         return self.logged_pairs + spots + edges
 
     @property
@@ -185,8 +277,14 @@ class TouchingBodies(Force[ContactMemory]):
         """Contact state of every contact pair for the vehicle's current motion."""
         step = self.largest_step if motion.step is None else motion.step
         moving, clock = moving_points(self.points, motion), (*memory.clock, 0.0)[0]
-        return meetings_of(self, memory.carried, moving, clock, memory.bristles, step, motion.step)
+        return meetings_of(
+            self, memory.carried, moving, clock, memory.bristles, step, motion.step
+        )
 
     def on_points(self, memory: ContactMemory, motion: PointMotion) -> Sequence[Touch]:
-        """Contact states of all pairs of a surface and a contact point of the vehicle, ordered by surface."""
-        return [each.touch for each in self.meetings(memory, motion)[: self.logged_pairs]]
+        """Contact states of all pairs of a surface and a contact point of the vehicle,
+        ordered by surface.
+        """
+        return [
+            each.touch for each in self.meetings(memory, motion)[: self.logged_pairs]
+        ]

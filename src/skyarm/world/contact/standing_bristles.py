@@ -1,4 +1,6 @@
-"""Initial deflections of friction bristles, for bodies that stand at rest: friction balances the tangential weight."""
+"""Initial deflections of friction bristles, for bodies that stand at rest: friction
+balances the tangential weight.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +21,14 @@ def standing_bristles(
     weights: Mapping[int, Scalar],
     materials: Mapping[str, Material],
 ) -> tuple[Vec3, ...]:
-    """Initial bristle deflections (m) with which friction balances the weight of each standing body, as far as it can.
+    """Initial bristle deflections (m) with which friction balances the weight of each
+    standing body, as far as it can.
 
     Args:
         meetings: contacts at the start.
         bristles: deflection of the bristle of each of them, m, world axes.
-        weights: weights of the bodies that stand, N, by number; that of the vehicle by ``NOBODY``.
+        weights: weights of the bodies that stand, N, by number; that of the vehicle by
+            ``NOBODY``.
         materials: materials of the surfaces, by name.
     """
     bent = list(bristles)
@@ -33,13 +37,19 @@ def standing_bristles(
         pressed: Scalar = 0.0
         for each in meetings:
             if each.by == by:
-                force, pressed = force + each.touch.axis * each.touch.normal, pressed + each.touch.normal
+                force, pressed = (
+                    force + each.touch.axis * each.touch.normal,
+                    pressed + each.touch.normal,
+                )
         across = E_Z * weight - force
         for i, each in enumerate(meetings):
             if each.by == by:
                 material = materials[each.surface]
                 borne = across - each.touch.axis * across.dot(each.touch.axis)
-                deflection = borne * -divide(material.bristle_length, maximum(material.friction * pressed, _NOTHING))
+                deflection = borne * -divide(
+                    material.bristle_length,
+                    maximum(material.friction * pressed, _NOTHING),
+                )
                 size = sqrt(deflection.dot(deflection) + _NOTHING * _NOTHING)
                 share = minimum(divide(material.bristle_length, size), 1.0)
                 bent[i] = Vec3(*(c * share for c in deflection))

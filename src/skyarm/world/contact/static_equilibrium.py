@@ -1,9 +1,11 @@
-"""Static equilibrium before a flight: penetration and tilt of vehicle and objects under their weight.
+"""Static equilibrium before a flight: penetration and tilt of vehicle and objects under
+their weight.
 
-A flight that begins so does not jump. A vehicle is set down from 5 cm above its position: level until the surfaces
-carry its weight, then tilted until they carry its moment, too. Each object that is said to be standing is set down in
-turn, the lowest first, as if those that are higher were not there yet: from its position, or from just above it where
-that is inside of something.
+A flight that begins so does not jump. A vehicle is set down from 5 cm above its
+position: level until the surfaces carry its weight, then tilted until they carry its
+moment, too. Each object that is said to be standing is set down in turn, the lowest
+first, as if those that are higher were not there yet: from its position, or from just
+above it where that is inside of something.
 """
 
 from __future__ import annotations
@@ -32,61 +34,77 @@ from skyarm.world.contact.meetings import Meeting, meetings_of
 Residual = Callable[[Array], Array]
 
 Push = tuple[Meeting, Vec3, Vec3]
-"""Contact of a body, its arm from the centre of mass (m) and its normal force (N) on the body."""
+"""Contact of a body, its arm from the centre of mass (m) and its normal force (N) on
+the body."""
 
 STEP, LOWEST, ABOVE = 0.002, 3.0, 0.05
-"""Distances (m): step in which a vehicle is lowered until it stands, largest way of a descent, and initial height
-above the reference, which lies a little below the standing position if it presses."""
+"""Distances (m): step in which a vehicle is lowered until it stands, largest way of a
+descent, and initial height above the reference, which lies a little below the standing
+position if it presses."""
 
 LIFT, FINEST = 0.002, 1e-4
-"""Depth (m) inside another body out of which an object is lifted, and smallest step of its descent."""
+"""Depth (m) inside another body out of which an object is lifted, and smallest step of
+its descent."""
 
 DEEPER = 0.1
-"""Fraction of its depth by which an object is pressed deeper per step, once that exceeds ``FINEST``."""
+"""Fraction of its depth by which an object is pressed deeper per step, once that
+exceeds ``FINEST``."""
 
 OTHER = 0.2
-"""Distance (m or rad) from the first contact beyond which the object has tipped over into another equilibrium."""
+"""Distance (m or rad) from the first contact beyond which the object has tipped over
+into another equilibrium."""
 
 ROUNDING = 1e-9
-"""Fraction of the weight by which a level surface seems to tilt: the equilibrium is found to so much."""
+"""Fraction of the weight by which a level surface seems to tilt: the equilibrium is
+found to so much."""
 
 UP, UPRIGHT = np.array([1.0, 0.0, 0.0]), Vec3(0.0, 0.0, 1.0)
 """Displacement upwards, of a height and two tilts, and vertical axis."""
 
 NEAR, PACE = 1e-4, 1e-3
-"""Steps (m and rad) per depth (m) under the weight: of the finite difference for the stiffness, and the first one of
-the damped Newton's method."""
+"""Steps (m and rad) per depth (m) under the weight: of the finite difference for the
+stiffness, and the first one of the damped Newton's method."""
 
 SMALL, ROUNDED, ROUNDS = 1e-8, 1e-14, 100
-"""Residual of an equilibrium, as a fraction of the weight, length (m) whose share of the depth rounding adds to it, and
-largest number of Newton steps."""
+"""Residual of an equilibrium, as a fraction of the weight, length (m) whose share of
+the depth rounding adds to it, and largest number of Newton steps."""
 
 DAMPED = np.diag([1e-6, 1.0, 1.0])
-"""Shares of the damping in height and tilts: the height follows at once, or a foot that bears too much lifts others."""
+"""Shares of the damping in height and tilts: the height follows at once, or a foot that
+bears too much lifts others."""
 
 ROLLS = 1e-3
-"""Least range of slopes (rad) on which a body can stand: less is an edge, or a line on which it rolls."""
+"""Least range of slopes (rad) on which a body can stand: less is an edge, or a line on
+which it rolls."""
 
 LEAN = 0.1
-"""Additional tilt (rad) down a slope per depth (m) under the weight: the rim of a cylinder then touches where it
-will."""
+"""Additional tilt (rad) down a slope per depth (m) under the weight: the rim of a
+cylinder then touches where it will."""
 
 UNSTABLE = 1e-3
-"""Growth of the residual (1 per m or rad) from which an equilibrium is unstable: above that of rounding."""
+"""Growth of the residual (1 per m or rad) from which an equilibrium is unstable: above
+that of rounding."""
 
 
-def _settle(residual: Residual, pushes: Callable[[Array], list[Push]], x: Array) -> Array | None:
-    """Stable root of a residual near an initial guess, at which contacts push; None if there is none.
+def _settle(
+    residual: Residual, pushes: Callable[[Array], list[Push]], x: Array
+) -> Array | None:
+    """Stable root of a residual near an initial guess, at which contacts push; None if
+    there is none.
 
-    Newton's method, damped as implicit Euler steps of dx/dt = residual: longer after one that hardly raises the
-    residual, else shorter, as where a foot would lift off. Of what nothing holds, as a ball that may roll, nothing
-    changes. Source: Kelley, Keyes 1998, Convergence analysis of pseudo-transient continuation.
+    Newton's method, damped as implicit Euler steps of dx/dt = residual: longer after
+    one that hardly raises the residual, else shorter, as where a foot would lift off.
+    Of what nothing holds, as a ball that may roll, nothing changes. Source: Kelley,
+    Keyes 1998, Convergence analysis of pseudo-transient continuation.
     """
     start, left, depth = x, residual(x), _depth(pushes(x))
     near, pace = NEAR * depth, PACE * depth
     with np.errstate(all="ignore"):  # of numbers beyond measure
         for _ in range(ROUNDS):
-            slopes = np.stack([(residual(x + step) - left) / near for step in near * np.eye(len(x))], axis=1)
+            slopes = np.stack(
+                [(residual(x + step) - left) / near for step in near * np.eye(len(x))],
+                axis=1,
+            )
             size = np.abs(left).max()
             if not np.isfinite(slopes).all() or np.abs(x - start).max() > OTHER:
                 break
@@ -105,7 +123,9 @@ def _turn(about_x: float, about_y: float) -> Quaternion:
     return Quaternion.of_rotation_vector(Vec3(about_x, about_y, 0.0))
 
 
-def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: State) -> State:
+def stand_vehicle(
+    vehicle: Vehicle, gravity: float, contact: Contact, state: State
+) -> State:
     """Vehicle state in static equilibrium on the surfaces below its given position.
 
     Args:
@@ -120,27 +140,44 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
     memory, weight = contact.start(1.0, ()), float(vehicle.mass) * gravity
 
     def at(x: Array) -> State:
-        """State raised by a height (m) and rotated about the level x and y axes (rad)."""
+        """State raised by a height (m) and rotated about the level x and y axes
+        (rad).
+        """
         up, about_x, about_y = (float(each) for each in x)
         position = state.position + Vec3(0.0, 0.0, up)
-        return replace(state, position=position, quaternion=_turn(about_x, about_y) * state.quaternion)
+        return replace(
+            state,
+            position=position,
+            quaternion=_turn(about_x, about_y) * state.quaternion,
+        )
 
     def pushes(x: Array) -> list[Push]:
         """Contacts of the vehicle, each with its arm and its force."""
         moved = at(x)
         motion, middle = PointMotion(vehicle, moved), center_of_mass(vehicle, moved)
         ours = (each for each in contact.meetings(memory, motion) if each.by == NOBODY)
-        return [(each, each.place - middle, each.touch.axis * each.touch.normal) for each in ours]
+        return [
+            (each, each.place - middle, each.touch.axis * each.touch.normal)
+            for each in ours
+        ]
 
     def residual(x: Array) -> Array:
-        """Residual of vertical force and level moments about the centre of mass (1 m arm), divided by the weight."""
+        """Residual of vertical force and level moments about the centre of mass (1 m
+        arm), divided by the weight.
+        """
         up_left, moment = balance([(arm, push) for _, arm, push in pushes(x)], weight)
         return np.array([up_left, float(moment.x), float(moment.y)]) / weight
 
     if not weight > 0.0:
-        raise ValueError("initial.standing = true: must be false where plant.gravity leaves no weight to stand with")
+        raise ValueError(
+            "initial.standing = true: must be false where plant.gravity leaves no"
+            " weight to stand with"
+        )
     if residual(np.array([ABOVE, 0.0, 0.0]))[0] > -1.0:
-        raise ValueError("initial.standing = true: must begin above what it is set down on; it touches at 5 cm above")
+        raise ValueError(
+            "initial.standing = true: must begin above what it is set down on; it"
+            " touches at 5 cm above"
+        )
 
     def set_down(x: Array) -> Array:
         """Lower the vehicle from a pose until the surfaces carry its weight."""
@@ -148,7 +185,10 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
         while residual(x)[0] < 0.0:
             above, x = x, x - STEP * UP
             if x[0] < -LOWEST:
-                raise ValueError(f"initial.standing = true: must be above a surface; {_nothing('it', state.position)}")
+                raise ValueError(
+                    "initial.standing = true: must be above a surface;"
+                    f" {_nothing('it', state.position)}"
+                )
         return _raise(residual, x, above)
 
     x = set_down(np.array([ABOVE, 0.0, 0.0]))
@@ -164,7 +204,9 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
 
 
 def _raise(residual: Residual, x: Array, above: Array) -> Array:
-    """Pose by which the surfaces carry one to two weights, between one of more and one of less above it."""
+    """Pose by which the surfaces carry one to two weights, between one of more and one
+    of less above it.
+    """
     while residual(x)[0] > 1.0 and above[0] - x[0] > ROUNDED:
         middle = 0.5 * (x + above)
         x, above = (x, middle) if residual(middle)[0] < 0.0 else (middle, above)
@@ -183,59 +225,92 @@ def _normal(pushes: Sequence[Push]) -> Array:
 
 
 def _slope(pushes: Sequence[Push], axes: Sequence[Vec3]) -> Array:
-    """Tilts about the level x and y axes (rad) by which a body lies on a slope, from the forces on it.
+    """Tilts about the level x and y axes (rad) by which a body lies on a slope, from
+    the forces on it.
 
-    They turn that one of its axes to the slope's normal which is nearest to this or to the vertical.
+    They turn that one of its axes to the slope's normal which is nearest to this or to
+    the vertical.
     """
     normal = _normal(pushes)
     rows = [np.array([*map(float, axis)]) for axis in axes]
-    near, axis = max(((max(abs(row[2]), abs(row @ normal)), row) for row in rows), key=lambda pair: pair[0])
+    near, axis = max(
+        ((max(abs(row[2]), abs(row @ normal)), row) for row in rows),
+        key=lambda pair: pair[0],
+    )
     axis = axis * math.copysign(1.0, axis @ normal)
     across = np.cross(axis, normal)
     size = np.linalg.norm(across)
     # one that leans otherwise is not laid flat
-    turn = across * (math.atan2(size, axis @ normal) / size if size > 0.0 and near > math.cos(OTHER) else 0.0)
-    return np.asarray(turn[:2] + LEAN * _depth(pushes) * np.array([-normal[1], normal[0]]))
+    turn = across * (
+        math.atan2(size, axis @ normal) / size
+        if size > 0.0 and near > math.cos(OTHER)
+        else 0.0
+    )
+    return np.asarray(
+        turn[:2] + LEAN * _depth(pushes) * np.array([-normal[1], normal[0]])
+    )
 
 
 def _tipping(pushes: Sequence[Push]) -> str:
-    """Words about the slope at which a body that lies on some contacts tips over; none where it lies level.
+    """Words about the slope at which a body that lies on some contacts tips over; none
+    where it lies level.
 
-    Down the slope the weight leaves the convex hull of the contacts, on a line between two of them.
+    Down the slope the weight leaves the convex hull of the contacts, on a line between
+    two of them.
     """
     normal = _normal(pushes)
     down = normal * normal[2] - np.array([0.0, 0.0, 1.0])
     if not np.linalg.norm(down) > ROUNDING:
         return ""
-    arms = np.array([[*map(float, arm)] for meeting, arm, _ in pushes if float(meeting.touch.depth) > 0.0])
+    arms = np.array(
+        [
+            [*map(float, arm)]
+            for meeting, arm, _ in pushes
+            if float(meeting.touch.depth) > 0.0
+        ]
+    )
     along, aside = arms @ (down / np.linalg.norm(down)), arms @ np.cross(normal, down)
     spots = [*zip(along, aside, strict=True)]
-    ways = [(a * d - c * b) / (d - b) for a, b in spots for c, d in spots if b <= 0.0 < d]
+    ways = [
+        (a * d - c * b) / (d - b) for a, b in spots for c, d in spots if b <= 0.0 < d
+    ]
     height, slope = -np.mean(arms @ normal), math.acos(normal[2])
     least, most = (math.atan2(end(ways, default=0.0), height) for end in (min, max))
     has = f"the slope has {math.degrees(slope):.4g}"
     if most - least < ROLLS or least > slope:  # on an edge or a line, or up the slope
         return f" as it lies; {has} degrees (level ground, or another attitude)"
     cure = "less slope, or more stiffness" if most > slope else "less slope"
-    return f": a rigid one beyond {math.degrees(most):.4g} degrees, a soft one earlier; {has} ({cure})"
+    return (
+        f": a rigid one beyond {math.degrees(most):.4g} degrees, a soft one earlier;"
+        f" {has} ({cure})"
+    )
 
 
-def _require_friction(where: str, pushes: Sequence[Push], contact: Contact, weight: float) -> None:
-    """Refuse a vehicle or object that would slide: its weight across the surfaces is beyond their friction.
+def _require_friction(
+    where: str, pushes: Sequence[Push], contact: Contact, weight: float
+) -> None:
+    """Refuse a vehicle or object that would slide: its weight across the surfaces is
+    beyond their friction.
 
     Raises:
         ValueError: one line with the force and the largest friction.
     """
     frictions = {each.name: each.material.friction for _, each in contact.every_surface}
-    most = sum(float(frictions[each.surface] * each.touch.normal) for each, *_ in pushes)
+    most = sum(
+        float(frictions[each.surface] * each.touch.normal) for each, *_ in pushes
+    )
     needed = weight * math.hypot(*_normal(pushes)[:2])
     if needed > most + ROUNDING * weight:
-        words = f"by {needed:.3g} N; it is {most:.3g} N at most, {needed - most:.2g} N too little, and it slides"
+        words = (
+            f"by {needed:.3g} N; it is {most:.3g} N at most, {needed - most:.2g} N too"
+            " little, and it slides"
+        )
         raise ValueError(f"{where}: must stand where friction holds it, {words}")
 
 
 def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, Vec3]:
-    """Residual normal force (N) and moment (N m) on a resting body if friction balances the tangential weight.
+    """Residual normal force (N) and moment (N m) on a resting body if friction balances
+    the tangential weight.
 
     Args:
         pushes: arm from the centre of mass (m) and force (N) of each.
@@ -244,17 +319,27 @@ def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, 
     force, moment, middle, sizes = ZERO3, ZERO3, ZERO3, 0.0
     for arm, push in pushes:
         size = float(push.dot(push)) ** 0.5
-        force, moment, middle, sizes = force + push, moment + arm.cross(push), middle + arm * size, sizes + size
+        force, moment, middle, sizes = (
+            force + push,
+            moment + arm.cross(push),
+            middle + arm * size,
+            sizes + size,
+        )
     # below 0: out of the lower side of a plate
     total = math.copysign(float(force.dot(force)) ** 0.5, float(force.z))
     if total == 0.0:
         return -weight, Vec3(0.0, 0.0, 0.0)
     across = Vec3(0.0, 0.0, weight) - force
-    return total - weight * float(force.z) / total, moment + (middle * (1.0 / sizes)).cross(across)
+    return total - weight * float(force.z) / total, moment + (
+        middle * (1.0 / sizes)
+    ).cross(across)
 
 
 def _nothing(what: str, position: Vec3) -> str:
-    return f"nothing carries {what} within {LOWEST:g} m below {shown([float(c) for c in position])} m"
+    return (
+        f"nothing carries {what} within {LOWEST:g} m below"
+        f" {shown([float(c) for c in position])} m"
+    )
 
 
 @keep_results(16)
@@ -266,7 +351,8 @@ def with_standing_objects(contact: Contact, gravity: float) -> Contact:
         gravity: m/s^2.
 
     Raises:
-        ValueError: one line: nothing carries the object there, it starts inside of something, or it tips over.
+        ValueError: one line: nothing carries the object there, it starts inside of
+            something, or it tips over.
     """
     waiting = sorted(
         (i for i, each in enumerate(contact.objects) if each.standing),
@@ -274,29 +360,51 @@ def with_standing_objects(contact: Contact, gravity: float) -> Contact:
     )
     if waiting and not gravity > 0.0:
         where = f"world.objects[{min(waiting)}].standing = true"
-        raise ValueError(f"{where}: must be false where plant.gravity leaves no weight to stand with")
+        raise ValueError(
+            f"{where}: must be false where plant.gravity leaves no weight to stand with"
+        )
     while waiting:
         i = waiting.pop(0)
         contact = _set_down(contact, i, gravity, waiting)
     return contact
 
 
-def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int]) -> Contact:
-    """Contact model with one object moved to static equilibrium on the surfaces below that object."""
-    body, supports, x = contact.objects[index], _Supports(contact, index, gravity, away), np.zeros(3)
+def _set_down(
+    contact: Contact, index: int, gravity: float, away: Sequence[int]
+) -> Contact:
+    """Contact model with one object moved to static equilibrium on the surfaces below
+    that object.
+    """
+    body, supports, x = (
+        contact.objects[index],
+        _Supports(contact, index, gravity, away),
+        np.zeros(3),
+    )
     where = f"world.objects[{index}].standing = true"
-    if np.abs(supports.residual(x)).max() < 1e-9 and _settle(supports.residual, supports.pushes, x) is not None:
-        _require_friction(f"{where}: object {body.name!r}", supports.pushes(x), contact, supports.weight)
+    if (
+        np.abs(supports.residual(x)).max() < 1e-9
+        and _settle(supports.residual, supports.pushes, x) is not None
+    ):
+        _require_friction(
+            f"{where}: object {body.name!r}",
+            supports.pushes(x),
+            contact,
+            supports.weight,
+        )
         return contact
     if supports.gap(x) < 0.0:
         x[0] = LIFT
     if supports.gap(x) < 0.0:
-        raise ValueError(f"{where}: object {body.name!r} must begin outside of what carries it")
+        raise ValueError(
+            f"{where}: object {body.name!r} must begin outside of what carries it"
+        )
     x = _descend(body, supports, x, index)
     equilibrium = _settle(supports.residual, supports.pushes, x)
     if equilibrium is None:  # on a slope a level body stands on its upper edge alone
         rotation = body.frame(body.start()).rotation
-        x = np.array([x[0], *_slope(supports.pushes(x), [rotation.column(i) for i in range(3)])])
+        x = np.array(
+            [x[0], *_slope(supports.pushes(x), [rotation.column(i) for i in range(3)])]
+        )
         while supports.gap(x) < 0.0:
             x = x + max(LIFT, -supports.gap(x)) * UP
         x = _descend(body, supports, x, index)
@@ -304,9 +412,15 @@ def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int])
     if equilibrium is None:
         tips = f"it tips over{_tipping(supports.pushes(x))}"
         raise ValueError(
-            f"{where}: object {body.name!r} must lie with its centre of mass above what carries it; {tips}"
+            f"{where}: object {body.name!r} must lie with its centre of mass above what"
+            f" carries it; {tips}"
         )
-    _require_friction(f"{where}: object {body.name!r}", supports.pushes(equilibrium), contact, supports.weight)
+    _require_friction(
+        f"{where}: object {body.name!r}",
+        supports.pushes(equilibrium),
+        contact,
+        supports.weight,
+    )
     return supports.contact_at(equilibrium)
 
 
@@ -317,28 +431,37 @@ def _descend(body: FreeObject, supports: _Supports, x: Array, index: int) -> Arr
         gap = supports.gap(x)
         force = supports.force(x) if gap < 0.0 else 0.0
         if force < carried or (force > 0.0 and -gap > _half_of(body)):
-            # what is below carries so much at most, until the object is half inside or through
+            # what is below carries so much at most, until the object is half inside or
+            # through
             most = max(force, carried) / supports.gravity
             raise ValueError(
-                f"world.objects[{index}].mass = {shown(float(body.mass))}: must be about {most:.2g} kg or less, or the "
-                f"stiffness larger; its weight presses object {body.name!r} through what it stands on"
+                f"world.objects[{index}].mass = {shown(float(body.mass))}: must be"
+                f" about {most:.2g} kg or less, or the stiffness larger; its weight"
+                f" presses object {body.name!r} through what it stands on"
             )
         carried = force
         above, x = x, x - max(gap, FINEST, DEEPER * -gap) * UP
         if x[0] < -LOWEST:
             below = _nothing(f"object {body.name!r}", body.position)
-            raise ValueError(f"world.objects[{index}].standing = true: must be above a surface; {below}")
+            raise ValueError(
+                f"world.objects[{index}].standing = true: must be above a surface;"
+                f" {below}"
+            )
     return _raise(supports.residual, x, above)
 
 
 def _half_of(body: FreeObject) -> float:
     """Half of an object's smallest dimension, m."""
     radii = {("sphere", 0), ("cylinder", 0)}
-    return min(float(each) * (1.0 if (body.shape, i) in radii else 0.5) for i, each in enumerate(body.size))
+    return min(
+        float(each) * (1.0 if (body.shape, i) in radii else 0.5)
+        for i, each in enumerate(body.size)
+    )
 
 
 class _Supports:
-    """Force and moment balance of one object that rests on surfaces, as a function of height and two tilts.
+    """Force and moment balance of one object that rests on surfaces, as a function of
+    height and two tilts.
 
     Args:
         contact: surfaces and objects.
@@ -347,39 +470,60 @@ class _Supports:
         away: objects that are not there yet.
     """
 
-    def __init__(self, contact: Contact, index: int, gravity: float, away: Collection[int]) -> None:
+    def __init__(
+        self, contact: Contact, index: int, gravity: float, away: Collection[int]
+    ) -> None:
         self._contact, self._index, self._away = contact, index, frozenset(away)
-        self._all, self._first = _meetings_of(contact), list(contact.start(1.0, ()).carried)
-        self.weight, self.gravity = float(contact.objects[index].mass) * gravity, gravity
+        self._all, self._first = (
+            _meetings_of(contact),
+            list(contact.start(1.0, ()).carried),
+        )
+        self.weight, self.gravity = (
+            float(contact.objects[index].mass) * gravity,
+            gravity,
+        )
         self._pose, self._pushes = b"", list[Push]()
 
     def _displace(self, x: Array) -> list[Any]:
-        """States of all movable bodies, one of them raised (m) and tilted (rad) about its centre of mass."""
+        """States of all movable bodies, one of them raised (m) and tilted (rad) about
+        its centre of mass.
+        """
         up, about_x, about_y = x.tolist()
         motions, body = list(self._first), self._first[self._index]
         place = body.position + Vec3(0.0, 0.0, up)
-        motions[self._index] = replace(body, position=place, attitude=_turn(about_x, about_y) * body.attitude)
+        motions[self._index] = replace(
+            body, position=place, attitude=_turn(about_x, about_y) * body.attitude
+        )
         return motions
 
     def pushes(self, x: Array) -> list[Push]:
-        """Contacts that involve the displaced object, each with its arm and its force on the object.
+        """Contacts that involve the displaced object, each with its arm and its force
+        on the object.
 
-        Those of the latest pose are kept, of which gap, force and residual are computed one after the other.
+        Those of the latest pose are kept, of which gap, force and residual are computed
+        one after the other.
         """
         if x.tobytes() == self._pose:
             return self._pushes
         i, moved = self._index, self._displace(x)
         pairs = ((each, {each.of, each.by}) for each in self._all(moved))
-        mine = [(each, 1 if each.by == i else -1) for each, pair in pairs if i in pair and not pair & self._away]
+        mine = [
+            (each, 1 if each.by == i else -1)
+            for each, pair in pairs
+            if i in pair and not pair & self._away
+        ]
         middle = moved[i].position
         self._pose = x.tobytes()
         self._pushes = [
-            (each, each.place - middle, each.touch.axis * (each.touch.normal * sign)) for each, sign in mine
+            (each, each.place - middle, each.touch.axis * (each.touch.normal * sign))
+            for each, sign in mine
         ]
         return self._pushes
 
     def gap(self, x: Array) -> float:
-        """Distance (m) from the displaced object to the nearest surface; negative if it penetrates."""
+        """Distance (m) from the displaced object to the nearest surface; negative if it
+        penetrates.
+        """
         return -_depth(self.pushes(x))
 
     def force(self, x: Array) -> float:
@@ -387,8 +531,12 @@ class _Supports:
         return float(sum(push.z for *_, push in self.pushes(x)))
 
     def residual(self, x: Array) -> Array:
-        """Residual of the vertical force and of the horizontal moments on the object, relative to its weight."""
-        left, moment = balance([(arm, push) for _, arm, push in self.pushes(x)], self.weight)
+        """Residual of the vertical force and of the horizontal moments on the object,
+        relative to its weight.
+        """
+        left, moment = balance(
+            [(arm, push) for _, arm, push in self.pushes(x)], self.weight
+        )
         length = float(max(self._contact.objects[self._index].size))
         values = left, float(moment.x) / length, float(moment.y) / length
         return np.array(values) / self.weight
@@ -396,23 +544,38 @@ class _Supports:
     def contact_at(self, x: Array) -> Contact:
         """Contact model with the object moved to a given height and tilt."""
         objects = list(self._contact.objects)
-        objects[self._index] = _place_object(objects[self._index], self._displace(x)[self._index])
+        objects[self._index] = _place_object(
+            objects[self._index], self._displace(x)[self._index]
+        )
         return replace(self._contact, objects=tuple(objects))
 
 
 def _place_object(of: FreeObject, memory: ObjectMotion) -> FreeObject:
     """Free object whose initial position and angles are those of a given state."""
     frame = of.frame(memory)
-    (r00, _, _), (r10, _, _), (r20, r21, r22) = ((float(c) for c in row) for row in frame.rotation.rows)
-    found = (np.arctan2(r21, r22), -np.arcsin(np.clip(r20, -1.0, 1.0)), np.arctan2(r10, r00))
+    (r00, _, _), (r10, _, _), (r20, r21, r22) = (
+        (float(c) for c in row) for row in frame.rotation.rows
+    )
+    found = (
+        np.arctan2(r21, r22),
+        -np.arcsin(np.clip(r20, -1.0, 1.0)),
+        np.arctan2(r10, r00),
+    )
     # as many turns as are stated: degrees in place of radians are told later
-    angles = (float(a + math.tau * round((float(s) - a) / math.tau)) for a, s in zip(found, of.angles, strict=True))
+    angles = (
+        float(a + math.tau * round((float(s) - a) / math.tau))
+        for a, s in zip(found, of.angles, strict=True)
+    )
     return replace(of, position=Vec3(*map(float, frame.position)), angles=Vec3(*angles))
 
 
 def _meetings_of(contact: Contact) -> Callable[[Sequence[Tree]], list[Meeting]]:
-    """Make a function that evaluates the contacts between objects and surfaces, without the vehicle."""
+    """Make a function that evaluates the contacts between objects and surfaces, without
+    the vehicle.
+    """
     bodies, step = replace(contact, points=()), contact.largest_step
     memory = bodies.start(1.0, ())
     clock = (*memory.clock, 0.0)[0]
-    return lambda motions: meetings_of(bodies, motions, (), clock, memory.bristles, step)
+    return lambda motions: meetings_of(
+        bodies, motions, (), clock, memory.bristles, step
+    )

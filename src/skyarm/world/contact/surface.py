@@ -1,4 +1,6 @@
-"""Surfaces of the world: a plane, a box, a cylinder, a sphere or a plate with a hole, at rest or moving."""
+"""Surfaces of the world: a plane, a box, a cylinder, a sphere or a plate with a hole,
+at rest or moving.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,17 @@ from dataclasses import field
 from functools import reduce
 from typing import Annotated
 
-from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3, axis_rotation
+from skyarm.algebra import (
+    E_X,
+    E_Y,
+    E_Z,
+    ZERO3,
+    Mat3,
+    Scalar,
+    Scalars,
+    Vec3,
+    axis_rotation,
+)
 from skyarm.algebra.scalars import (
     absolute,
     add,
@@ -35,47 +47,79 @@ from skyarm.world.contact.material import Material
 from skyarm.world.signal_vector import NO_SIGNALS, SignalVector
 
 SIZES = ("radius", "depth", "chamfer", "outer radius", "length")
-"""Lengths (m) of a plate with a hole: radius of the hole, its depth, width of its chamfer of 45 degrees; outer
-radius of the plate, its length along z."""
+"""Lengths (m) of a plate with a hole: radius of the hole, its depth, width of its
+chamfer of 45 degrees; outer radius of the plate, its length along z."""
 
 
-SHAPES = {"plane": (), "box": ("x", "y", "z"), "cylinder": ("radius", "length"), "sphere": ("radius",), "hole": SIZES}
-"""Shape -> names of its sizes (m). The outside of a plane is along its z axis, which is also the axis of cylinder
-and hole."""
+SHAPES = {
+    "plane": (),
+    "box": ("x", "y", "z"),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "hole": SIZES,
+}
+"""Shape -> names of its sizes (m). The outside of a plane is along its z axis, which is
+also the axis of cylinder and hole."""
 
 
 _CENTRE = 1e-24
-"""Squared length (m^2) under a root: the normal in the middle of a sphere or on a cylinder's axis is zero instead of
-NaN."""
+"""Squared length (m^2) under a root: the normal in the middle of a sphere or on a
+cylinder's axis is zero instead of NaN."""
 
 
 Face = tuple[Scalar, Vec3]
-"""Height of a point above a face (m, negative inside) and the face's outward normal, axes of the surface."""
+"""Height of a point above a face (m, negative inside) and the face's outward normal,
+axes of the surface."""
 
 
 @immutable
 class Surface:
-    """Contact surface: plane, box, cylinder, ball or plate with a hole, with its pose, motion and material.
+    """Contact surface: plane, box, cylinder, ball or plate with a hole, with its pose,
+    motion and material.
 
     Attributes:
         name: name in messages, logs and pictures. shape: one of ``SHAPES``.
-        size: lengths of a box along its axes, radius and length of a cylinder, radius of a sphere; none of a plane; of
-            a plate with a hole those of :mod:`skyarm.world.contact.surface`.
-        motion: displacement that is added to the position as time goes on, m, world axes. It must have a velocity: a
-            step is passed without one.
-        mesh: path of an STL file (m, axes of the surface) that it is drawn as; nothing touches that.
+        size: lengths of a box along its axes, radius and length of a cylinder, radius
+            of a sphere; none of a plane; of a plate with a hole those of
+            :mod:`skyarm.world.contact.surface`.
+        motion: displacement that is added to the position as time goes on, m, world
+            axes. It must have a velocity: a step is passed without one.
+        mesh: path of an STL file (m, axes of the surface) that it is drawn as; nothing
+            touches that.
     """
 
-    name: Annotated[str, Unit("", "name of the surface, for messages, logs and pictures", rule=coerce.name)]
-    shape: Annotated[str, Unit("", "shape of the surface", rule=coerce.word_of(SHAPES))] = "plane"
+    name: Annotated[
+        str,
+        Unit(
+            "", "name of the surface, for messages, logs and pictures", rule=coerce.name
+        ),
+    ]
+    shape: Annotated[
+        str, Unit("", "shape of the surface", rule=coerce.word_of(SHAPES))
+    ] = "plane"
     size: Annotated[
         Scalars,
-        positive("m", "lengths of the shape: edges of a box, radius and length of a cylinder, radius of a ball"),
+        positive(
+            "m",
+            "lengths of the shape: edges of a box, radius and length of a cylinder,"
+            " radius of a ball",
+        ),
     ] = ()
     position: Annotated[
-        Vec3, Unit("m", "position of the middle, of a point of a plane, or of a hole's mouth, world axes", folds=True)
+        Vec3,
+        Unit(
+            "m",
+            "position of the middle, of a point of a plane, or of a hole's mouth, world"
+            " axes",
+            folds=True,
+        ),
     ] = ZERO3
-    angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw: about x, then y, then z of the world", folds=True)] = ZERO3
+    angles: Annotated[
+        Vec3,
+        Unit(
+            "rad", "roll, pitch, yaw: about x, then y, then z of the world", folds=True
+        ),
+    ] = ZERO3
     motion: SignalVector = NO_SIGNALS
     material: Material = field(default_factory=Material)
     mesh: str = field_if_any(default="")
@@ -85,7 +129,9 @@ class Surface:
         coerce.fold_zeros(self, "position", "angles")
         require_size("surface.size", self.shape, self.size)
         if self.mesh and self.shape in ("plane", "hole"):
-            raise RecordError(f"surface.mesh = {shown(self.mesh)}: must be left out of a {self.shape}")
+            raise RecordError(
+                f"surface.mesh = {shown(self.mesh)}: must be left out of a {self.shape}"
+            )
         if self.shape == "hole":
             require_hole(self.size)
 
@@ -93,7 +139,9 @@ class Surface:
     def moves(self) -> bool:
         """True if the surface has a prescribed motion."""
         signals = (self.motion.x, self.motion.y, self.motion.z)
-        return any(type(each) is not Constant or not absent(each.value) for each in signals)
+        return any(
+            type(each) is not Constant or not absent(each.value) for each in signals
+        )
 
     @property
     def rotation(self) -> Mat3:
@@ -102,7 +150,9 @@ class Surface:
 
     @property
     def farthest(self) -> Scalar:
-        """Largest distance (m) of the surface from its own origin; only for shapes of finite size."""
+        """Largest distance (m) of the surface from its own origin; only for shapes of
+        finite size.
+        """
         if self.shape == "sphere":
             return self.size[0]
         if self.shape == "box":
@@ -118,11 +168,18 @@ class Surface:
         """Position (m) and velocity (m/s) of the surface at time t (s), world axes."""
         if not self.moves:
             return self.position, ZERO3
-        rows = [signal.derivatives(t) for signal in (self.motion.x, self.motion.y, self.motion.z)]
-        return self.position + Vec3(*(each[0] for each in rows)), Vec3(*(each[1] for each in rows))
+        rows = [
+            signal.derivatives(t)
+            for signal in (self.motion.x, self.motion.y, self.motion.z)
+        ]
+        return self.position + Vec3(*(each[0] for each in rows)), Vec3(
+            *(each[1] for each in rows)
+        )
 
     def _faces(self, p: Vec3) -> tuple[Face, ...]:
-        """Height of a point above each relevant face of the shape, with the face's outward normal."""
+        """Height of a point above each relevant face of the shape, with the face's
+        outward normal.
+        """
         if self.shape == "plane":
             return ((p.z, E_Z),)
         if self.shape == "sphere":
@@ -133,14 +190,22 @@ class Surface:
             away = sqrt(p.x * p.x + p.y * p.y + _CENTRE)
             round_about = Vec3(divide(p.x, away), divide(p.y, away), 0)
             side = (away - outer, round_about)
-            return (side, _slab(p.z + 0.5 * length if self.shape == "hole" else p.z, length, E_Z))
-        return tuple(_slab(c, size, axis) for c, size, axis in zip(p, self.size, (E_X, E_Y, E_Z), strict=True))
+            return (
+                side,
+                _slab(p.z + 0.5 * length if self.shape == "hole" else p.z, length, E_Z),
+            )
+        return tuple(
+            _slab(c, size, axis)
+            for c, size, axis in zip(p, self.size, (E_X, E_Y, E_Z), strict=True)
+        )
 
     def depth(self, point_W: Vec3, radius: Scalar, t: Scalar) -> Face:
-        """Penetration depth of a ball (m, negative outside) and outward normal of the surface, world axes.
+        """Penetration depth of a ball (m, negative outside) and outward normal of the
+        surface, world axes.
 
-        Inside it is the nearest face that counts; of a ball that touches an edge or a corner from outside, the way to
-        its middle; of a plate with a hole always the nearest place.
+        Inside it is the nearest face that counts; of a ball that touches an edge or a
+        corner from outside, the way to its middle; of a plate with a hole always the
+        nearest place.
 
         Args:
             point_W: middle of the ball, m, world axes.
@@ -158,12 +223,16 @@ class Surface:
             height, normal = _nearest_edge(faces, height, normal)
         return radius - height, R.apply(normal)
 
-    def clearance(self, centre_W: Vec3, axis_W: Vec3, radius: Scalar, t: Scalar) -> Scalar:
-        """Distance (m) between a disc, such as a rotor, and the surface; negative if they may touch.
+    def clearance(
+        self, centre_W: Vec3, axis_W: Vec3, radius: Scalar, t: Scalar
+    ) -> Scalar:
+        """Distance (m) between a disc, such as a rotor, and the surface; negative if
+        they may touch.
 
-        A plane between both is looked for among the faces and across the way from the disc's middle to the nearest
-        point of the surface: what one of them parts, does not touch. Next to a corner the disc may still be some
-        millimetres away where none does.
+        A plane between both is looked for among the faces and across the way from the
+        disc's middle to the nearest point of the surface: what one of them parts, does
+        not touch. Next to a corner the disc may still be some millimetres away where
+        none does.
 
         Args:
             centre_W: middle of the disc, m, world axes.
@@ -172,9 +241,19 @@ class Surface:
             t: s.
         """
         R = self.rotation
-        axis, faces = R.apply_T(axis_W), self._faces(R.apply_T(centre_W - self.place(t)[0]))
-        planes = [*faces, _nearest_edge(faces, *_nearest(faces))] if len(faces) > 1 else faces
-        return reduce(maximum, [height - _half_width(axis, normal, radius) for height, normal in planes])
+        axis, faces = (
+            R.apply_T(axis_W),
+            self._faces(R.apply_T(centre_W - self.place(t)[0])),
+        )
+        planes = (
+            [*faces, _nearest_edge(faces, *_nearest(faces))]
+            if len(faces) > 1
+            else faces
+        )
+        return reduce(
+            maximum,
+            [height - _half_width(axis, normal, radius) for height, normal in planes],
+        )
 
 
 def require_size(where: str, shape: str, size: Sequence[Scalar]) -> None:
@@ -182,12 +261,18 @@ def require_size(where: str, shape: str, size: Sequence[Scalar]) -> None:
     sizes = SHAPES[shape]
     if len(size) != len(sizes):
         count = "one number" if len(sizes) == 1 else f"{len(sizes)} numbers"
-        allowed = f"must be {count}, {', '.join(sizes)}" if sizes else "must be left out of a plane"
+        allowed = (
+            f"must be {count}, {', '.join(sizes)}"
+            if sizes
+            else "must be left out of a plane"
+        )
         raise RecordError(f"{where} = {shown(list(size))}: {allowed}")
 
 
 def rotation_of(angles: Vec3) -> Mat3:
-    """Rotation matrix of roll, pitch and yaw (rad) about fixed x, y and z axes, in this order."""
+    """Rotation matrix of roll, pitch and yaw (rad) about fixed x, y and z axes, in this
+    order.
+    """
     R = Mat3.identity()
     for axis, angle in zip((E_X, E_Y, E_Z), angles, strict=True):
         if not absent(angle):
@@ -204,7 +289,9 @@ def _half_width(axis: Vec3, normal: Vec3, radius: Scalar) -> Scalar:
 
 
 def _nearest(faces: tuple[Face, ...]) -> Face:
-    """Nearest face of a convex body to a point: height of the point above it, and outward normal."""
+    """Nearest face of a convex body to a point: height of the point above it, and
+    outward normal.
+    """
     height, normal = faces[0]
     for above, axis in faces[1:]:
         nearer = above > height
@@ -213,16 +300,22 @@ def _nearest(faces: tuple[Face, ...]) -> Face:
 
 
 def _slab(c: Scalar, size: Scalar, axis: Vec3) -> Face:
-    """Nearer of two opposite parallel faces to a point: height of the point above it, and outward normal."""
+    """Nearer of two opposite parallel faces to a point: height of the point above it,
+    and outward normal.
+    """
     return absolute(c) - 0.5 * size, axis * sign(c)
 
 
 def _either(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
-    return Vec3(*(x if x is y else where(condition, x, y) for x, y in zip(a, b, strict=True)))
+    return Vec3(
+        *(x if x is y else where(condition, x, y) for x, y in zip(a, b, strict=True))
+    )
 
 
 def _nearest_edge(faces: tuple[Face, ...], height: Scalar, normal: Vec3) -> Face:
-    """Distance (m) and direction from the nearest face, edge or corner of a convex body to a point."""
+    """Distance (m) and direction from the nearest face, edge or corner of a convex body
+    to a point.
+    """
     outside = [maximum(above, 0.0) for above, _ in faces]
     away = sqrt(sum(each * each for each in outside) + _CENTRE)
     way = ZERO3
@@ -236,7 +329,8 @@ SHORTEST = 1e-6
 
 
 _SMALL = 1e-24
-"""Squared length (m^2) under a root: a direction on the axis or at a corner is zero instead of NaN."""
+"""Squared length (m^2) under a root: a direction on the axis or at a corner is zero
+instead of NaN."""
 
 
 def require_hole(size: Sequence[Scalar]) -> None:
@@ -256,11 +350,13 @@ def require_hole(size: Sequence[Scalar]) -> None:
 
 
 def from_plate(size: Sequence[Scalar], p: Vec3) -> Face:
-    """Signed distance (m) of a point from a plate with a hole, and the outward normal at the nearest point.
+    """Signed distance (m) of a point from a plate with a hole, and the outward normal
+    at the nearest point.
 
     Args:
         size: lengths as listed in ``SIZES``.
-        p: the point, m; the origin is in the middle of the hole's mouth, z leads out of it.
+        p: the point, m; the origin is in the middle of the hole's mouth, z leads out of
+            it.
     """
     radius, depth, chamfer, outer, length = size
     away = sqrt(p.x * p.x + p.y * p.y + _SMALL)
@@ -278,13 +374,17 @@ def from_plate(size: Sequence[Scalar], p: Vec3) -> Face:
     for start, way in edges[1:]:
         other = _to_edge(away, p.z, start, way)
         nearer = other[0] < nearest[0]
-        nearest = tuple(a if same(a, b) else where(nearer, a, b) for a, b in zip(other, nearest, strict=True))
+        nearest = tuple(
+            a if same(a, b) else where(nearer, a, b)
+            for a, b in zip(other, nearest, strict=True)
+        )
     square, along, up, edge_along, edge_up = nearest
     distance, sign = sqrt(square), where(outside, 1.0, -1.0)
     # on the skin the way to it has no direction, the edge has
     close = square < _SMALL
     n, z = (
-        where(close, edge, divide(way, distance + _SMALL) * sign) for way, edge in ((along, edge_along), (up, edge_up))
+        where(close, edge, divide(way, distance + _SMALL) * sign)
+        for way, edge in ((along, edge_along), (up, edge_up))
     )
     return sign * distance, Vec3(n * divide(p.x, away), n * divide(p.y, away), z)
 
@@ -297,13 +397,26 @@ def _outside(size: Sequence[Scalar], away: Scalar, z: Scalar) -> Scalar:
     return logical_not(logical_and(logical_not(beyond), logical_not(hollow)))
 
 
-def _to_edge(away: Scalar, z: Scalar, start: tuple[Scalar, Scalar], way: tuple[Scalar, Scalar]) -> Scalars:
-    """Squared distance and offset of a point from an edge of a plate's cross-section, and outward normal of the edge.
+def _to_edge(
+    away: Scalar, z: Scalar, start: tuple[Scalar, Scalar], way: tuple[Scalar, Scalar]
+) -> Scalars:
+    """Squared distance and offset of a point from an edge of a plate's cross-section,
+    and outward normal of the edge.
 
     The material is on the right of an edge, seen along it.
     """
     x, y = sub(away, start[0]), sub(z, start[1])
     square = add(mul(way[0], way[0]), mul(way[1], way[1]))
     t = clip(add(mul(x, way[0]), mul(y, way[1])) * (1.0 / square), 0.0, 1.0)
-    along, up, scale = sub(x, mul(t, way[0])), sub(y, mul(t, way[1])), 1.0 / sqrt(square)
-    return along * along + up * up, along, up, mul(neg(way[1]), scale), mul(way[0], scale)
+    along, up, scale = (
+        sub(x, mul(t, way[0])),
+        sub(y, mul(t, way[1])),
+        1.0 / sqrt(square),
+    )
+    return (
+        along * along + up * up,
+        along,
+        up,
+        mul(neg(way[1]), scale),
+        mul(way[0], scale),
+    )

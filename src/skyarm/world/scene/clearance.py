@@ -1,9 +1,12 @@
-"""Clearance: signed distances of a vehicle's bodies from obstacles and from each other, over any scalar.
+"""Clearance: signed distances of a vehicle's bodies from obstacles and from each other,
+over any scalar.
 
-Bodies are segments and flat discs, enlarged by a radius. The nearest point of a segment follows without branches. Of a
-first-order Taylor series it follows from the values alone: where the point slides along the segment, a minimum does not
-change to first order (envelope theorem).
-Source: segments, Ericson 2005, section 5.1.9; overlap with a box, separating axes of Gottschalk et al. 1996.
+Bodies are segments and flat discs, enlarged by a radius. The nearest point of a segment
+follows without branches. Of a first-order Taylor series it follows from the values
+alone: where the point slides along the segment, a minimum does not change to first
+order (envelope theorem).
+Source: segments, Ericson 2005, section 5.1.9; overlap with a box, separating axes of
+Gottschalk et al. 1996.
 """
 
 from __future__ import annotations
@@ -14,7 +17,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import absolute, clip, divide, logical_and, maximum, sign, sqrt, where
+from skyarm.algebra.scalars import (
+    absolute,
+    clip,
+    divide,
+    logical_and,
+    maximum,
+    sign,
+    sqrt,
+    where,
+)
 from skyarm.algebra.scalars.taylor import Taylor, nth_derivative
 from skyarm.compile.tracing.lower import compiled_once
 from skyarm.dynamics.actuators.tilting import turn_rotors
@@ -28,22 +40,28 @@ if TYPE_CHECKING:
     from skyarm.world.contact.surface import Surface
 
 _TINY = 1e-24
-"""Squared length (m^2) under a root or in a divisor: a direction without length is zero instead of NaN."""
+"""Squared length (m^2) under a root or in a divisor: a direction without length is zero
+instead of NaN."""
 
 _PARALLEL = 1e-12
-"""Squared length (m^2) of the part of a segment across an edge below which both are parallel."""
+"""Squared length (m^2) of the part of a segment across an edge below which both are
+parallel."""
 
 ROUNDS = 5
-"""Secant and bisection steps to the nearest point of a cylinder, between the points where its faces change."""
+"""Secant and bisection steps to the nearest point of a cylinder, between the points
+where its faces change."""
 
 
 @positional
 class Volume:
-    """Segment, flat disc or cylinder, enlarged by a radius: a capsule, or a disc with a round rim.
+    """Segment, flat disc or cylinder, enlarged by a radius: a capsule, or a disc with a
+    round rim.
 
     Attributes:
-        body: link of the vehicle, or BASE. start, end: ends of the segment, m; both the middle of a disc.
-        radius: enlargement, m. disc: radius of the disc, m; int 0 of a segment. axis: unit vector across it.
+        body: link of the vehicle, or BASE. start, end: ends of the segment, m; both the
+            middle of a disc.
+        radius: enlargement, m. disc: radius of the disc, m; int 0 of a segment. axis:
+            unit vector across it.
         half: half the length of a cylinder, m; int 0 of a flat disc.
     """
 
@@ -58,7 +76,12 @@ class Volume:
 
     def transform(self, pose: Pose) -> Volume:
         """Volume in the axes to which a pose leads."""
-        return replace(self, start=pose.apply(self.start), end=pose.apply(self.end), axis=pose.R.apply(self.axis))
+        return replace(
+            self,
+            start=pose.apply(self.start),
+            end=pose.apply(self.end),
+            axis=pose.R.apply(self.axis),
+        )
 
 
 @positional
@@ -66,8 +89,10 @@ class Pair:
     """Volume of a vehicle and what it may meet.
 
     Attributes:
-        volume, other: names. surface: the obstacle; None for another volume of the vehicle.
-        rest: distance (m) of two volumes at rest, where it varies: a pair that touches there is infinitely far apart.
+        volume, other: names. surface: the obstacle; None for another volume of the
+            vehicle.
+        rest: distance (m) of two volumes at rest, where it varies: a pair that touches
+            there is infinitely far apart.
     """
 
     volume: str
@@ -78,7 +103,9 @@ class Pair:
 
 @positional
 class Clearances:
-    """Pairs of bodies whose distances count, and these as a function of the state; fewer pairs are as good."""
+    """Pairs of bodies whose distances count, and these as a function of the state;
+    fewer pairs are as good.
+    """
 
     vehicle: Vehicle
     pairs: tuple[Pair, ...]
@@ -87,7 +114,8 @@ class Clearances:
     def names(self) -> tuple[str, ...]:
         """Name of each pair, as "link/forearm/tip and surface 'wall'"."""
         return tuple(
-            f"{pair.volume} and {pair.other if pair.surface is None else f'surface {pair.other!r}'}"
+            f"{pair.volume} and"
+            f" {pair.other if pair.surface is None else f'surface {pair.other!r}'}"
             for pair in self.pairs
         )
 
@@ -99,11 +127,13 @@ class Clearances:
         tilts: Sequence[Scalar] = (),
         time: Scalar = 0.0,
     ) -> Scalars:
-        """Signed distance (m) of each pair: minus the depth of penetration where bodies overlap.
+        """Signed distance (m) of each pair: minus the depth of penetration where bodies
+        overlap.
 
-        That of a disc from a box or cylinder is a lower bound, exact above a face. In a cylinder the depth is that of
-        the deepest point of the segment. A plate with a hole counts as filled. First derivatives are exact, higher
-        ones too but at cylinders and discs.
+        That of a disc from a box or cylinder is a lower bound, exact above a face. In a
+        cylinder the depth is that of the deepest point of the segment. A plate with a
+        hole counts as filled. First derivatives are exact, higher ones too but at
+        cylinders and discs.
 
         Args:
             position: of the base, m, world axes.
@@ -115,50 +145,92 @@ class Clearances:
         poses = link_poses(self.vehicle, joints, summed=True)
         turned = turn_rotors(self.vehicle, tilts) if tilts else self.vehicle
         own = {
-            each.name: each.transform(IDENTITY if each.body == BASE else poses[each.body]) for each in volumes(turned)
+            each.name: each.transform(
+                IDENTITY if each.body == BASE else poses[each.body]
+            )
+            for each in volumes(turned)
         }
         base, rows = Pose(rotation, position), []
-        outside = {pair.volume: own[pair.volume].transform(base) for pair in self.pairs if pair.surface is not None}
+        outside = {
+            pair.volume: own[pair.volume].transform(base)
+            for pair in self.pairs
+            if pair.surface is not None
+        }
         for pair in self.pairs:
             if pair.surface is not None:
                 rows.append(surface_distance(outside[pair.volume], pair.surface, time))
             else:
                 row = pair_distance(own[pair.volume], own[pair.other])
-                rows.append(row if concrete(pair.rest) else where(pair.rest < 0.0, math.inf, row))
+                rows.append(
+                    row
+                    if concrete(pair.rest)
+                    else where(pair.rest < 0.0, math.inf, row)
+                )
         return tuple(rows)
 
 
-def clearances(vehicle: Vehicle, obstacles: Iterable[Surface] = (), touching: Collection[int] = ()) -> Clearances:
+def clearances(
+    vehicle: Vehicle, obstacles: Iterable[Surface] = (), touching: Collection[int] = ()
+) -> Clearances:
     """Pairs of a vehicle's volumes with obstacles, and with each other.
 
-    Pairs of one body, and those that touch with all joints at zero or at the nearest limit, are left out.
+    Pairs of one body, and those that touch with all joints at zero or at the nearest
+    limit, are left out.
 
     Args:
         vehicle: any vehicle.
         obstacles: surfaces.
-        touching: bodies (BASE or index of a link) whose rods may touch obstacles, since they bear contact points.
+        touching: bodies (BASE or index of a link) whose rods may touch obstacles, since
+            they bear contact points.
     """
     every = volumes(vehicle)
-    free = [each.name for each in every if not (each.body in touching and each.name.startswith(("base/", "link/")))]
-    pairs = [Pair(name, surface.name, surface) for surface in obstacles for name in free]
-    inner = [Pair(b.name, a.name) for i, b in enumerate(every) for a in every[:i] if a.body != b.body]
+    free = [
+        each.name
+        for each in every
+        if not (each.body in touching and each.name.startswith(("base/", "link/")))
+    ]
+    pairs = [
+        Pair(name, surface.name, surface) for surface in obstacles for name in free
+    ]
+    inner = [
+        Pair(b.name, a.name)
+        for i, b in enumerate(every)
+        for a in every[:i]
+        if a.body != b.body
+    ]
     rest = [clip(0.0, joint.lower, joint.upper) for joint in vehicle.joints]
     apart = Clearances(vehicle, tuple(inner)).distances(ZERO3, Mat3.identity(), rest)
     measured = zip(inner, apart, strict=True)
-    pairs += [replace(pair, rest=gap) for pair, gap in measured if not (concrete(gap) and gap < 0.0)]
+    pairs += [
+        replace(pair, rest=gap)
+        for pair, gap in measured
+        if not (concrete(gap) and gap < 0.0)
+    ]
     return Clearances(vehicle, tuple(pairs))
 
 
 def volumes(vehicle: Vehicle) -> list[Volume]:
-    """Volumes of a vehicle at rest, each in the axes of its body; sizes are those of its drawn shapes."""
+    """Volumes of a vehicle at rest, each in the axes of its body; sizes are those of
+    its drawn shapes.
+    """
     (reach, discs), (wide, flat) = boom_and_disc(vehicle), HULL
-    made = [Volume("hull", BASE, ZERO3, ZERO3, flat * reach, (wide - flat) * reach, E_Z)]
+    made = [
+        Volume("hull", BASE, ZERO3, ZERO3, flat * reach, (wide - flat) * reach, E_Z)
+    ]
     for rotor in vehicle.rotors:
         hub, rim = rotor.position, 0.01 * reach
         made.append(Volume(f"boom/{rotor.name}", BASE, ZERO3, hub, 0.03 * reach))
-        made.append(Volume(disc_name(rotor.name), BASE, hub, hub, rim, discs - rim, rotor.axis))
-    for body, name in [(BASE, "base"), *((i, f"link/{link.name}") for i, link in enumerate(vehicle.moving))]:
-        made += [Volume(f"{name}/{to}", body, ZERO3, end, 0.04 * reach) for to, end in rod_ends(vehicle, body)]
+        made.append(
+            Volume(disc_name(rotor.name), BASE, hub, hub, rim, discs - rim, rotor.axis)
+        )
+    for body, name in [
+        (BASE, "base"),
+        *((i, f"link/{link.name}") for i, link in enumerate(vehicle.moving)),
+    ]:
+        made += [
+            Volume(f"{name}/{to}", body, ZERO3, end, 0.04 * reach)
+            for to, end in rod_ends(vehicle, body)
+        ]
     return made
 
 
@@ -173,7 +245,11 @@ def pair_distance(a: Volume, b: Volume) -> Scalar:
         apart = (a.start + way * s) - (middle + other * t)
         return sqrt(apart.dot(apart) + _TINY) - (a.radius + b.radius)
     record = start, along, _values(b.axis), b.disc, b.half
-    s = 0 if a.end is a.start else compiled_once("nearest to cylinder", _nearest_to_cylinder, record)
+    s = (
+        0
+        if a.end is a.start
+        else compiled_once("nearest to cylinder", _nearest_to_cylinder, record)
+    )
     return _above_cylinder(a.start + way * s - middle, b) - (a.radius + b.radius)
 
 
@@ -187,16 +263,22 @@ def surface_distance(each: Volume, surface: Surface, time: Scalar) -> Scalar:
     if surface.shape in ("cylinder", "hole"):
         axis, half = R.column(2), 0.5 * surface.size[-1]
         middle = at if surface.shape == "cylinder" else at - axis * half
-        return pair_distance(each, Volume("", BASE, middle, middle, 0, surface.size[-2], axis, half))
+        return pair_distance(
+            each, Volume("", BASE, middle, middle, 0, surface.size[-2], axis, half)
+        )
     start, way = R.apply_T(each.start - at), R.apply_T(each.end - each.start)
     if surface.shape == "plane":
         return (start + way * where(_values(way).z > 0.0, 0.0, 1.0)).z - each.radius
-    return _from_box(tuple(0.5 * edge for edge in surface.size), start, way) - each.radius
+    return (
+        _from_box(tuple(0.5 * edge for edge in surface.size), start, way) - each.radius
+    )
 
 
 def _values(v: Vec3) -> Vec3:
     """Values of first-order series; other scalars are returned unchanged."""
-    return Vec3(*(nth_derivative(c, 0) if type(c) is Taylor and len(c.c) == 2 else c for c in v))
+    return Vec3(
+        *(nth_derivative(c, 0) if type(c) is Taylor and len(c.c) == 2 else c for c in v)
+    )
 
 
 def _share(part: Scalar, whole: Scalar) -> Scalar:
@@ -205,7 +287,9 @@ def _share(part: Scalar, whole: Scalar) -> Scalar:
 
 
 def _nearest_shares(apart: Vec3, d: Vec3, e: Vec3) -> tuple[Scalar, Scalar]:
-    """Shares of the lengths of segments ``d`` and ``e`` at their nearest points; ``apart`` from e's start to d's."""
+    """Shares of the lengths of segments ``d`` and ``e`` at their nearest points;
+    ``apart`` from e's start to d's.
+    """
     a, b, c, f, g = d.dot(d), d.dot(e), e.dot(e), d.dot(apart), e.dot(apart)
     # of parallel segments any share will do: the other two steps mend it
     s = _share(b * g - c * f, a * c - b * b)
@@ -213,8 +297,12 @@ def _nearest_shares(apart: Vec3, d: Vec3, e: Vec3) -> tuple[Scalar, Scalar]:
     return _share(b * t - f, a), t
 
 
-def _least(slope: Callable[[Scalar], Scalar], breaks: Sequence[Scalar], rounds: int = 0) -> Scalar:
-    """Share of a segment at which a convex function is least; exact if its slope is linear between ``breaks``."""
+def _least(
+    slope: Callable[[Scalar], Scalar], breaks: Sequence[Scalar], rounds: int = 0
+) -> Scalar:
+    """Share of a segment at which a convex function is least; exact if its slope is
+    linear between ``breaks``.
+    """
     lo: Scalar = 0.0
     hi: Scalar = 1.0
     below, above = slope(lo), slope(hi)
@@ -227,7 +315,9 @@ def _least(slope: Callable[[Scalar], Scalar], breaks: Sequence[Scalar], rounds: 
         hi, above = where(right, t, hi), where(right, rise, above)
 
     def secant() -> Scalar:
-        return clip(lo - divide(below * (hi - lo), maximum(above - below, _TINY)), lo, hi)
+        return clip(
+            lo - divide(below * (hi - lo), maximum(above - below, _TINY)), lo, hi
+        )
 
     for t in breaks:
         narrow(clip(t, 0.0, 1.0))
@@ -244,26 +334,36 @@ def _crossings(start: Scalar, way: Scalar, half: Scalar) -> list[Scalar]:
 
 
 def _outside_box(p: Vec3, half: Sequence[Scalar]) -> Vec3:
-    """Vector (m) from the nearest point of a box in its middle to a point; zero inside."""
+    """Vector (m) from the nearest point of a box in its middle to a point; zero
+    inside.
+    """
     return Vec3(*(c - clip(c, -h, h) for c, h in zip(p, half, strict=True)))
 
 
 def _from_box(half: tuple[Scalar, ...], start: Vec3, way: Vec3) -> Scalar:
     """Signed distance (m) of a segment from a box in its middle."""
     record = _values(start), _values(way), half
-    free, share, normal, inside = compiled_once("nearest to box", _nearest_to_box, record)
+    free, share, normal, inside = compiled_once(
+        "nearest to box", _nearest_to_box, record
+    )
     point = start + way * share
     apart = _outside_box(point, half)
     return where(free > 0.0, sqrt(apart.dot(apart) + _TINY), normal.dot(point) - inside)
 
 
-def _nearest_to_box(record: tuple[Vec3, Vec3, tuple[Scalar, ...]]) -> tuple[Scalar, Scalar, Vec3, Scalar]:
-    """Squared distance of a segment from a box, share of its length there; normal of the shortest way out, and its end.
+def _nearest_to_box(
+    record: tuple[Vec3, Vec3, tuple[Scalar, ...]],
+) -> tuple[Scalar, Scalar, Vec3, Scalar]:
+    """Squared distance of a segment from a box, share of its length there; normal of
+    the shortest way out, and its end.
 
-    Where the segment is inside, the share is that of the deepest point along that normal.
+    Where the segment is inside, the share is that of the deepest point along that
+    normal.
     """
     a, d, half = record
-    breaks = [t for s, w, h in zip(a, d, half, strict=True) for t in _crossings(s, w, h)]
+    breaks = [
+        t for s, w, h in zip(a, d, half, strict=True) for t in _crossings(s, w, h)
+    ]
     share = _least(lambda t: _outside_box(a + d * t, half).dot(d), breaks)
     apart = _outside_box(a + d * share, half)
     square = apart.dot(apart)
@@ -276,35 +376,62 @@ def _nearest_to_box(record: tuple[Vec3, Vec3, tuple[Scalar, ...]]) -> tuple[Scal
         edge = face.cross(d) * divide(1.0, sqrt(length + _TINY))
         for axis, usable in ((face, True), (edge, length > _PARALLEL)):
             n = axis * where(axis.dot(a + d * 0.5) < 0.0, -1.0, 1.0)
-            corner = Vec3(*(where(c > 0.0, h, -h) for c, h in zip(n, half, strict=True)))
-            t = where(n.dot(d) > 0.0, 0.0, 1.0) if axis is face else _share((corner - a).dot(across), length)
+            corner = Vec3(
+                *(where(c > 0.0, h, -h) for c, h in zip(n, half, strict=True))
+            )
+            t = (
+                where(n.dot(d) > 0.0, 0.0, 1.0)
+                if axis is face
+                else _share((corner - a).dot(across), length)
+            )
             height = n.dot(a + d * t) - n.dot(corner)
-            better, way = logical_and(usable, height > best[0]), (height, t, n.dot(corner), *n)
+            better, way = (
+                logical_and(usable, height > best[0]),
+                (
+                    height,
+                    t,
+                    n.dot(corner),
+                    *n,
+                ),
+            )
             best = tuple(where(better, x, y) for x, y in zip(way, best, strict=True))
     return free, where(free > 0.0, share, best[1]), Vec3(*best[3:]), best[2]
 
 
 def _above_cylinder(point: Vec3, disc: Volume) -> Scalar:
-    """Signed distance (m) of a point from a cylinder or flat disc, from whose middle it is given."""
+    """Signed distance (m) of a point from a cylinder or flat disc, from whose middle it
+    is given.
+    """
     along = disc.axis.dot(point)
     across = point - disc.axis * along
-    side, end = sqrt(across.dot(across) + _TINY) - disc.disc, absolute(along) - disc.half
+    side, end = (
+        sqrt(across.dot(across) + _TINY) - disc.disc,
+        absolute(along) - disc.half,
+    )
     out, up, height = maximum(side, 0.0), maximum(end, 0.0), maximum(side, end)
     outside = sqrt(out * out + up * up + _TINY)
     return outside if absent(disc.half) else where(height > 0.0, outside, height)
 
 
 def _nearest_to_cylinder(record: tuple[Vec3, Vec3, Vec3, Scalar, Scalar]) -> Scalar:
-    """Share of a segment's length at which it is nearest to a cylinder in its middle, or deepest inside."""
+    """Share of a segment's length at which it is nearest to a cylinder in its middle,
+    or deepest inside.
+    """
     start, way, axis, radius, half = record
     along, climb = axis.dot(start), axis.dot(way)
     across, drift = start - axis * along, way - axis * climb
     a, b, c = drift.dot(drift), across.dot(drift), across.dot(across)
 
     def slope(t: Scalar) -> Scalar:
-        away, turn, z = sqrt(maximum(c + t * (2.0 * b + a * t), 0.0) + _TINY), b + a * t, along + climb * t
+        away, turn, z = (
+            sqrt(maximum(c + t * (2.0 * b + a * t), 0.0) + _TINY),
+            b + a * t,
+            along + climb * t,
+        )
         side, end = away - radius, absolute(z) - half
-        rise: Scalar = divide(maximum(side, 0.0), away) * turn + (z - clip(z, -half, half)) * climb
+        rise: Scalar = (
+            divide(maximum(side, 0.0), away) * turn + (z - clip(z, -half, half)) * climb
+        )
         if absent(half):
             return rise
         # inside the nearest face counts, of which the sign alone is used
@@ -312,5 +439,8 @@ def _nearest_to_cylinder(record: tuple[Vec3, Vec3, Vec3, Scalar, Scalar]) -> Sca
         return where(maximum(side, end) > 0.0, rise, inward)
 
     root = sqrt(maximum(b * b - a * (c - radius * radius), 0.0) + _TINY)
-    breaks = [*_crossings(along, climb, half)[absent(half) :], *(divide(each - b, a + _TINY) for each in (root, -root))]
+    breaks = [
+        *_crossings(along, climb, half)[absent(half) :],
+        *(divide(each - b, a + _TINY) for each in (root, -root)),
+    ]
     return _least(slope, breaks, ROUNDS)

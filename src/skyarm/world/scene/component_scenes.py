@@ -1,4 +1,6 @@
-"""Scene of the environment components of a flight, from its log or at its current instant."""
+"""Scene of the environment components of a flight, from its log or at its current
+instant.
+"""
 
 from __future__ import annotations
 
@@ -17,19 +19,30 @@ from skyarm.world.scene.scene import Instants, Scene
 from skyarm.world.scene.shapes import KINDS
 
 
-def scene_in_log(components: Sequence[Component[Tree]], seen: Instants, logged: Callable[[str], Array]) -> Scene:
+def scene_in_log(
+    components: Sequence[Component[Tree]],
+    seen: Instants,
+    logged: Callable[[str], Array],
+) -> Scene:
     """Drawn solids, lines and arrows of a flight, from its log.
 
     Args:
         components: environment models of the scenario, with concrete numbers.
         seen: the instants, without numbers of a part.
-        logged: array -> its columns (N, k) of all parts at these instants; (N, 0) of one that there is not.
+        logged: array -> its columns (N, k) of all parts at these instants; (N, 0) of
+            one that there is not.
     """
-    return _scene((part, replace(seen, numbers=own)) for part, own in _own_columns(components, logged))
+    return _scene(
+        (part, replace(seen, numbers=own))
+        for part, own in _own_columns(components, logged)
+    )
 
 
 def scene_now(
-    components: Sequence[Component[Tree]], memories: Sequence[Tree], seen: Instants, motion: PointMotion
+    components: Sequence[Component[Tree]],
+    memories: Sequence[Tree],
+    seen: Instants,
+    motion: PointMotion,
 ) -> Scene:
     """Drawn solids, lines and arrows of a running flight at the current instant.
 
@@ -43,24 +56,42 @@ def scene_now(
     for part, memory in zip(components, memories, strict=True):
         if has_shapes(part):
             own: dict[str, list[float]] = {}
-            for column, number in zip(part.columns, part.logged(memory, motion), strict=True):
+            for column, number in zip(
+                part.columns, part.logged(memory, motion), strict=True
+            ):
                 own.setdefault(column[0], []).append(float(number))
-            parts.append((part, replace(seen, numbers={name: np.array([row]) for name, row in own.items()})))
+            parts.append(
+                (
+                    part,
+                    replace(
+                        seen,
+                        numbers={name: np.array([row]) for name, row in own.items()},
+                    ),
+                )
+            )
     return _scene(parts)
 
 
-def scenes_of(names: Iterable[str], draw: Callable[[str, bool], Scene], *, attached: bool = True) -> Iterator[Scene]:
-    """Scene of each vehicle of a flight: what all share with the first one, of others what each has for itself.
+def scenes_of(
+    names: Iterable[str], draw: Callable[[str, bool], Scene], *, attached: bool = True
+) -> Iterator[Scene]:
+    """Scene of each vehicle of a flight: what all share with the first one, of others
+    what each has for itself.
 
     Args:
         names: names of the vehicles.
-        draw: function that draws the environment models which a vehicle has for itself, and if its flag is true those
-            that all share.
-        attached: True to draw the shapes on the bodies of the other vehicles, too, which belong to shared models.
+        draw: function that draws the environment models which a vehicle has for itself,
+            and if its flag is true those that all share.
+        attached: True to draw the shapes on the bodies of the other vehicles, too,
+            which belong to shared models.
     """
     for i, name in enumerate(names):
         scene = draw(name, not i)
-        yield replace(scene, attached=draw(name, True).attached) if i and attached else scene
+        yield (
+            replace(scene, attached=draw(name, True).attached)
+            if i and attached
+            else scene
+        )
 
 
 def has_shapes(part: Component[Tree]) -> bool:
@@ -71,14 +102,19 @@ def has_shapes(part: Component[Tree]) -> bool:
 def _own_columns(
     components: Sequence[Component[Tree]], logged: Callable[[str], Array]
 ) -> Iterator[tuple[Component[Tree], Mapping[str, Array]]]:
-    """Environment models that draw something, each with its columns of the flight log."""
+    """Environment models that draw something, each with its columns of the flight
+    log.
+    """
     begins: dict[str, int] = {}
     for part in components:
         own: dict[str, int] = {}
         for column in part.columns:
             own[column[0]] = own.get(column[0], 0) + 1
         if has_shapes(part):
-            columns = {name: logged(name)[:, begins.get(name, 0) :][:, :count] for name, count in own.items()}
+            columns = {
+                name: logged(name)[:, begins.get(name, 0) :][:, :count]
+                for name, count in own.items()
+            }
             if all(columns[name].shape[1] == count for name, count in own.items()):
                 yield part, columns
         for name, count in own.items():
@@ -90,13 +126,22 @@ def _scene(parts: Iterable[tuple[Component[Tree], Instants]]) -> Scene:
     scenes = [_drawn(part, seen) for part, seen in parts]
     solids = [solid for each in scenes for solid in each.solids]
     lines = [line for each in scenes for line in each.lines]
-    of_solids, of_lines = map(distinct, ([s.shape.name for s in solids], [s.name for s in lines]))
+    of_solids, of_lines = map(
+        distinct, ([s.shape.name for s in solids], [s.name for s in lines])
+    )
     return Scene(
-        solids=tuple(replace(s, shape=replace(s.shape, name=name)) for s, name in zip(solids, of_solids, strict=True)),
-        lines=tuple(replace(line, name=name) for line, name in zip(lines, of_lines, strict=True)),
+        solids=tuple(
+            replace(s, shape=replace(s.shape, name=name))
+            for s, name in zip(solids, of_solids, strict=True)
+        ),
+        lines=tuple(
+            replace(line, name=name) for line, name in zip(lines, of_lines, strict=True)
+        ),
         arrows=tuple(arrow for each in scenes for arrow in each.arrows),
         attached=tuple(shape for each in scenes for shape in each.attached),
-        ground=max((each.ground for each in scenes if each.ground is not None), default=None),
+        ground=max(
+            (each.ground for each in scenes if each.ground is not None), default=None
+        ),
     )
 
 
@@ -107,11 +152,20 @@ def _drawn(part: Component[Tree], seen: Instants) -> Scene:
         ValueError: it cannot be drawn; one line with the method's file.
     """
     scene, function = part.shapes(seen), part.shapes
-    require_result(function, scene, isinstance(scene, Scene), "a skyarm.world.scene.Scene")
+    require_result(
+        function, scene, isinstance(scene, Scene), "a skyarm.world.scene.Scene"
+    )
     for shape in (*scene.attached, *(each.shape for each in scene.solids)):
-        require_result(function, shape, shape.kind in KINDS, f"of one of the kinds {', '.join(KINDS)}")
+        require_result(
+            function,
+            shape,
+            shape.kind in KINDS,
+            f"of one of the kinds {', '.join(KINDS)}",
+        )
     for line in scene.lines:
         allowed = f"with places of shape (N, K, 3) at N = {len(seen.times)} instants"
         size = np.shape(line.places)
-        require_result(function, line, size == (len(seen.times), *size[1:2], 3), allowed)
+        require_result(
+            function, line, size == (len(seen.times), *size[1:2], 3), allowed
+        )
     return scene

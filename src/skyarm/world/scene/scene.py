@@ -1,7 +1,8 @@
 """Scene around a vehicle: the shapes of the environment components at some instants.
 
-Films, recordings, the studio, figures, environments and files for viewers draw it. Every part of a scenario answers
-for itself (:meth:`skyarm.world.component.Component.shapes`), from the numbers that it logs.
+Films, recordings, the studio, figures, environments and files for viewers draw it.
+Every part of a scenario answers for itself
+(:meth:`skyarm.world.component.Component.shapes`), from the numbers that it logs.
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ class Arrow:
     """Drawn arrow of a force on the vehicle at N instants.
 
     Attributes:
-        name: unique name in the scene. spot: (N, 3) m, where it acts. force: (N, 3) N. World axes.
+        name: unique name in the scene. spot: (N, 3) m, where it acts. force: (N, 3) N.
+            World axes.
     """
 
     name: str
@@ -60,10 +62,12 @@ class Arrow:
 
 @immutable
 class Scene:
-    """Drawn solids, lines and arrows of the environment models at N instants of a flight.
+    """Drawn solids, lines and arrows of the environment models at N instants of a
+    flight.
 
     Attributes:
-        solids, lines, arrows: shapes in the world. attached: shapes on the vehicle's bodies.
+        solids, lines, arrows: shapes in the world. attached: shapes on the vehicle's
+            bodies.
         ground: height of the ground, m; None if unknown.
     """
 
@@ -81,7 +85,8 @@ class Scene:
 
 @immutable(slots=False)
 class Instants:
-    """Instants of a flight to draw: times, the vehicle's states, and logged numbers of one environment model.
+    """Instants of a flight to draw: times, the vehicle's states, and logged numbers of
+    one environment model.
 
     Attributes:
         vehicle: vehicle of the plant, with concrete numbers.
@@ -90,7 +95,8 @@ class Instants:
         name: name of the vehicle; empty if parts of all names are its own.
         agents: the same instants of all drawn vehicles by name, of this one, too.
         numbers: array -> (N, k), the columns that the asked part declares and logs.
-        around: (3,) m, place of what happens. patch: half the width of what stands for a plane without an end, m.
+        around: (3,) m, place of what happens. patch: half the width of what stands for
+            a plane without an end, m.
     """
 
     vehicle: Vehicle
@@ -105,7 +111,9 @@ class Instants:
     patch: float = PATCH
 
     def of(self, agent: str) -> Instants:
-        """Same instants of a vehicle by name; these for an empty name, or where vehicles have none."""
+        """Same instants of a vehicle by name; these for an empty name, or where
+        vehicles have none.
+        """
         return self.agents[agent] if agent and self.name else self
 
     def has(self, agent: str) -> bool:
@@ -114,18 +122,28 @@ class Instants:
 
     @cached_property
     def poses(self) -> Poses:
-        """World rotations (N, 3, 3) and positions (N, 3) of all bodies of the vehicle, by body index."""
+        """World rotations (N, 3, 3) and positions (N, 3) of all bodies of the vehicle,
+        by body index.
+        """
         return body_poses(self.vehicle, self.position, self.quaternion, self.joints)
 
-    def place(self, point: Iterable[Scalar] = (0.0, 0.0, 0.0), body: int = BASE) -> Array:
-        """World positions (N, 3), in m, of a point that is fixed to a body of the vehicle."""
+    def place(
+        self, point: Iterable[Scalar] = (0.0, 0.0, 0.0), body: int = BASE
+    ) -> Array:
+        """World positions (N, 3), in m, of a point that is fixed to a body of the
+        vehicle.
+        """
         R, p = self.poses[body]
         return p + R @ float_array(point)
 
 
 def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
-    """Single instant to draw, from the present motion of the vehicle and of those that fly with it."""
-    agents = {name: _instant_of(each, time, around) for name, each in motion.agents.items()}
+    """Single instant to draw, from the present motion of the vehicle and of those that
+    fly with it.
+    """
+    agents = {
+        name: _instant_of(each, time, around) for name, each in motion.agents.items()
+    }
     return replace(agents[motion.name], agents=agents)
 
 
@@ -133,16 +151,23 @@ def _instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
     """Single instant of one vehicle, without the others."""
     state = motion.state
     position, quaternion, joints = (
-        np.array([[float(c) for c in each]]) for each in (state.position, state.quaternion, state.joints)
+        np.array([[float(c) for c in each]])
+        for each in (state.position, state.quaternion, state.joints)
     )
     return Instants(
-        vehicle=motion.vehicle, times=np.array([time]), position=position, quaternion=quaternion, joints=joints,
-        around=around, name=motion.name,
+        vehicle=motion.vehicle,
+        times=np.array([time]),
+        position=position,
+        quaternion=quaternion,
+        joints=joints,
+        around=around,
+        name=motion.name,
     )
 
 
 def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> float:
-    """Fraction of the instants at which drawn solids hide a given point from the camera.
+    """Fraction of the instants at which drawn solids hide a given point from the
+    camera.
 
     Args:
         solids: solids at N instants.
@@ -152,7 +177,9 @@ def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> floa
     ways = places[:, None] + WAY[:, None] * towards
     behind = np.zeros(len(places), bool)
     for solid in solids:
-        local = np.einsum("kwi,kij->kwj", ways - solid.position[:, None], solid.rotation)
+        local = np.einsum(
+            "kwi,kij->kwj", ways - solid.position[:, None], solid.rotation
+        )
         behind |= inside(solid, local).any(axis=1)
     return float(behind.mean())
 

@@ -23,7 +23,18 @@ UPRIGHT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 KINDS = "ellipsoid", "capsule", "cylinder", "sphere", "box", "patch", "hole", "mesh"
 
-ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload", "point", "surface", "object")
+ROLES = (
+    "hull",
+    "boom",
+    "rotor",
+    "link",
+    "joint",
+    "tip",
+    "payload",
+    "point",
+    "surface",
+    "object",
+)
 """Roles of drawn shapes, by which their colour is chosen."""
 
 
@@ -34,15 +45,19 @@ class Shape:
     Attributes:
         name: unique name among the shapes of a vehicle.
         role: one of ROLES.
-        kind: "ellipsoid" (three half axes), "capsule" or "cylinder" (radius, length between the centres of its ends,
-            along z), "sphere" (radius), "box" (three half lengths), "patch" of a plane (two half lengths; its outside
-            is along z), "hole" (a plate with one, about z: radius, depth, chamfer, outer radius, length; the origin is
-            in the middle of the mouth), "mesh" (its scale along its axes).
-        body: link of the vehicle, BASE for the airframe; of a surface of the world it says nothing.
+        kind: "ellipsoid" (three half axes), "capsule" or "cylinder" (radius, length
+            between the centres of its ends, along z), "sphere" (radius), "box" (three
+            half lengths), "patch" of a plane (two half lengths; its outside is along
+            z), "hole" (a plate with one, about z: radius, depth, chamfer, outer radius,
+            length; the origin is in the middle of the mouth), "mesh" (its scale along
+            its axes).
+        body: link of the vehicle, BASE for the airframe; of a surface of the world it
+            says nothing.
         size: m, by kind.
         position: centre, m, axes of the body.
         rotation: rows of R_BS, axes of the shape to those of the body.
-        mesh: path of an STL file in its place, axes of the shape, for who draws meshes; empty for none.
+        mesh: path of an STL file in its place, axes of the shape, for who draws meshes;
+            empty for none.
     """
 
     name: str
@@ -65,7 +80,8 @@ class Solid:
 
     Attributes:
         shape: kind and size.
-        position: (N, 3) of its origin in the world, m. rotation: (N, 3, 3), its axes to the world's.
+        position: (N, 3) of its origin in the world, m. rotation: (N, 3, 3), its axes to
+            the world's.
         rgba: colour; None for that of its role.
         fixed: whether it never moves, by structure.
     """
@@ -79,18 +95,32 @@ class Solid:
     @property
     def moves(self) -> bool:
         """True if the solid's pose changes between the instants."""
-        return bool(np.ptp(self.position, axis=0).any() or np.ptp(self.rotation, axis=0).any())
+        return bool(
+            np.ptp(self.position, axis=0).any() or np.ptp(self.rotation, axis=0).any()
+        )
 
 
-def shape_between(name: str, role: str, kind: str, body: int, radius: float, start: Vector, end: Vector) -> Shape:
+def shape_between(
+    name: str,
+    role: str,
+    kind: str,
+    body: int,
+    radius: float,
+    start: Vector,
+    end: Vector,
+) -> Shape:
     """Capsule or cylinder between two points of a body."""
     along = floats(b - a for a, b in zip(start, end, strict=True))
     centre = floats(0.5 * (a + b) for a, b in zip(start, end, strict=True))
-    return Shape(name, role, kind, body, (radius, math.hypot(*along)), centre, turn_onto(along))
+    return Shape(
+        name, role, kind, body, (radius, math.hypot(*along)), centre, turn_onto(along)
+    )
 
 
 def turn_onto(axis: Vector) -> Matrix:
-    """Rotation matrix (rows) of the smallest rotation that turns the z axis onto a given axis."""
+    """Rotation matrix (rows) of the smallest rotation that turns the z axis onto a
+    given axis.
+    """
     length = math.hypot(*axis)
     if length == 0.0:
         return UPRIGHT
@@ -100,7 +130,11 @@ def turn_onto(axis: Vector) -> Matrix:
         return ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
     # 1 / (1 + z), which loses its digits next to the lower pole
     k = 1.0 / (1.0 + z) if z > 0.0 else (1.0 - z) / across
-    return ((1.0 - k * x * x, -k * x * y, x), (-k * x * y, 1.0 - k * y * y, y), (-x, -y, z))
+    return (
+        (1.0 - k * x * x, -k * x * y, x),
+        (-k * x * y, 1.0 - k * y * y, y),
+        (-x, -y, z),
+    )
 
 
 def floats(values: Iterable[Scalar]) -> Vector:
@@ -114,36 +148,56 @@ AROUND = 24
 
 
 def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, IntArray]:
-    """Triangle mesh of a shape: vertices (V, 3) in m and triangles (F, 3) with outward normals.
+    """Triangle mesh of a shape: vertices (V, 3) in m and triangles (F, 3) with outward
+    normals.
 
     Args:
-        shape: any of :data:`skyarm.world.scene.shapes`; one with a mesh whose file is there is that.
+        shape: any of :data:`skyarm.world.scene.shapes`; one with a mesh whose file is
+            there is that.
         around: corners of a circle.
 
     Raises:
         ValueError: a kind of shape that there is not.
     """
     own, size = own_mesh(shape), shape.size
-    arc = [(math.sin(a), -math.cos(a)) for a in np.linspace(0.0, 0.5 * math.pi, around // 4 + 1)]
+    arc = [
+        (math.sin(a), -math.cos(a))
+        for a in np.linspace(0.0, 0.5 * math.pi, around // 4 + 1)
+    ]
     if own is not None:
         vertices, faces = own
     elif shape.kind in ("sphere", "ellipsoid"):
-        vertices, faces = _revolve([*arc, *((r, -z) for r, z in reversed(arc[:-1]))], around)
+        vertices, faces = _revolve(
+            [*arc, *((r, -z) for r, z in reversed(arc[:-1]))], around
+        )
         vertices = vertices * np.array(size * 3 if shape.kind == "sphere" else size)
     elif shape.kind == "cylinder":
         radius, half = size[0], 0.5 * size[1]
-        vertices, faces = _revolve([(0.0, -half), (radius, -half), (radius, half), (0.0, half)], around)
+        vertices, faces = _revolve(
+            [(0.0, -half), (radius, -half), (radius, half), (0.0, half)], around
+        )
     elif shape.kind == "capsule":
         lower = [(size[0] * r, size[0] * z - 0.5 * size[1]) for r, z in arc]
-        vertices, faces = _revolve([*lower, *((r, -z) for r, z in reversed(lower))], around)
+        vertices, faces = _revolve(
+            [*lower, *((r, -z) for r, z in reversed(lower))], around
+        )
     elif shape.kind == "box":
         vertices, faces = _box(np.array(size))
     elif shape.kind == "hole":
         radius, depth, chamfer, outer, length = size
-        plate = [(0.0, -length), (outer, -length), (outer, 0.0), (radius + chamfer, 0.0)]
-        vertices, faces = _revolve([*plate, (radius, -chamfer), (radius, -depth), (0.0, -depth)], around)
+        plate = [
+            (0.0, -length),
+            (outer, -length),
+            (outer, 0.0),
+            (radius + chamfer, 0.0),
+        ]
+        vertices, faces = _revolve(
+            [*plate, (radius, -chamfer), (radius, -depth), (0.0, -depth)], around
+        )
     elif shape.kind == "patch":
-        vertices = np.array([[x, y, 0.0] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]) * [*size, 0.0]
+        vertices = np.array(
+            [[x, y, 0.0] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        ) * [*size, 0.0]
         faces = np.array([[0, 1, 2], [0, 2, 3]])
     else:
         allowed = "ellipsoid, capsule, cylinder, sphere, box, patch or hole"
@@ -152,7 +206,9 @@ def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, IntArray]:
 
 
 def own_mesh(shape: Shape) -> tuple[Array, IntArray] | None:
-    """Vertices (m) and triangles of a shape's STL file; None without a readable file."""
+    """Vertices (m) and triangles of a shape's STL file; None without a readable
+    file.
+    """
     if not shape.mesh:
         return None
     x, y, z = shape.size if shape.kind == "mesh" else METRES
@@ -165,13 +221,26 @@ def own_mesh(shape: Shape) -> tuple[Array, IntArray] | None:
 
 def _box(half: Array) -> tuple[Array, IntArray]:
     """Mesh of a box about the origin with half lengths (3,)."""
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return corners, np.array([corner for a, b, c, d in quads for corner in ((a, b, c), (a, c, d))])
+    corners = (
+        np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
+    )
+    quads = [
+        (0, 1, 3, 2),
+        (4, 6, 7, 5),
+        (0, 4, 5, 1),
+        (2, 3, 7, 6),
+        (0, 2, 6, 4),
+        (1, 5, 7, 3),
+    ]
+    return corners, np.array(
+        [corner for a, b, c, d in quads for corner in ((a, b, c), (a, c, d))]
+    )
 
 
 def _revolve(profile: list[tuple[float, float]], around: int) -> tuple[Array, IntArray]:
-    """Mesh of a surface of revolution: a profile of (radius, height) about z, outside on its right."""
+    """Mesh of a surface of revolution: a profile of (radius, height) about z, outside
+    on its right.
+    """
     angles = np.linspace(0.0, 2.0 * math.pi, around, endpoint=False)
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(around)], axis=1)
     vertices = np.concatenate([ring * [r, r, 0.0] + [0.0, 0.0, z] for r, z in profile])

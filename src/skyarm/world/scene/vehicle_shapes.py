@@ -22,34 +22,54 @@ from skyarm.records.immutable import positional
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.vehicle.description import quaternion_products
 from skyarm.vehicle.vehicle_records import Look
-from skyarm.world.scene.shapes import Shape, Vector, floats, own_mesh, shape_between, turn_onto
+from skyarm.world.scene.shapes import (
+    Shape,
+    Vector,
+    floats,
+    own_mesh,
+    shape_between,
+    turn_onto,
+)
 
 LEAST_REACH = 0.1
 """Assumed size (m) of a drawn vehicle without rotors."""
 
 PAYLOAD_DENSITY = 2000.0
-"""Density (kg/m^3) of the ball that is drawn for a payload, between those of water and aluminium."""
+"""Density (kg/m^3) of the ball that is drawn for a payload, between those of water and
+aluminium."""
 
 HULL = 0.35, 0.15
-"""Half axes of the drawn hull across and along the vehicle's z axis, as shares of its longest boom."""
+"""Half axes of the drawn hull across and along the vehicle's z axis, as shares of its
+longest boom."""
 
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
 def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...]:
-    """Shapes that draw a vehicle: meshes of its links if available, else simple rods, discs and balls.
+    """Shapes that draw a vehicle: meshes of its links if available, else simple rods,
+    discs and balls.
 
     Args:
         vehicle: vehicle with concrete numbers.
-        meshes: whether links are drawn as the meshes that their file names, where these are there.
+        meshes: whether links are drawn as the meshes that their file names, where these
+            are there.
     """
     reach = longest_boom(vehicle)
     looks = enumerate(vehicle.looks if meshes else ())
-    drawn = [(look, shape) for i, look in looks if own_mesh(shape := _mesh_shape(i, look))]
-    # what a fixed joint merged into a body, as the mount of an arm, is a frame of it: it covers a part alone
+    drawn = [
+        (look, shape) for i, look in looks if own_mesh(shape := _mesh_shape(i, look))
+    ]
+    # what a fixed joint merged into a body, as the mount of an arm, is a frame of it:
+    # it covers a part alone
     merged = {frame.name for frame in vehicle.frames}
     covered = {look.link for look, _ in drawn if look.name not in merged}
-    hull = Shape("hull", "hull", "ellipsoid", BASE, (HULL[0] * reach, HULL[0] * reach, HULL[1] * reach))
+    hull = Shape(
+        "hull",
+        "hull",
+        "ellipsoid",
+        BASE,
+        (HULL[0] * reach, HULL[0] * reach, HULL[1] * reach),
+    )
     shapes = [] if BASE in covered else [hull]
     shapes += _rotor_shapes(vehicle, reach)
     shapes += _rods(vehicle, BASE, "base", 0.04 * reach)
@@ -61,27 +81,53 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
             half = 0.07 * reach
             axis = floats(link.joint.axis)
             ends = (floats(-half * c for c in axis), floats(half * c for c in axis))
-            shapes.append(shape_between(f"joint/{link.joint.name}", "joint", "cylinder", i, 0.055 * reach, *ends))
+            shapes.append(
+                shape_between(
+                    f"joint/{link.joint.name}",
+                    "joint",
+                    "cylinder",
+                    i,
+                    0.055 * reach,
+                    *ends,
+                )
+            )
     if vehicle.end_effector:
         tip = vehicle.frame()
-        shapes.append(Shape("tip", "tip", "sphere", tip.link, (0.05 * reach,), floats(tip.position)))
+        shapes.append(
+            Shape(
+                "tip", "tip", "sphere", tip.link, (0.05 * reach,), floats(tip.position)
+            )
+        )
     return tuple(shapes)
 
 
-def payload_shape(vehicle: Vehicle, mass: float, frame: str = "", com: Vec3 = ZERO3) -> Shape:
+def payload_shape(
+    vehicle: Vehicle, mass: float, frame: str = "", com: Vec3 = ZERO3
+) -> Shape:
     """Ball that draws a payload, with a volume that follows from its mass (kg)."""
     at = vehicle.frame(frame or None)
     radius = (3.0 * max(mass, 0.0) / (4.0 * math.pi * PAYLOAD_DENSITY)) ** (1.0 / 3.0)
-    return Shape("payload", "payload", "sphere", at.link, (radius,), floats(at.position + at.rotation.apply(com)))
+    return Shape(
+        "payload",
+        "payload",
+        "sphere",
+        at.link,
+        (radius,),
+        floats(at.position + at.rotation.apply(com)),
+    )
 
 
 def rotor_radius(vehicle: Vehicle) -> float:
-    """Radius (m) of the drawn rotor discs, small enough that neighbouring discs do not overlap."""
+    """Radius (m) of the drawn rotor discs, small enough that neighbouring discs do not
+    overlap.
+    """
     return float(boom_and_disc(vehicle)[1])
 
 
 def longest_boom(vehicle: Vehicle) -> float:
-    """Distance (m) of the farthest rotor from the base, which scales all drawn shapes; 0.1 without rotors."""
+    """Distance (m) of the farthest rotor from the base, which scales all drawn shapes;
+    0.1 without rotors.
+    """
     return float(boom_and_disc(vehicle)[0])
 
 
@@ -105,28 +151,54 @@ def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
     for rotor in vehicle.rotors:
         hub = floats(rotor.position)
         if math.hypot(*hub) > 1e-6:
-            shapes.append(shape_between(f"boom/{rotor.name}", "boom", "capsule", BASE, 0.03 * reach, _ORIGIN, hub))
+            shapes.append(
+                shape_between(
+                    f"boom/{rotor.name}",
+                    "boom",
+                    "capsule",
+                    BASE,
+                    0.03 * reach,
+                    _ORIGIN,
+                    hub,
+                )
+            )
         disc, axis = (radius, 0.02 * reach), turn_onto(floats(rotor.axis))
-        shapes.append(Shape(f"rotor/{rotor.name}", "rotor", "cylinder", BASE, disc, hub, axis))
+        shapes.append(
+            Shape(f"rotor/{rotor.name}", "rotor", "cylinder", BASE, disc, hub, axis)
+        )
     return shapes
 
 
 def _rods(vehicle: Vehicle, body: int, name: str, radius: float) -> list[Shape]:
-    """Rods that draw a body of the vehicle, from its origin to its joints and frames."""
+    """Rods that draw a body of the vehicle, from its origin to its joints and
+    frames.
+    """
     role = "boom" if body == BASE else "link"
     return [
-        shape_between(f"{name}/{carried}", role, "capsule", body, radius, _ORIGIN, floats(end))
+        shape_between(
+            f"{name}/{carried}", role, "capsule", body, radius, _ORIGIN, floats(end)
+        )
         for carried, end in rod_ends(vehicle, body)
     ]
 
 
 def rod_ends(vehicle: Vehicle, body: int) -> list[tuple[str, Vec3]]:
-    """Names and positions (m, axes of the body) of a body's joints and frames away from its origin, else its centre."""
-    ends = [(other.joint.name, other.joint.position) for other in vehicle.moving if other.parent == body]
-    ends += [(frame.name, frame.position) for frame in vehicle.frames if frame.link == body]
+    """Names and positions (m, axes of the body) of a body's joints and frames away from
+    its origin, else its centre.
+    """
+    ends = [
+        (other.joint.name, other.joint.position)
+        for other in vehicle.moving
+        if other.parent == body
+    ]
+    ends += [
+        (frame.name, frame.position) for frame in vehicle.frames if frame.link == body
+    ]
     if body != BASE and not ends:
         ends = [("com", vehicle.moving[body].body.com)]
-    return [each for each in ends if not concrete(*each[1]) or math.hypot(*each[1]) > 1e-6]
+    return [
+        each for each in ends if not concrete(*each[1]) or math.hypot(*each[1]) > 1e-6
+    ]
 
 
 def _mesh_shape(number: int, look: Look) -> Shape:
@@ -134,7 +206,16 @@ def _mesh_shape(number: int, look: Look) -> Shape:
     a, b, c = map(floats, look.rotation.rows)
     role = "hull" if look.link == BASE else "link"
     name = f"mesh{number + 1}/{look.name}"
-    return Shape(name, role, "mesh", look.link, floats(look.scale), floats(look.position), (a, b, c), look.file)
+    return Shape(
+        name,
+        role,
+        "mesh",
+        look.link,
+        floats(look.scale),
+        floats(look.position),
+        (a, b, c),
+        look.file,
+    )
 
 
 Poses = dict[int, tuple[Array, Array]]
@@ -143,7 +224,8 @@ Poses = dict[int, tuple[Array, Array]]
 
 @positional
 class Placed:
-    """World poses of all bodies of the vehicle at one instant: first the base, then the links.
+    """World poses of all bodies of the vehicle at one instant: first the base, then the
+    links.
 
     Attributes:
         rotations: (bodies, 3, 3), R_WB. positions: (bodies, 3), m.
@@ -163,14 +245,19 @@ class Placed:
 
 @lru_cache(maxsize=16)
 def _program(vehicle: Vehicle) -> Program:
-    """Compiled program that computes the world poses of all bodies and the tip position."""
+    """Compiled program that computes the world poses of all bodies and the tip
+    position.
+    """
     frame = vehicle.frame() if vehicle.end_effector else None
 
     def poses(position: Vec3, quaternion: Quaternion, joints: Scalars) -> Scalars:
         q = quaternion
         length = q.norm()
         R_WB = Quaternion(*(divide(c, length) for c in q)).rotation()
-        links = [(R_WB @ pose.R, position + R_WB.apply(pose.p)) for pose in link_poses(vehicle, joints)]
+        links = [
+            (R_WB @ pose.R, position + R_WB.apply(pose.p))
+            for pose in link_poses(vehicle, joints)
+        ]
         bodies = [(R_WB, position), *links]
         # the base's link is -1
         R_tip, tip = bodies[0 if frame is None else frame.link + 1]
@@ -178,13 +265,19 @@ def _program(vehicle: Vehicle) -> Program:
         rows = [(*chain.from_iterable(R.rows), *p) for R, p in bodies]
         return (*chain.from_iterable(rows), *tip)
 
-    return trace(poses, Vec3(0.1, 0.2, 0.3), Quaternion(0.9, 0.1, 0.2, 0.3), (0.1,) * vehicle.n)
+    return trace(
+        poses, Vec3(0.1, 0.2, 0.3), Quaternion(0.9, 0.1, 0.2, 0.3), (0.1,) * vehicle.n
+    )
 
 
 def place(
-    vehicle: Vehicle, position: Sequence[Scalar], quaternion: Sequence[Scalar], joints: Sequence[Scalar]
+    vehicle: Vehicle,
+    position: Sequence[Scalar],
+    quaternion: Sequence[Scalar],
+    joints: Sequence[Scalar],
 ) -> Placed:
-    """World poses of all bodies of the vehicle at one instant, for animations in real time.
+    """World poses of all bodies of the vehicle at one instant, for animations in real
+    time.
 
     Args:
         vehicle: vehicle with concrete numbers.
@@ -192,13 +285,20 @@ def place(
         quaternion: (4,) wxyz, body to world; any length but zero.
         joints: (n,) rad or m.
     """
-    out = np.array(_program(vehicle).flat((*map(float, position), *map(float, quaternion), *map(float, joints))))
+    out = np.array(
+        _program(vehicle).flat(
+            (*map(float, position), *map(float, quaternion), *map(float, joints))
+        )
+    )
     table = out[:-3].reshape(-1, 12)
     return Placed(table[:, :9].reshape(-1, 3, 3), table[:, 9:], out[-3:])
 
 
-def body_poses(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> Poses:
-    """World rotations (N, 3, 3) and positions (N, 3) of all bodies of the vehicle at N instants.
+def body_poses(
+    vehicle: Vehicle, position: Array, quaternion: Array, joints: Array
+) -> Poses:
+    """World rotations (N, 3, 3) and positions (N, 3) of all bodies of the vehicle at N
+    instants.
 
     Args:
         vehicle: vehicle with concrete numbers.
@@ -210,17 +310,25 @@ def body_poses(vehicle: Vehicle, position: Array, quaternion: Array, joints: Arr
         body (BASE or index of a link) -> (R_WB (N, 3, 3), p_WB (N, 3)).
     """
     columns = [*position.T, *quaternion.T, *joints.T]
-    rows = evaluate(_program(vehicle), columns, len(position))[:-3].T.reshape(len(position), -1, 12)
-    return {BASE + k: (rows[:, k, :9].reshape(-1, 3, 3), rows[:, k, 9:]) for k in range(rows.shape[1])}
+    rows = evaluate(_program(vehicle), columns, len(position))[:-3].T.reshape(
+        len(position), -1, 12
+    )
+    return {
+        BASE + k: (rows[:, k, :9].reshape(-1, 3, 3), rows[:, k, 9:])
+        for k in range(rows.shape[1])
+    }
 
 
 def quaternions_of(rotations: Array) -> Array:
     """Unit quaternions (N, 4) wxyz with w >= 0 of rotation matrices (N, 3, 3).
 
-    Source: Shepperd 1978, Quaternion from rotation matrix: by the largest of the four components.
+    Source: Shepperd 1978, Quaternion from rotation matrix: by the largest of the four
+    components.
     """
     products = np.array(quaternion_products(np.moveaxis(rotations, 0, -1)))
-    rows: Array = products[np.einsum("iin->in", products).argmax(axis=0), :, np.arange(len(rotations))]
+    rows: Array = products[
+        np.einsum("iin->in", products).argmax(axis=0), :, np.arange(len(rotations))
+    ]
     return unit_rows(rows * np.where(rows[:, :1] < 0.0, -1.0, 1.0))
 
 
@@ -230,12 +338,16 @@ def rotations_of(quaternions: Array) -> Array:
 
 
 def vectors(v: Vec3, count: int) -> Array:
-    """Stack the components of a vector, numbers or arrays (N,), into an array (N, 3)."""
+    """Stack the components of a vector, numbers or arrays (N,), into an array (N,
+    3).
+    """
     return np.stack([np.broadcast_to(doubles(c), count) for c in v], axis=1)
 
 
 def matrices(R: Mat3, count: int) -> Array:
-    """Stack the entries of a matrix, numbers or arrays (N,), into an array (N, 3, 3)."""
+    """Stack the entries of a matrix, numbers or arrays (N,), into an array (N, 3,
+    3).
+    """
     entries = [np.broadcast_to(doubles(c), count) for row in R.rows for c in row]
     return np.stack(entries, axis=1).reshape(count, 3, 3)
 
@@ -245,12 +357,18 @@ def rotor_turns(vehicle: Vehicle, tilts: Array) -> dict[str, Array]:
 
     Args:
         vehicle: vehicle with concrete numbers.
-        tilts: (N, tilting rotors) rad; of a log without angles (N, 0), and then there are none.
+        tilts: (N, tilting rotors) rad; of a log without angles (N, 0), and then there
+            are none.
 
     Returns:
-        name of the shape -> R_BB (N, 3, 3): from the base's axes as the disc is at rest to those as it is turned.
+        name of the shape -> R_BB (N, 3, 3): from the base's axes as the disc is at rest
+        to those as it is turned.
     """
-    axes = {disc_name(rotor.name): rotor.tilt.axis for rotor in vehicle.rotors if rotor.tilt is not None}
+    axes = {
+        disc_name(rotor.name): rotor.tilt.axis
+        for rotor in vehicle.rotors
+        if rotor.tilt is not None
+    }
     if tilts.shape[1] != len(axes):
         return {}
     return {
@@ -265,6 +383,8 @@ def disc_name(rotor: str) -> str:
 
 
 def shape_rotation(shape: Shape, turns: dict[str, Array]) -> Array:
-    """Rotation of a drawn shape in its body: (N, 3, 3) for the disc of a tilting rotor, else (3, 3)."""
+    """Rotation of a drawn shape in its body: (N, 3, 3) for the disc of a tilting rotor,
+    else (3, 3).
+    """
     still = np.array(shape.rotation)
     return turns[shape.name] @ still if shape.name in turns else still

@@ -1,4 +1,6 @@
-"""Teams: vehicles whose tips hold one body, and the laws that share its load among them."""
+"""Teams: vehicles whose tips hold one body, and the laws that share its load among
+them.
+"""
 
 from skyarm.world.team.team import Borne, NothingBorne, Team, TeamMemory
 from skyarm.world.team.virtual_masses import Member

@@ -1,13 +1,17 @@
-"""Team law ``leader_follower``: the leader flies its path, followers yield along the line of the grasps.
+"""Team law ``leader_follower``: the leader flies its path, followers yield along the
+line of the grasps.
 
-A follower has its own path, the plan of the body and the force that it estimates at its tip; it receives no message.
-Along the line of its grasp, outward from the middle of all, its tip is a virtual body between the path and the pull T
-beyond its part of the body's planned weight:
+A follower has its own path, the plan of the body and the force that it estimates at its
+tip; it receives no message. Along the line of its grasp, outward from the middle of
+all, its tip is a virtual body between the path and the pull T beyond its part of the
+body's planned weight:
 
     M s'' + D s' + K s = -(T - T_d).
 
-Across that line it stays on its path. Nobody compensates the load in advance: every observer finds its part of it.
-Sources: Tagliabue, Kamel, Siegwart, Nieto 2017 (followers by admittance on an estimated force).
+Across that line it stays on its path. Nobody compensates the load in advance: every
+observer finds its part of it.
+Sources: Tagliabue, Kamel, Siegwart, Nieto 2017 (followers by admittance on an estimated
+force).
 """
 
 from __future__ import annotations
@@ -30,15 +34,20 @@ FARTHEST = 0.1
 
 @immutable
 class Yielding:
-    """State of a follower's virtual body: displacement outward from the path, and its rate."""
+    """State of a follower's virtual body: displacement outward from the path, and its
+    rate.
+    """
 
-    offset: Annotated[Scalar, Unit("m", "displacement of a follower's tip outward from its path")] = 0.0
+    offset: Annotated[
+        Scalar, Unit("m", "displacement of a follower's tip outward from its path")
+    ] = 0.0
     rate: Annotated[Scalar, Unit("m/s", "rate of that displacement")] = 0.0
 
 
 @immutable
 class LeaderFollower(Sharing):
-    """Law whose followers yield to the pull along the line of the grasps, without messages.
+    """Law whose followers yield to the pull along the line of the grasps, without
+    messages.
 
     Attributes:
         leader: name of the leader; empty for the first member.
@@ -47,14 +56,27 @@ class LeaderFollower(Sharing):
     leader: str = ""
     virtual_mass: Annotated[
         Scalar,
-        positive("kg", "mass of a follower's virtual body", effect="higher values yield later and follow less noise"),
+        positive(
+            "kg",
+            "mass of a follower's virtual body",
+            effect="higher values yield later and follow less noise",
+        ),
     ] = 2.0
     damping: Annotated[
         Scalar,
-        nonnegative("N s/m", "damping of the virtual body", effect="higher values yield more slowly and swing less"),
+        nonnegative(
+            "N s/m",
+            "damping of the virtual body",
+            effect="higher values yield more slowly and swing less",
+        ),
     ] = 60.0
     stiffness: Annotated[
-        Scalar, nonnegative("N/m", "stiffness of the virtual body", effect="higher values leave more pull")
+        Scalar,
+        nonnegative(
+            "N/m",
+            "stiffness of the virtual body",
+            effect="higher values leave more pull",
+        ),
     ] = 20.0
 
     def require_members(self, names: Collection[str], period: float) -> None:
@@ -62,13 +84,17 @@ class LeaderFollower(Sharing):
         Sharing.require_members(self, names, period)
         members = [each.agent for each in self.members]
         if self.leader and self.leader not in members:
-            raise RecordError(f"leader = {shown(self.leader)}: {must_be_one_of(members, self.leader)}")
+            raise RecordError(
+                f"leader = {shown(self.leader)}: {must_be_one_of(members, self.leader)}"
+            )
 
     def first(self, period: float) -> tuple[Yielding, ...]:
         """Initial state of the law: no follower has yielded."""
         return (Yielding(),) * len(self.members)
 
-    def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[tuple[Yielding, ...], tuple[Scalars, ...]]:
+    def lead(
+        self, own: Tree, inputs: TeamInputs, dt: float
+    ) -> tuple[tuple[Yielding, ...], tuple[Scalars, ...]]:
         """Next state of the law, and the shift of each follower's tip."""
         own = cast("tuple[Yielding, ...]", own)
         leader, share = self.leader or self.members[0].agent, self.fraction(inputs.time)
@@ -76,20 +102,44 @@ class LeaderFollower(Sharing):
         loads = self.shares(*weight_of(self, inputs.desired, inputs.gravity), arms)
         after, carries = [], []
         pulls = self.along(self.desired_tensions(inputs.time), arms)
-        masses, settling = self.masses_moved(share), divide(0.5 * self.damping, self.virtual_mass)
-        rows = zip(self.members, own, self.outward(arms), inputs.forces, loads, pulls, masses, strict=True)
+        masses, settling = (
+            self.masses_moved(share),
+            divide(0.5 * self.damping, self.virtual_mass),
+        )
+        rows = zip(
+            self.members,
+            own,
+            self.outward(arms),
+            inputs.forces,
+            loads,
+            pulls,
+            masses,
+            strict=True,
+        )
         for member, body, line, force, load, pull, mass in rows:
             bend: Scalar = 0.0
             moved = body
             if member.agent != leader:
                 excess = (force - load * share - pull).dot(line) * inputs.holding
-                pushed = -excess - self.damping * body.rate - self.stiffness * body.offset
+                pushed = (
+                    -excess - self.damping * body.rate - self.stiffness * body.offset
+                )
                 bend = divide(pushed, self.virtual_mass)
                 # at the bound the tip rests
                 free = absolute(body.offset + (body.rate + bend * dt) * dt) < FARTHEST
-                bend, rate = where(free, bend, 0.0), where(free, body.rate + bend * dt, 0.0)
-                moved = Yielding(offset=data(clip(body.offset + rate * dt, -FARTHEST, FARTHEST)), rate=data(rate))
+                bend, rate = (
+                    where(free, bend, 0.0),
+                    where(free, body.rate + bend * dt, 0.0),
+                )
+                moved = Yielding(
+                    offset=data(clip(body.offset + rate * dt, -FARTHEST, FARTHEST)),
+                    rate=data(rate),
+                )
             after.append(moved)
             shift = (line * moved.offset, line * moved.rate, line * bend)
-            carries.append(carry_of(inputs.holding, shift, settling=settling, mass=mass * inputs.holding))
+            carries.append(
+                carry_of(
+                    inputs.holding, shift, settling=settling, mass=mass * inputs.holding
+                )
+            )
         return tuple(after), tuple(carries)

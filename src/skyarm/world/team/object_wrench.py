@@ -1,35 +1,44 @@
-"""Team law ``object_wrench``: the body's wrench shared in advance, and its pose and internal force controlled.
+"""Team law ``object_wrench``: the body's wrench shared in advance, and its pose and
+internal force controlled.
 
-The members bear the wrench of the body's desired motion by shares without internal forces, and beside it a stated pull
-T_d along the lines of the grasps; each compensates its part in advance. The error of the body's measured position and
-attitude, and its slow integral, shift and turn all tip references together:
+The members bear the wrench of the body's desired motion by shares without internal
+forces, and beside it a stated pull T_d along the lines of the grasps; each compensates
+its part in advance. The error of the body's measured position and attitude, and its
+slow integral, shift and turn all tip references together:
 
-    xi' = k (x_d - x - e),   zeta' = k (rotation R -> R_d, less that of e)   while the body is off its support.
+    xi' = k (x_d - x - e),
+    zeta' = k (rotation R -> R_d, less that of e)   while the body is off its support.
 
-Here e is the tracking error of the tips, a rigid displacement that fits those of all members: their own loops remove
-it. What an integral of the whole error adds while a gust moves them would come off slowly, and excite a heavy body.
-Both errors are taken at the grasps and at one time: a body that swings about the line of two ball grasps moves its
-middle, and the tips cannot hold that. With a misfit d of the grasps the integrals follow xi' = -k (xi + d), whatever
-the loops of the members; the proportional part h leaves d / (1 + h) of a misfit that comes and goes faster, such as
-that of a late clock. Below h = 1 this loop is stable with any age of the pose that is small against 1 / k (small gain).
-e is left out of ball grasps only: a moment in a fixed grasp, or the tilt of a vehicle on a cable, is an error of the
-tip that lasts, and the integrals have to remove it. There the proportional part would act on the members' own loops,
-and is 0. The integral feeds the sway of a body on cables of length l at the rate k / 2; its velocity damps the sway,
-by ``swing``, from k l / g on (Routh).
+Here e is the tracking error of the tips, a rigid displacement that fits those of all
+members: their own loops remove it. What an integral of the whole error adds while a
+gust moves them would come off slowly, and excite a heavy body. Both errors are taken at
+the grasps and at one time: a body that swings about the line of two ball grasps moves
+its middle, and the tips cannot hold that. With a misfit d of the grasps the integrals
+follow xi' = -k (xi + d), whatever the loops of the members; the proportional part h
+leaves d / (1 + h) of a misfit that comes and goes faster, such as that of a late clock.
+Below h = 1 this loop is stable with any age of the pose that is small against 1 / k
+(small gain). e is left out of ball grasps only: a moment in a fixed grasp, or the tilt
+of a vehicle on a cable, is an error of the tip that lasts, and the integrals have to
+remove it. There the proportional part would act on the members' own loops, and is 0.
+The integral feeds the sway of a body on cables of length l at the rate k / 2; its
+velocity damps the sway, by ``swing``, from k l / g on (Routh).
 
-Observers of members that hold one body stiffly fight: each compensates the pull of the others, so that the pull grows
-by about 90 N/s for each metre that the grasps are misplaced, until a joint is at its limit. Here the observers forget
-the internal part of the members' forces at the rate w. For two equal members of mass m, damping c, stiffness k with
-observers of bandwidth w_o on a grasp of stiffness K, the internal mode is
+Observers of members that hold one body stiffly fight: each compensates the pull of the
+others, so that the pull grows by about 90 N/s for each metre that the grasps are
+misplaced, until a joint is at its limit. Here the observers forget the internal part of
+the members' forces at the rate w. For two equal members of mass m, damping c, stiffness
+k with observers of bandwidth w_o on a grasp of stiffness K, the internal mode is
 
     m p^3 + (c + m W) p^2 + (k + c W + K) p + k W + K w,   W = w_o + w,
 
-and stable for every K and w >= 0 (Routh: W > w). An integral of the difference in the places of the tips, in the axes
-of the body, removes the rest. Over messages that are late by L in the mean, both act through a delay: w is divided by
-1 + w L, and the rate of the integral by its square, so that w L stays below 1. Both are slowed down in the same way
-where a tip moves only as its vehicle leans, across the plane of an arm of parallel axes. All shifts pass
-(p + filter)^2, of which the members get value, rate and acceleration; the proportional part passes one pole more, so
-that noise of the pose does not shake the rotors.
+and stable for every K and w >= 0 (Routh: W > w). An integral of the difference in the
+places of the tips, in the axes of the body, removes the rest. Over messages that are
+late by L in the mean, both act through a delay: w is divided by 1 + w L, and the rate
+of the integral by its square, so that w L stays below 1. Both are slowed down in the
+same way where a tip moves only as its vehicle leans, across the plane of an arm of
+parallel axes. All shifts pass (p + filter)^2, of which the members get value, rate and
+acceleration; the proportional part passes one pole more, so that noise of the pose does
+not shake the rotors.
 """
 
 from __future__ import annotations
@@ -39,7 +48,17 @@ from functools import reduce
 from typing import Annotated, cast
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import clip, data, divide, logical_or, maximum, minimum, mul, sqrt, where
+from skyarm.algebra.scalars import (
+    clip,
+    data,
+    divide,
+    logical_or,
+    maximum,
+    minimum,
+    mul,
+    sqrt,
+    where,
+)
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent
 from skyarm.records.immutable import immutable
@@ -64,30 +83,36 @@ LIFTED = 0.01
 """Desired height (m) above the start from which the pose of the body is corrected."""
 
 STANDING = 4.0
-"""Factor, less one, on the rate at which all force on a body that stands is forgotten: its support bears it."""
+"""Factor, less one, on the rate at which all force on a body that stands is forgotten:
+its support bears it."""
 
 EASING, LEAST_EASE, SLACK = 5.0, 0.02, 0.1
-"""Rate (1/s) at which an overloaded member passes load to others, its least part, and a negligible load (N)."""
+"""Rate (1/s) at which an overloaded member passes load to others, its least part, and a
+negligible load (N)."""
 
 PATIENCE, TOLERANCE, SINKING = 1.0, 0.02, 0.15
-"""Time (s) and share of an overload, after a member was lost, that the others bear before they stop within 1 s and set
-the body down; speed (m/s) of that."""
+"""Time (s) and share of an overload, after a member was lost, that the others bear
+before they stop within 1 s and set the body down; speed (m/s) of that."""
 
 LASTING = ("fixed", "cable")
 """Kinds of grasps at which tips may stay behind their references."""
 
 TILTING = 0.1
-"""Factor on the rate ``blind``, and its square on ``pull_gain``, where only a tilt of a member moves its tip."""
+"""Factor on the rate ``blind``, and its square on ``pull_gain``, where only a tilt of a
+member moves its tip."""
 
 LEAST_LEVER = 0.02
-"""Lever (m) of the weight, beyond what forces and fixed grasps of the members bear, from which the body tips."""
+"""Lever (m) of the weight, beyond what forces and fixed grasps of the members bear,
+from which the body tips."""
 
 
 @immutable
 class TipShift:
     """Filtered shift of a tip's reference: value and rate, world axes."""
 
-    offset: Annotated[Vec3, Unit("m", "shift of the tip's reference, world axes")] = ZERO3_DATA
+    offset: Annotated[Vec3, Unit("m", "shift of the tip's reference, world axes")] = (
+        ZERO3_DATA
+    )
     rate: Annotated[Vec3, Unit("m/s", "rate of the shift, world axes")] = ZERO3_DATA
 
 
@@ -95,42 +120,63 @@ class TipShift:
 class ForceMessage:
     """Force of a member on the body as others have it, and number of lost messages."""
 
-    force: Annotated[Vec3, Unit("N", "estimated force on the body, world axes")] = ZERO3_DATA
+    force: Annotated[Vec3, Unit("N", "estimated force on the body, world axes")] = (
+        ZERO3_DATA
+    )
     age: Annotated[Scalar, Unit("s", "time since the message")] = 0.0
     lost: Annotated[Scalar, Unit("", "number of lost messages")] = 0.0
 
 
 @immutable
 class PoseErrors:
-    """Errors of the body's pose that shift and turn all tips together: their integrals, and filtered ones.
+    """Errors of the body's pose that shift and turn all tips together: their integrals,
+    and filtered ones.
 
     Attributes:
-        waiting: errors of the grasps' places on the body or of the tips, newest first, until the other ones are as old.
+        waiting: errors of the grasps' places on the body or of the tips, newest first,
+            until the other ones are as old.
     """
 
-    place: Annotated[Vec3, Unit("m", "integral of the body's position error, world axes")] = ZERO3_DATA
-    turn: Annotated[Vec3, Unit("rad", "integral of the body's attitude error, world axes")] = ZERO3_DATA
-    off: Annotated[Vec3, Unit("m", "filtered position error, less that of the tips, world axes")] = ZERO3_DATA
-    askew: Annotated[Vec3, Unit("rad", "filtered attitude error, less that of the tips, world axes")] = ZERO3_DATA
+    place: Annotated[
+        Vec3, Unit("m", "integral of the body's position error, world axes")
+    ] = ZERO3_DATA
+    turn: Annotated[
+        Vec3, Unit("rad", "integral of the body's attitude error, world axes")
+    ] = ZERO3_DATA
+    off: Annotated[
+        Vec3, Unit("m", "filtered position error, less that of the tips, world axes")
+    ] = ZERO3_DATA
+    askew: Annotated[
+        Vec3, Unit("rad", "filtered attitude error, less that of the tips, world axes")
+    ] = ZERO3_DATA
     waiting: tuple[tuple[Vec3, ...], ...] = ()
 
 
 @immutable
 class WrenchMemory:
-    """State of the law: errors of the pose, integrals of internal forces, filters, and forces on their way to others.
+    """State of the law: errors of the pose, integrals of internal forces, filters, and
+    forces on their way to others.
 
     Attributes:
-        inner: integral of each member's internal force, as a shift (m) in the axes of the body.
-        eases: part of its virtual mass with which each member takes part, less where its limits ask for it.
-        sent: last message of each member that was not lost. late: those before, newest first, as many as it is late by.
+        inner: integral of each member's internal force, as a shift (m) in the axes of
+            the body.
+        eases: part of its virtual mass with which each member takes part, less where
+            its limits ask for it.
+        sent: last message of each member that was not lost. late: those before, newest
+            first, as many as it is late by.
         ages: age (s) of the message of each member that the others have.
     """
 
     pose: PoseErrors = PoseErrors()
     inner: tuple[Vec3, ...]
     eases: tuple[Scalar, ...]
-    overload: Annotated[Scalar, Unit("s", "time for which the members have borne more than they can")] = 0.0
-    clock: Annotated[Scalar, Unit("s", "time of the desired motion, which stops when the body is set down")] = 0.0
+    overload: Annotated[
+        Scalar, Unit("s", "time for which the members have borne more than they can")
+    ] = 0.0
+    clock: Annotated[
+        Scalar,
+        Unit("s", "time of the desired motion, which stops when the body is set down"),
+    ] = 0.0
     shifts: tuple[TipShift, ...]
     sent: tuple[ForceMessage, ...]
     ages: tuple[Scalar, ...]
@@ -143,9 +189,11 @@ class CarryCourse:
     """Desired motion of the body after losses of members.
 
     Attributes:
-        clock: time (s) of the desired motion that it is at. pace: its rate. desired: motion there.
+        clock: time (s) of the desired motion that it is at. pace: its rate. desired:
+            motion there.
         then: motion at the time of the measured pose.
-        lower: displacement from it, m, world axes. share: part of the weight that the members bear.
+        lower: displacement from it, m, world axes. share: part of the weight that the
+            members bear.
         aloft: 0 after the body was set down, else 1.
         heading: turn (rad) from the desired heading of now, with rate and acceleration.
     """
@@ -162,13 +210,16 @@ class CarryCourse:
 
 @immutable
 class ObjectWrench(Sharing):
-    """Law that shares the wrench of a body and controls its pose and the internal forces of the members."""
+    """Law that shares the wrench of a body and controls its pose and the internal
+    forces of the members.
+    """
 
     pose_gain: Annotated[
         Scalar,
         nonnegative(
             "1/s",
-            "rate at which the error of the body's pose, less that of the tips, shifts all tips",
+            "rate at which the error of the body's pose, less that of the tips, shifts"
+            " all tips",
             effect="higher values remove a misplaced grasp sooner and pass more noise",
         ),
     ] = 0.3
@@ -176,16 +227,24 @@ class ObjectWrench(Sharing):
         Scalar,
         nonnegative(
             "",
-            "shift of all tips per error of the body's pose, less that of the tips; of ball grasps",
-            effect="higher values leave less of an error that comes and goes and pass more noise",
+            "shift of all tips per error of the body's pose, less that of the tips; of"
+            " ball grasps",
+            effect=(
+                "higher values leave less of an error that comes and goes and pass more"
+                " noise"
+            ),
         ),
     ] = 0.6
     blind: Annotated[
         Scalar,
         nonnegative(
             "1/s",
-            "rate at which the observers' estimates of internal forces decay to the desired pull",
-            effect="higher values leave less internal force and tolerate less delay of messages",
+            "rate at which the observers' estimates of internal forces decay to the"
+            " desired pull",
+            effect=(
+                "higher values leave less internal force and tolerate less delay of"
+                " messages"
+            ),
         ),
     ] = 10.0
     blind_moments: Annotated[
@@ -201,14 +260,18 @@ class ObjectWrench(Sharing):
         nonnegative(
             "m/(N s)",
             "rate at which an internal force moves the tips apart",
-            effect="higher values remove an internal force sooner and oscillate if blind is low",
+            effect=(
+                "higher values remove an internal force sooner and oscillate if blind"
+                " is low"
+            ),
         ),
     ] = 0.12
     swing: Annotated[
         Scalar,
         nonnegative(
             "s",
-            "shift of all tips per sideways error of the body's velocity, of bodies on cables",
+            "shift of all tips per sideways error of the body's velocity, of bodies on"
+            " cables",
             effect="higher values damp the swing sooner and shift the members more",
         ),
     ] = 0.0
@@ -222,16 +285,32 @@ class ObjectWrench(Sharing):
     ] = 10.0
     delay: Annotated[
         float,
-        nonnegative("s", "age of the other members' forces, a whole number of control periods", high=1.0, fixed=True),
+        nonnegative(
+            "s",
+            "age of the other members' forces, a whole number of control periods",
+            high=1.0,
+            fixed=True,
+        ),
     ] = 0.0
 
     rate: Annotated[
-        Scalar, nonnegative("Hz", "rate at which members send their forces to the others; 0: in every control period")
+        Scalar,
+        nonnegative(
+            "Hz",
+            "rate at which members send their forces to the others; 0: in every control"
+            " period",
+        ),
     ] = 0
-    loss: Annotated[Scalar, nonnegative("", "probability that a message is lost", high=1.0)] = 0
+    loss: Annotated[
+        Scalar, nonnegative("", "probability that a message is lost", high=1.0)
+    ] = 0
     timeout: Annotated[
         Scalar,
-        nonnegative("s", "age of a message, without delay, from which internal forces are not controlled"),
+        nonnegative(
+            "s",
+            "age of a message, without delay, from which internal forces are not"
+            " controlled",
+        ),
     ] = 0.5
 
     @property
@@ -240,17 +319,42 @@ class ObjectWrench(Sharing):
         return 0 if absent(self.loss) else len(self.members)
 
     def require_members(self, names: Collection[str], period: float) -> None:
-        """Refuse members as the base class does, and messages that are late by no whole number of periods (s)."""
+        """Refuse members as the base class does, and messages that are late by no whole
+        number of periods (s).
+        """
         Sharing.require_members(self, names, period)
         require_whole_periods("delay", self.delay, period)
-        if coerce.concrete(self.rate, self.timeout) and self.rate * self.timeout < 1.0 and self.rate > 0.0:
-            raise RecordError(f"timeout = {self.timeout:g}: must be {1.0 / self.rate:g} s or more, the period of rate")
+        if (
+            coerce.concrete(self.rate, self.timeout)
+            and self.rate * self.timeout < 1.0
+            and self.rate > 0.0
+        ):
+            raise RecordError(
+                f"timeout = {self.timeout:g}: must be {1.0 / self.rate:g} s or more,"
+                " the period of rate"
+            )
 
     def further_columns(self) -> tuple[Column, ...]:
         """Log columns of the messages."""
         agents = [each.agent for each in self.members]
-        ages = (Column("message_age", each, "s", "age of the force that others have of a member") for each in agents)
-        lost = (Column("messages_lost", each, "", "number of a member's messages that were lost") for each in agents)
+        ages = (
+            Column(
+                "message_age",
+                each,
+                "s",
+                "age of the force that others have of a member",
+            )
+            for each in agents
+        )
+        lost = (
+            Column(
+                "messages_lost",
+                each,
+                "",
+                "number of a member's messages that were lost",
+            )
+            for each in agents
+        )
         return (*ages, *lost)
 
     def first(self, period: float) -> WrenchMemory:
@@ -258,7 +362,9 @@ class ObjectWrench(Sharing):
         count = len(self.members)
         sent = (ForceMessage(),) * count
         # members say a period later where their tips were
-        waiting = ((ZERO3_DATA,) * count,) * (max(round(self.pose_age / period) - 1, 0) if self.pose_age else 1)
+        waiting = ((ZERO3_DATA,) * count,) * (
+            max(round(self.pose_age / period) - 1, 0) if self.pose_age else 1
+        )
         return WrenchMemory(
             pose=PoseErrors(waiting=waiting),
             inner=(ZERO3_DATA,) * count,
@@ -274,56 +380,116 @@ class ObjectWrench(Sharing):
         own = cast("WrenchMemory", own)
         return (*own.ages, *(each.lost for each in own.sent))
 
-    def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[WrenchMemory, tuple[Scalars, ...]]:
-        """Next state of the law, and to each member its part of the load and the shift of its tip."""
+    def lead(
+        self, own: Tree, inputs: TeamInputs, dt: float
+    ) -> tuple[WrenchMemory, tuple[Scalars, ...]]:
+        """Next state of the law, and to each member its part of the load and the shift
+        of its tip.
+        """
         own = cast("WrenchMemory", own)
         assert self.motion is not None
         holding = [where(each.mass > 0.0, inputs.holding, 0.0) for each in self.members]
-        team = self.with_masses([each.mass * ease for each, ease in zip(self.members, own.eases, strict=True)])
+        team = self.with_masses(
+            [
+                each.mass * ease
+                for each, ease in zip(self.members, own.eases, strict=True)
+            ]
+        )
         course = self._course(own, inputs, dt)
         desired, R, arms = course.desired, course.desired.R, self.arms(course.desired.R)
         share, standing = course.share, 1.0 - course.share
         loads, moments, ratios, short = team._loads(desired, inputs, arms, holding)
-        after_loss = where((inputs.holding * len(holding) - sum(holding, 0.0)) * share > 0.25, 1.0, 0.0)
-        overload = (own.overload + dt) * where(own.overload < PATIENCE, after_loss * where(short, 1.0, 0.0), 1.0)
-        pulls = team.along([each * course.aloft for each in self.desired_tensions(course.clock)], arms)
+        after_loss = where(
+            (inputs.holding * len(holding) - sum(holding, 0.0)) * share > 0.25, 1.0, 0.0
+        )
+        overload = (own.overload + dt) * where(
+            own.overload < PATIENCE, after_loss * where(short, 1.0, 0.0), 1.0
+        )
+        pulls = team.along(
+            [each * course.aloft for each in self.desired_tensions(course.clock)], arms
+        )
         forces = [load * share + pull for load, pull in zip(loads, pulls, strict=True)]
         sent, since = self._send(own, inputs, dt)
         late = (sent, *own.late)
-        fresh = reduce(mul, (where(m.age * h > self.timeout, 0.0, 1.0) for m, h in zip(late[-1], holding, strict=True)))
-        internal = team.internal([m.force * h for m, h in zip(late[-1], holding, strict=True)], arms)
+        fresh = reduce(
+            mul,
+            (
+                where(m.age * h > self.timeout, 0.0, 1.0)
+                for m, h in zip(late[-1], holding, strict=True)
+            ),
+        )
+        internal = team.internal(
+            [m.force * h for m, h in zip(late[-1], holding, strict=True)], arms
+        )
         excess = [
             ((pull - inner) * (share * fresh) + (force - own_force) * standing) * h
-            for pull, inner, force, own_force, h in zip(pulls, internal, forces, inputs.forces, holding, strict=True)
+            for pull, inner, force, own_force, h in zip(
+                pulls, internal, forces, inputs.forces, holding, strict=True
+            )
         ]
         pose = team._pose_errors(own.pose, inputs, course, arms, dt)
-        ahead, aslant = pose.place + pose.off * self.pose_shift, pose.turn + pose.askew * self.pose_shift
+        ahead, aslant = (
+            pose.place + pose.off * self.pose_shift,
+            pose.turn + pose.askew * self.pose_shift,
+        )
         missing = course.then.velocity - inputs.body.velocity
-        # not its turning: a twist on spread cables is quicker than vehicles that lean, which would feed it
+        # not its turning: a twist on spread cables is quicker than vehicles that lean,
+        # which would feed it
         slip = Vec3(missing.x, missing.y, 0.0)
         prompt = self._promptness
         step = 0.5 * self.pull_gain * prompt * prompt * dt
         rows = zip(inputs.tilting or [NO_TILT] * len(excess), excess, strict=True)
         tilted = [share_of_tilt.apply(each) for share_of_tilt, each in rows]
-        quick = [each - slow * (1.0 - TILTING * TILTING) for each, slow in zip(excess, tilted, strict=True)]
-        inner = [shorten(q + R.apply_T(each) * step, MOST) for q, each in zip(own.inner, quick, strict=True)]
+        quick = [
+            each - slow * (1.0 - TILTING * TILTING)
+            for each, slow in zip(excess, tilted, strict=True)
+        ]
+        inner = [
+            shorten(q + R.apply_T(each) * step, MOST)
+            for q, each in zip(own.inner, quick, strict=True)
+        ]
         moved_masses = team.masses_moved(share)
-        shifts, carries, blind, w = [], [], self.blind * prompt * (1.0 + STANDING * standing), self.filter
+        shifts, carries, blind, w = (
+            [],
+            [],
+            self.blind * prompt * (1.0 + STANDING * standing),
+            self.filter,
+        )
         for i, member in enumerate(self.members):
-            shift, h, planned = own.shifts[i], holding[i], inputs.desired.of_place(member.place)
+            shift, h, planned = (
+                own.shifts[i],
+                holding[i],
+                inputs.desired.of_place(member.place),
+            )
             target = ahead + aslant.cross(arms[i]) + R.apply(inner[i]) + course.lower
             target = target + slip * self.swing
             bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
             speed = shift.rate + bend * dt
             moved = as_data(TipShift(offset=shift.offset + speed * dt, rate=speed))
             shifts.append(moved)
-            aside = zip((moved.offset, moved.rate, bend), desired.of_place(member.place), planned, strict=True)
+            aside = zip(
+                (moved.offset, moved.rate, bend),
+                desired.of_place(member.place),
+                planned,
+                strict=True,
+            )
             moves = [s + (there - here) for s, there, here in aside]
             moment = moments[i] * share
-            of_moment = (moment - inputs.moments[i]) * (h * self.blind_moments if member.kind == "fixed" else 0.0)
+            of_moment = (moment - inputs.moments[i]) * (
+                h * self.blind_moments if member.kind == "fixed" else 0.0
+            )
             forgotten = (excess[i] - tilted[i] * (1.0 - TILTING)) * blind, of_moment
             carries.append(
-                carry_of(h, moves, -forces[i] * h, -moment, forgotten, course.heading, w, moved_masses[i] * h)
+                carry_of(
+                    h,
+                    moves,
+                    -forces[i] * h,
+                    -moment,
+                    forgotten,
+                    course.heading,
+                    w,
+                    moved_masses[i] * h,
+                )
             )
         eases = (
             ease + (clip(ease * ratio, LEAST_EASE, 1.0) - ease) * (EASING * dt)
@@ -344,22 +510,46 @@ class ObjectWrench(Sharing):
         return following, tuple(carries)
 
     def _pose_errors(
-        self, pose: PoseErrors, inputs: TeamInputs, course: CarryCourse, arms: Sequence[Vec3], dt: float
+        self,
+        pose: PoseErrors,
+        inputs: TeamInputs,
+        course: CarryCourse,
+        arms: Sequence[Vec3],
+        dt: float,
     ) -> PoseErrors:
-        """Next filtered errors of the body's pose and their integrals, while it is off its support."""
+        """Next filtered errors of the body's pose and their integrals, while it is off
+        its support.
+        """
         assert self.motion is not None
         goal = course.desired.position.z + course.lower.z
         # what hangs from the start has no support
-        aloft = where(where(self.motion.lift > 0.0, goal - self._start, 1.0) > LIFTED, dt, 0.0)
+        aloft = where(
+            where(self.motion.lift > 0.0, goal - self._start, 1.0) > LIFTED, dt, 0.0
+        )
         off = course.then.position + course.lower - inputs.body.position
-        askew, near, waiting = self.turn_error(inputs.body.rotation, course.then.R), cast("Scalar", 0.0), pose.waiting
+        askew, near, waiting = (
+            self.turn_error(inputs.body.rotation, course.then.R),
+            cast("Scalar", 0.0),
+            pose.waiting,
+        )
         if inputs.behind and all(each.kind not in LASTING for each in self.members):
-            there = [course.then.position + course.lower + course.then.R.apply(m.place) for m in self.members]
-            here = [inputs.body.position + inputs.body.rotation.apply(m.place) for m in self.members]
-            apart, behind = tuple(a - b for a, b in zip(there, here, strict=True)), tuple(inputs.behind)
+            there = [
+                course.then.position + course.lower + course.then.R.apply(m.place)
+                for m in self.members
+            ]
+            here = [
+                inputs.body.position + inputs.body.rotation.apply(m.place)
+                for m in self.members
+            ]
+            apart, behind = (
+                tuple(a - b for a, b in zip(there, here, strict=True)),
+                tuple(inputs.behind),
+            )
             late = (as_data(behind if self.pose_age else apart), *waiting)
             apart, behind = (apart, late[-1]) if self.pose_age else (late[-1], behind)
-            off, askew = self.rigid_shift([a - b for a, b in zip(apart, behind, strict=True)], arms)
+            off, askew = self.rigid_shift(
+                [a - b for a, b in zip(apart, behind, strict=True)], arms
+            )
             near, waiting = aloft * self.filter, late[:-1]
         errors = PoseErrors(
             place=shorten(pose.place + off * (aloft * self.pose_gain), FARTHEST),
@@ -372,7 +562,8 @@ class ObjectWrench(Sharing):
 
     @property
     def _promptness(self) -> Scalar:
-        """Factor on the rate ``blind``, and its square on ``pull_gain``: 1 if messages come at once.
+        """Factor on the rate ``blind``, and its square on ``pull_gain``: 1 if messages
+        come at once.
 
         Their mean age beyond the delay is that of the last one that was not lost.
         """
@@ -384,8 +575,14 @@ class ObjectWrench(Sharing):
 
     @property
     def _interval(self) -> Scalar:
-        """Time (s) between two messages of a member; 0: it sends one in every control period."""
-        return 0.0 if absent(self.rate) else where(self.rate > 0.0, divide(1.0, maximum(self.rate, SMALL)), 0.0)
+        """Time (s) between two messages of a member; 0: it sends one in every control
+        period.
+        """
+        return (
+            0.0
+            if absent(self.rate)
+            else where(self.rate > 0.0, divide(1.0, maximum(self.rate, SMALL)), 0.0)
+        )
 
     @property
     def _start(self) -> Scalar:
@@ -395,7 +592,9 @@ class ObjectWrench(Sharing):
         return height
 
     def _course(self, own: WrenchMemory, inputs: TeamInputs, dt: float) -> CarryCourse:
-        """Desired motion of the body: that of the team, until the members set the body down."""
+        """Desired motion of the body: that of the team, until the members set the body
+        down.
+        """
         assert self.motion is not None
         pace = clip(1.0 - (own.overload - PATIENCE), 0.0, 1.0)
         clock = where(pace < 1.0, own.clock + pace * dt, inputs.time)
@@ -415,13 +614,21 @@ class ObjectWrench(Sharing):
             lower=E_Z * -minimum(down, height),
             share=self.fraction(clock) * (1.0 - landed),
             aloft=1.0 - landed,
-            heading=Vec3(there[0], there[1] * pace, there[2] * (pace * pace) + there[1] * change) - Vec3(*now[:3]),
+            heading=Vec3(
+                there[0], there[1] * pace, there[2] * (pace * pace) + there[1] * change
+            )
+            - Vec3(*now[:3]),
         )
 
     def _loads(
-        self, desired: BodyMotion, inputs: TeamInputs, arms: Sequence[Vec3], holding: Sequence[Scalar]
+        self,
+        desired: BodyMotion,
+        inputs: TeamInputs,
+        arms: Sequence[Vec3],
+        holding: Sequence[Scalar],
     ) -> tuple[list[Vec3], list[Vec3], list[Scalar], Scalar]:
-        """Force (N) and moment (N m) of each member, limits over forces, and whether all together bear too little.
+        """Force (N) and moment (N m) of each member, limits over forces, and whether
+        all together bear too little.
 
         Fixed grasps bear what the forces leave of the moment.
         """
@@ -431,22 +638,36 @@ class ObjectWrench(Sharing):
             divide(limit + SLACK, sqrt(load.dot(load)) + SLACK)
             for limit, load in zip(inputs.limits or endless, loads, strict=True)
         ]
-        left = moment - sum((arm.cross(load) for arm, load in zip(arms, loads, strict=True)), ZERO3)
+        left = moment - sum(
+            (arm.cross(load) for arm, load in zip(arms, loads, strict=True)), ZERO3
+        )
         rows = zip(self.members, holding, inputs.moment_limits or endless, strict=True)
-        most = [h * limit if member.kind == "fixed" else 0.0 for member, h, limit in rows]
+        most = [
+            h * limit if member.kind == "fixed" else 0.0 for member, h, limit in rows
+        ]
         whole = sum(most, 0.0)
         tips = sqrt(left.dot(left)) > whole + LEAST_LEVER * sqrt(force.dot(force))
         borne = shorten(left, whole) * divide(1.0, maximum(whole, SMALL))
         short = logical_or(tips, reduce(minimum, ratios) < 1.0 - TOLERANCE)
         return loads, [borne * each for each in most], ratios, short
 
-    def _send(self, own: WrenchMemory, inputs: TeamInputs, dt: float) -> tuple[tuple[ForceMessage, ...], Scalar]:
-        """Last messages of the members that were not lost, and the time (s) since the members sent some."""
+    def _send(
+        self, own: WrenchMemory, inputs: TeamInputs, dt: float
+    ) -> tuple[tuple[ForceMessage, ...], Scalar]:
+        """Last messages of the members that were not lost, and the time (s) since the
+        members sent some.
+        """
         since = own.since + dt
         interval = self._interval
-        now = 1.0 if absent(self.rate) else where(since < interval * (1.0 - 1e-6), 0.0, 1.0)
+        now = (
+            1.0
+            if absent(self.rate)
+            else where(since < interval * (1.0 - 1e-6), 0.0, 1.0)
+        )
         sent = []
-        for each, force, u in zip(own.sent, inputs.forces, inputs.drawn or [1.0] * len(own.sent), strict=True):
+        for each, force, u in zip(
+            own.sent, inputs.forces, inputs.drawn or [1.0] * len(own.sent), strict=True
+        ):
             through = now * where(u < self.loss, 0.0, 1.0)
             message = ForceMessage(
                 force=each.force + (force - each.force) * through,

@@ -1,12 +1,15 @@
-"""Members of a team as virtual masses at the places of their grasps, by which they share a force on the body.
+"""Members of a team as virtual masses at the places of their grasps, by which they
+share a force on the body.
 
-h_i is the force that member i exerts on the body at its grasp, r_i the place of the grasp from the centre of mass. With
-virtual masses m_i, whose middle is c and whose second moment about it is J, a force F and a moment N take
+h_i is the force that member i exerts on the body at its grasp, r_i the place of the
+grasp from the centre of mass. With virtual masses m_i, whose middle is c and whose
+second moment about it is J, a force F and a moment N take
 
     h_i = m_i (F / sum m + J^-1 (N - c x F) x (r_i - c)),
 
-which are free of internal forces: what is left of any forces without those of their own sum is internal. Sources:
-Walker, Freeman, Marcus 1991; Erhart, Hirche 2015 (load distribution by virtual masses).
+which are free of internal forces: what is left of any forces without those of their own
+sum is internal. Sources: Walker, Freeman, Marcus 1991; Erhart, Hirche 2015 (load
+distribution by virtual masses).
 """
 
 from __future__ import annotations
@@ -26,10 +29,12 @@ from skyarm.reference.trajectory import Trajectory
 from skyarm.world.contact.grasp import KINDS
 
 SMALL = 1e-9
-"""Share of a trace that is added to a matrix, of which points on a line leave one direction without an inverse."""
+"""Share of a trace that is added to a matrix, of which points on a line leave one
+direction without an inverse."""
 
 FLOOR = 1e-12
-"""Least sum of virtual masses, and least of their second moments, where one member or none is left."""
+"""Least sum of virtual masses, and least of their second moments, where one member or
+none is left."""
 
 
 @immutable
@@ -41,36 +46,64 @@ class Member:
     """
 
     agent: str
-    place: Annotated[Vec3, Unit("m", "supposed place of the grasp, axes of the body from its middle")]
+    place: Annotated[
+        Vec3, Unit("m", "supposed place of the grasp, axes of the body from its middle")
+    ]
     length: Annotated[
-        float, nonnegative("m", "supposed length of its cable; left out: that of its grasp", fixed=True)
+        float,
+        nonnegative(
+            "m", "supposed length of its cable; left out: that of its grasp", fixed=True
+        ),
     ] = field_if_any(default=0)
     taken: Annotated[
-        Vec3 | None, Unit("m", "place where the tip really takes hold, if that is another; left out: place")
+        Vec3 | None,
+        Unit(
+            "m",
+            "place where the tip really takes hold, if that is another; left out:"
+            " place",
+        ),
     ] = None
     mass: Annotated[
         Scalar,
         nonnegative(
             "",
-            "virtual mass, to which its share of the force is proportional; 0: the load that it can bear, on cables 1",
+            "virtual mass, to which its share of the force is proportional; 0: the load"
+            " that it can bear, on cables 1",
         ),
     ] = 0.0
     kind: Annotated[
-        str | None, Unit("", "supposed kind of the grasp; left out, that of the grasp", rule=coerce.word_of(KINDS))
+        str | None,
+        Unit(
+            "",
+            "supposed kind of the grasp; left out, that of the grasp",
+            rule=coerce.word_of(KINDS),
+        ),
     ] = None
 
     def path(self, motion: PoseTrajectory, take: Scalar) -> Trajectory:
-        """Path of the tip, and change of the heading, that carry the body; within 1 s of taking hold at its place."""
+        """Path of the tip, and change of the heading, that carry the body; within 1 s
+        of taking hold at its place.
+        """
         signals: list[Signal] = [Constant(c) for c in self.place]
         if self.taken is not None:
             rows = zip(self.taken, self.place, strict=True)
-            signals = [Sum((Constant(a), Ramp(start=take, duration=1.0, height=b - a, shape="nonic"))) for a, b in rows]
+            signals = [
+                Sum(
+                    (
+                        Constant(a),
+                        Ramp(start=take, duration=1.0, height=b - a, shape="nonic"),
+                    )
+                )
+                for a, b in rows
+            ]
         x, y, z = motion.path_of(signals)
         return Trajectory(x=x, y=y, z=z, yaw=motion.yaw)
 
 
 class VirtualMasses:
-    """Base class of teams: geometry of the grasps, and forces of the members without internal ones and along lines."""
+    """Base class of teams: geometry of the grasps, and forces of the members without
+    internal ones and along lines.
+    """
 
     __slots__ = ()
 
@@ -82,32 +115,55 @@ class VirtualMasses:
         return list(combinations(range(len(self.members)), 2))
 
     def along(self, tensions: Sequence[Scalar], arms: Sequence[Vec3]) -> list[Vec3]:
-        """Force (N) of each member for a pull (N) along the line of each pair of grasps, positive in tension."""
+        """Force (N) of each member for a pull (N) along the line of each pair of
+        grasps, positive in tension.
+        """
         forces = [ZERO3] * len(arms)
-        for (i, j), tension, line in zip(self.pairs, tensions, self.lines(arms), strict=True):
-            forces[i], forces[j] = forces[i] + line * tension, forces[j] - line * tension
+        for (i, j), tension, line in zip(
+            self.pairs, tensions, self.lines(arms), strict=True
+        ):
+            forces[i], forces[j] = (
+                forces[i] + line * tension,
+                forces[j] - line * tension,
+            )
         return forces
 
     def lines(self, arms: Sequence[Vec3]) -> list[Vec3]:
-        """Unit vector from the second to the first grasp of each pair; zero where a member has lost its grasp."""
+        """Unit vector from the second to the first grasp of each pair; zero where a
+        member has lost its grasp.
+        """
         lines = []
         for i, j in self.pairs:
-            line, least = arms[i] - arms[j], minimum(self.members[i].mass, self.members[j].mass)
-            lines.append(line * where(least > 0.0, divide(1.0, sqrt(line.dot(line))), 0.0))
+            line, least = (
+                arms[i] - arms[j],
+                minimum(self.members[i].mass, self.members[j].mass),
+            )
+            lines.append(
+                line * where(least > 0.0, divide(1.0, sqrt(line.dot(line))), 0.0)
+            )
         return lines
 
     def tensions(self, forces: Sequence[Vec3], arms: Sequence[Vec3]) -> list[Scalar]:
-        """Pull (N) along the line of each pair of grasps from internal forces (N), by least squares."""
+        """Pull (N) along the line of each pair of grasps from internal forces (N), by
+        least squares.
+        """
         lines, pairs = self.lines(arms), self.pairs
         A: list[list[Scalar]] = [[0.0] * len(pairs) for _ in pairs]
         for a, (i, j) in enumerate(pairs):
             for b, (k, m) in enumerate(pairs):
                 sign = float((i == k) + (j == m) - (i == m) - (j == k))
                 A[a][b] = lines[a].dot(lines[b]) * sign + (SMALL if a == b else 0.0)
-        return ldl_solve(A, [line.dot(forces[i] - forces[j]) for line, (i, j) in zip(lines, pairs, strict=True)])
+        return ldl_solve(
+            A,
+            [
+                line.dot(forces[i] - forces[j])
+                for line, (i, j) in zip(lines, pairs, strict=True)
+            ],
+        )
 
     def turn_error(self, R: Mat3, desired: Mat3) -> Vec3:
-        """Rotation (rad, world axes) from an attitude of the body to a near one, to second order of the angle.
+        """Rotation (rad, world axes) from an attitude of the body to a near one, to
+        second order of the angle.
 
         Members on one line do not turn the body about it: that turn is left out.
         """
@@ -118,7 +174,9 @@ class VirtualMasses:
         return self._turn(relative, [turn.cross(r) for r in relative])
 
     def arms(self, R: Mat3) -> list[Vec3]:
-        """Places of the grasps from the middle of the body, world axes, at an attitude of the body."""
+        """Places of the grasps from the middle of the body, world axes, at an attitude
+        of the body.
+        """
         return [R.apply(each.place) for each in self.members]
 
     def from_middle(self, arms: Sequence[Vec3]) -> list[Vec3]:
@@ -129,15 +187,25 @@ class VirtualMasses:
     def _mean(self, vectors: Sequence[Vec3]) -> Vec3:
         """Mean of one vector of each member, weighted by the virtual masses."""
         whole = self.per_mass
-        return sum((v * (each.mass * whole) for v, each in zip(vectors, self.members, strict=True)), ZERO3)
+        return sum(
+            (
+                v * (each.mass * whole)
+                for v, each in zip(vectors, self.members, strict=True)
+            ),
+            ZERO3,
+        )
 
     @property
     def per_mass(self) -> Scalar:
         """Inverse of the sum of the virtual masses; finite where no member is left."""
-        return divide(1.0, maximum(sum((each.mass for each in self.members), 0.0), FLOOR))
+        return divide(
+            1.0, maximum(sum((each.mass for each in self.members), 0.0), FLOOR)
+        )
 
     def _turn(self, relative: Sequence[Vec3], shifts: Sequence[Vec3]) -> Vec3:
-        """Rotation (rad) that fits displacements of the grasps best, from their places about the common middle."""
+        """Rotation (rad) that fits displacements of the grasps best, from their places
+        about the common middle.
+        """
         ways = ZERO3
         for each, r, shift in zip(self.members, relative, shifts, strict=True):
             ways = ways + r.cross(shift) * each.mass
@@ -145,32 +213,53 @@ class VirtualMasses:
 
     def outward(self, arms: Sequence[Vec3]) -> list[Vec3]:
         """Unit vectors from the middle of the virtual masses to the grasps."""
-        return [arm * divide(1.0, sqrt(arm.dot(arm) + SMALL)) for arm in self.from_middle(arms)]
+        return [
+            arm * divide(1.0, sqrt(arm.dot(arm) + SMALL))
+            for arm in self.from_middle(arms)
+        ]
 
     def shares(self, force: Vec3, moment: Vec3, arms: Sequence[Vec3]) -> list[Vec3]:
-        """Force of each member for a force (N) and a moment (N m, about the body's middle), without internal ones."""
+        """Force of each member for a force (N) and a moment (N m, about the body's
+        middle), without internal ones.
+        """
         relative, whole = self.from_middle(arms), self.per_mass
-        turning = Vec3(*ldl_solve(self.moments(relative), list(moment - (arms[0] - relative[0]).cross(force))))
+        turning = Vec3(
+            *ldl_solve(
+                self.moments(relative),
+                list(moment - (arms[0] - relative[0]).cross(force)),
+            )
+        )
         rows = zip(self.members, relative, strict=True)
-        return [force * (each.mass * whole) + turning.cross(r) * each.mass for each, r in rows]
+        return [
+            force * (each.mass * whole) + turning.cross(r) * each.mass
+            for each, r in rows
+        ]
 
-    def rigid_shift(self, shifts: Sequence[Vec3], arms: Sequence[Vec3]) -> tuple[Vec3, Vec3]:
-        """Displacement (m) of the body's middle and rotation (rad) that fit displacements of the grasps best.
+    def rigid_shift(
+        self, shifts: Sequence[Vec3], arms: Sequence[Vec3]
+    ) -> tuple[Vec3, Vec3]:
+        """Displacement (m) of the body's middle and rotation (rad) that fit
+        displacements of the grasps best.
 
-        By least squares with the virtual masses, world axes; members on one line do not tell a turn about it.
+        By least squares with the virtual masses, world axes; members on one line do not
+        tell a turn about it.
         """
         relative = self.from_middle(arms)
         turn = self._turn(relative, shifts)
         return self._mean(shifts) - turn.cross(arms[0] - relative[0]), turn
 
     def moments(self, relative: Sequence[Vec3]) -> list[list[Scalar]]:
-        """Matrix of the second moments of the virtual masses about their middle, with an inverse also on one line."""
+        """Matrix of the second moments of the virtual masses about their middle, with
+        an inverse also on one line.
+        """
         J: list[list[Scalar]] = [[0.0] * 3 for _ in range(3)]
         for each, r in zip(self.members, relative, strict=True):
             square, c = r.dot(r), tuple(r)
             for i in range(3):
                 for k in range(3):
-                    J[i][k] = J[i][k] + each.mass * ((square if i == k else 0.0) - c[i] * c[k])
+                    J[i][k] = J[i][k] + each.mass * (
+                        (square if i == k else 0.0) - c[i] * c[k]
+                    )
         eased = maximum((J[0][0] + J[1][1] + J[2][2]) * SMALL, FLOOR)
         for i in range(3):
             J[i][i] = J[i][i] + eased
@@ -180,4 +269,7 @@ class VirtualMasses:
         """Internal part of the members' forces: without what accelerates the body."""
         force = sum(forces, ZERO3)
         moment = sum((arm.cross(f) for arm, f in zip(arms, forces, strict=True)), ZERO3)
-        return [f - share for f, share in zip(forces, self.shares(force, moment, arms), strict=True)]
+        return [
+            f - share
+            for f, share in zip(forces, self.shares(force, moment, arms), strict=True)
+        ]

@@ -1,4 +1,6 @@
-"""Centroidal law: centre-of-mass tracking, consistent computed torque, disturbance observer, joint or tip control."""
+"""Centroidal law: centre-of-mass tracking, consistent computed torque, disturbance
+observer, joint or tip control.
+"""
 
 from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.make import make_centroidal

@@ -1,4 +1,5 @@
-"""Trend of the observed external force: its rate of change, weighted by how well past predictions matched.
+"""Trend of the observed external force: its rate of change, weighted by how well past
+predictions matched.
 
 A steady turn of the wind can be predicted, turbulence and noise cannot. The rate comes from a second-order tracker,
     level' = rate + 2 w (d - level),    rate' = w^2 (d - level),
@@ -29,25 +30,41 @@ STAGES = 3
 """Number of first-order lags in the delay chain of force and rate."""
 
 HORIZON, FORGET = 0.25, 0.7
-"""Prediction horizon (s) and forgetting rate (1/s) of the force trend, as in :class:`TrendGains`."""
+"""Prediction horizon (s) and forgetting rate (1/s) of the force trend, as in
+:class:`TrendGains`."""
 
 CHANCE = 0.5
-"""Regression slope of past predictions up to which a force rate is not used: turbulence reaches it by chance."""
+"""Regression slope of past predictions up to which a force rate is not used: turbulence
+reaches it by chance."""
 
 AHEAD = 1.0
-"""Least observer bandwidth (rad/s) assumed in the delay over which a force is predicted."""
+"""Least observer bandwidth (rad/s) assumed in the delay over which a force is
+predicted."""
 
 SLOWEST, STEEPEST = 0.1, 5.0
-"""Rates of the force per mass (m/s^3) that are too small to detect, and too large to continue."""
+"""Rates of the force per mass (m/s^3) that are too small to detect, and too large to
+continue."""
 
 
 @immutable
 class TrendGains(OptionalPart):
-    """Constants of the force trend: filter of force and force rate, and weight of the rate from past predictions."""
+    """Constants of the force trend: filter of force and force rate, and weight of the
+    rate from past predictions.
+    """
 
-    bandwidth: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter that tracks the observed force and its rate")]
-    horizon: Annotated[Scalar, Unit("s", "prediction time of the force by which its rate is judged")]
-    forget: Annotated[Scalar, Unit("1/s", "rate at which past predictions are forgotten")]
+    bandwidth: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the filter that tracks the observed force and its rate",
+        ),
+    ]
+    horizon: Annotated[
+        Scalar, Unit("s", "prediction time of the force by which its rate is judged")
+    ]
+    forget: Annotated[
+        Scalar, Unit("1/s", "rate at which past predictions are forgotten")
+    ]
     noise: Annotated[
         Scalar,
         Unit(
@@ -56,29 +73,52 @@ class TrendGains(OptionalPart):
             effect="higher values trust the force's rate later and amplify less noise",
         ),
     ]
-    steep: Annotated[Scalar, Unit("N/s", "force rate above which a change counts as a step")]
+    steep: Annotated[
+        Scalar, Unit("N/s", "force rate above which a change counts as a step")
+    ]
 
     def start(self, joints: int) -> ForceTrend:
-        """Initial state of the force trend: zero force, and zero weight of the force rate."""
+        """Initial state of the force trend: zero force, and zero weight of the force
+        rate.
+        """
         chain = (ZERO3_DATA,) * STAGES
         size = 0.25 * self.steep * self.steep
-        return ForceTrend(level=ZERO3_DATA, rate=ZERO3_DATA, forces=chain, rates=chain, agreement=0.0, size=size)
+        return ForceTrend(
+            level=ZERO3_DATA,
+            rate=ZERO3_DATA,
+            forces=chain,
+            rates=chain,
+            agreement=0.0,
+            size=size,
+        )
 
 
 @immutable
 class ForceTrend:
-    """Filter state of the force trend: tracked force and rate, delay lines and prediction statistics."""
+    """Filter state of the force trend: tracked force and rate, delay lines and
+    prediction statistics.
+    """
 
     level: Annotated[Vec3, Unit("N", "filtered force, world axes")]
     rate: Annotated[Vec3, Unit("N/s", "filtered rate of the force, world axes")]
-    forces: Annotated[tuple[Vec3, ...], Unit("N", "force in each stage of the filter, world axes")]
-    rates: Annotated[tuple[Vec3, ...], Unit("N/s", "rate of the force in each stage of the filter, world axes")]
-    agreement: Annotated[Scalar, Unit("(N/s)^2", "mean product of the predicted and the observed force rate")]
+    forces: Annotated[
+        tuple[Vec3, ...], Unit("N", "force in each stage of the filter, world axes")
+    ]
+    rates: Annotated[
+        tuple[Vec3, ...],
+        Unit("N/s", "rate of the force in each stage of the filter, world axes"),
+    ]
+    agreement: Annotated[
+        Scalar,
+        Unit("(N/s)^2", "mean product of the predicted and the observed force rate"),
+    ]
     size: Annotated[Scalar, Unit("(N/s)^2", "mean square of the predicted force rate")]
 
 
 def trend_gains(bandwidth: float, mass: float) -> TrendGains:
-    """Constants of the force trend for a tracker bandwidth (rad/s) and a vehicle mass (kg)."""
+    """Constants of the force trend for a tracker bandwidth (rad/s) and a vehicle mass
+    (kg).
+    """
     return TrendGains(
         bandwidth=bandwidth,
         horizon=HORIZON,
@@ -88,14 +128,24 @@ def trend_gains(bandwidth: float, mass: float) -> TrendGains:
     )
 
 
-def update_trend(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Scalar) -> ForceTrend:
-    """Filter state of the force trend after one period, with the observed ``force`` (N, world axes)."""
+def update_trend(
+    gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Scalar
+) -> ForceTrend:
+    """Filter state of the force trend after one period, with the observed ``force`` (N,
+    world axes).
+    """
     b = exp(-(gains.bandwidth * dt))
     ahead = memory.level + memory.rate * dt
     miss = force - ahead
-    level, rate = ahead + miss * (1.0 - b * b), memory.rate + miss * divide((1.0 - b) * (1.0 - b), dt)
+    level, rate = (
+        ahead + miss * (1.0 - b * b),
+        memory.rate + miss * divide((1.0 - b) * (1.0 - b), dt),
+    )
     share = 1.0 - exp(-divide(STAGES * dt, gains.horizon))
-    forces, rates = _advance_delay(memory.forces, force, share), _advance_delay(memory.rates, rate, share)
+    forces, rates = (
+        _advance_delay(memory.forces, force, share),
+        _advance_delay(memory.rates, rate, share),
+    )
     change = (force - forces[-1]) * divide(1.0, gains.horizon)
     predicted = rates[-1] * _no_step(gains, change)
     slow = low_pass_share(gains.forget, dt)
@@ -104,12 +154,16 @@ def update_trend(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Scalar)
         rate=vector_data(rate),
         forces=forces,
         rates=rates,
-        agreement=data(memory.agreement + slow * (predicted.dot(change) - memory.agreement)),
+        agreement=data(
+            memory.agreement + slow * (predicted.dot(change) - memory.agreement)
+        ),
         size=data(memory.size + slow * (predicted.dot(rates[-1]) - memory.size)),
     )
 
 
-def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Scalar) -> tuple[Vec3, ...]:
+def _advance_delay(
+    chain: tuple[Vec3, ...], value: Vec3, share: Scalar
+) -> tuple[Vec3, ...]:
     """Delay line one period later: a chain of first-order lags driven by ``value``."""
     delayed = []
     for each in chain:
@@ -119,12 +173,17 @@ def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Scalar) -> tuple
 
 
 def rate_weights(gains: TrendGains, memory: ForceTrend) -> tuple[Scalar, Scalar]:
-    """Weights (0 to 1) of the force rate, from the accuracy of past force predictions with that rate.
+    """Weights (0 to 1) of the force rate, from the accuracy of past force predictions
+    with that rate.
 
-    The first one, for a prediction over the shift's delay, is none up to chance. The second one, for the delays of
-    observer and attitude, a tenth of a second, is the slope itself, the least squares of a prediction.
+    The first one, for a prediction over the shift's delay, is none up to chance. The
+    second one, for the delays of observer and attitude, a tenth of a second, is the
+    slope itself, the least squares of a prediction.
     """
-    slope, even = divide(memory.agreement, memory.size + gains.noise), _no_step(gains, memory.rate)
+    slope, even = (
+        divide(memory.agreement, memory.size + gains.noise),
+        _no_step(gains, memory.rate),
+    )
     far = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
     return far * even, minimum(maximum(slope, 0.0), 1.0) * even
 
@@ -141,7 +200,8 @@ class Foreseen:
     """Disturbance forecast by the weighted rate of the force.
 
     Attributes:
-        unknown: compensated disturbance, now. near_rate: rate of its force by which the attitude turns, N/s.
+        unknown: compensated disturbance, now. near_rate: rate of its force by which the
+            attitude turns, N/s.
         steady: force that the attitude balances, N, world axes. rate: its rate, N/s.
     """
 
@@ -151,14 +211,31 @@ class Foreseen:
     near_rate: Vec3 = ZERO3
 
 
-def foresee(par: CentroidalParameters, trend: ForceTrend | None, effect: Effect, slow: Vec3, adapted: Vec3) -> Foreseen:
-    """Disturbance predicted ahead by observer and filter delay; the force rate is not used while the tip is in contact.
+def foresee(
+    par: CentroidalParameters,
+    trend: ForceTrend | None,
+    effect: Effect,
+    slow: Vec3,
+    adapted: Vec3,
+) -> Foreseen:
+    """Disturbance predicted ahead by observer and filter delay; the force rate is not
+    used while the tip is in contact.
 
-    ``slow`` is the observed force, slowly filtered, and ``adapted`` that of the feed-forward, N, world axes.
+    ``slow`` is the observed force, slowly filtered, and ``adapted`` that of the
+    feed-forward, N, world axes.
     """
-    unknown, steady, gains = effect.unknown, (slow if par.mode == "tip" else effect.force) + adapted, par.parts.trend
+    unknown, steady, gains = (
+        effect.unknown,
+        (slow if par.mode == "tip" else effect.force) + adapted,
+        par.parts.trend,
+    )
     if not isinstance(gains, TrendGains) or trend is None:
-        return Foreseen(unknown=unknown, steady=steady, rate=effect.force_rate, near_rate=effect.force_rate)
+        return Foreseen(
+            unknown=unknown,
+            steady=steady,
+            rate=effect.force_rate,
+            near_rate=effect.force_rate,
+        )
     late, slope = lateness(par), trend.rate
     if type(effect.external) is not int:
         slope = slope * (1.0 - effect.external)
@@ -167,10 +244,17 @@ def foresee(par: CentroidalParameters, trend: ForceTrend | None, effect: Effect,
     if par.mode == "tip":
         late = late + divide(1.0, maximum(par.tip.shift_rate, AHEAD))
     ahead = effect.force_rate
-    return Foreseen(unknown=unknown, steady=steady + rate * late, rate=rate + ahead, near_rate=near + ahead)
+    return Foreseen(
+        unknown=unknown,
+        steady=steady + rate * late,
+        rate=rate + ahead,
+        near_rate=near + ahead,
+    )
 
 
 def _no_step(gains: TrendGains, rate: Vec3) -> Scalar:
-    """Weight of a force rate: near 1 below the rate of a step change, near 0 far above."""
+    """Weight of a force rate: near 1 below the rate of a step change, near 0 far
+    above.
+    """
     square = rate.dot(rate) * divide(1.0, gains.steep * gains.steep)
     return divide(1.0, square * square + 1.0)

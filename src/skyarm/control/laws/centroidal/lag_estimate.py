@@ -1,22 +1,29 @@
-"""Online estimate of unmodelled lag in the control loops; the part that is a delay is compensated by prediction.
+"""Online estimate of unmodelled lag in the control loops; the part that is a delay is
+compensated by prediction.
 
-With a(t) the accelerations of the sent commands by the model and y(t) the measured ones, the mean M_j of
-|y(t) - a(t - L_j)|^2 is followed for a bank of lags L_j, whole control periods, in a band in which the loop is active
-and wind is not; the lag is the mean of L_j weighted by exp(-sharpness (M_j - min M) / min M), the likelihood of normal
-residuals with 1 / (1 + x / 8)^8 for exp(-x). Each step of lag has a price (``prior``), large residuals count little
-(``robust``; Geman, McClure 1985), and no lag falls further behind the likeliest than ``lead`` (bounded evidence, Page
-1954). Lags beyond the bank count as its longest; a lag of the sensors of pose alone is not seen. A known delay
-of ``OVERSTATED`` or more may be too long: the bank goes back to no delay at all, and the lag may be negative.
+With a(t) the accelerations of the sent commands by the model and y(t) the measured
+ones, the mean M_j of |y(t) - a(t - L_j)|^2 is followed for a bank of lags L_j, whole
+control periods, in a band in which the loop is active and wind is not; the lag is the
+mean of L_j weighted by exp(-sharpness (M_j - min M) / min M), the likelihood of normal
+residuals with 1 / (1 + x / 8)^8 for exp(-x). Each step of lag has a price (``prior``),
+large residuals count little (``robust``; Geman, McClure 1985), and no lag falls further
+behind the likeliest than ``lead`` (bounded evidence, Page 1954). Lags beyond the bank
+count as its longest; a lag of the sensors of pose alone is not seen. A known delay of
+``OVERSTATED`` or more may be too long: the bank goes back to no delay at all, and the
+lag may be negative.
 
-The law predicts the state across the rotors' lag. A delay leaves the size of the accelerations, a slow actuator lowers
-it, of roll as of pitch, the more the faster they change: with y = c a(t - L) of an axis, c the least squares and both
-above the band's lower edge once more, the bandwidth is lowered for the share of the lag that is no delay, none for the
-smaller 1 / c up to ``smaller``, all from ``slow`` on; that of the joints for what their lag exceeds the rotors' by. A
-load adds inertia to one axis more than to the other. Slow swings of the loop itself, against a force not observed yet
-or a late servo, look like a slow actuator, and less bandwidth swings them more.
+The law predicts the state across the rotors' lag. A delay leaves the size of the
+accelerations, a slow actuator lowers it, of roll as of pitch, the more the faster they
+change: with y = c a(t - L) of an axis, c the least squares and both above the band's
+lower edge once more, the bandwidth is lowered for the share of the lag that is no
+delay, none for the smaller 1 / c up to ``smaller``, all from ``slow`` on; that of the
+joints for what their lag exceeds the rotors' by. A load adds inertia to one axis more
+than to the other. Slow swings of the loop itself, against a force not observed yet or a
+late servo, look like a slow actuator, and less bandwidth swings them more.
 
-A joint without the damping that the model believes looks late, too. What makes up for that damping takes it from the
-joint's loop, which has less of it the lower its bandwidth is: it is lowered by the same share.
+A joint without the damping that the model believes looks late, too. What makes up for
+that damping takes it from the joint's loop, which has less of it the lower its
+bandwidth is: it is lowered by the same share.
 """
 
 from __future__ import annotations
@@ -27,7 +34,18 @@ from itertools import accumulate
 from typing import Annotated
 
 from skyarm.algebra import Scalar, Scalars, differences, inner_product
-from skyarm.algebra.scalars import add, data, divide, maximum, minimum, mul, structural, sub, total, where
+from skyarm.algebra.scalars import (
+    add,
+    data,
+    divide,
+    maximum,
+    minimum,
+    mul,
+    structural,
+    sub,
+    total,
+    where,
+)
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.laws.centroidal.parameters import (
     CentroidalParameters,
@@ -40,7 +58,8 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, positive
 
 TILTS = 2
-"""Number of base axes used for the lag estimate: roll and pitch, which rotors turn by thrust."""
+"""Number of base axes used for the lag estimate: roll and pitch, which rotors turn by
+thrust."""
 
 CANDIDATES = 9
 """Number of candidate lags: zero, and eight steps."""
@@ -52,37 +71,43 @@ LOW, HIGH = 20.0, 60.0
 """Edges (rad/s) of the frequency band in which lags are estimated."""
 
 FORGETTING, SLOWLY, OF_JOINTS, FIRST = 1.5, 0.35, 0.5, 20.0
-"""Filter rates (1/s) of the mean residuals, and number of periods that count as seen before the first one. The rates
-are the rotors' of a delay and where accelerations are much smaller than modelled, the joints', which a push from below
-moves as a lag does."""
+"""Filter rates (1/s) of the mean residuals, and number of periods that count as seen
+before the first one. The rates are the rotors' of a delay and where accelerations are
+much smaller than modelled, the joints', which a push from below moves as a lag does."""
 
 ROBUST, FLOOR, GROWTH = 4.0, 0.01, 4.0
-"""Residual with half weight over the scale; least scale ((rad/s^2)^2); largest growth of the scale per period."""
+"""Residual with half weight over the scale; least scale ((rad/s^2)^2); largest growth
+of the scale per period."""
 
 PRIOR, SHARPNESS = 0.0075, 100.0
-"""Penalty on the mean residual (0 to 1) for each step of lag; weight of the mean residuals' relative differences."""
+"""Penalty on the mean residual (0 to 1) for each step of lag; weight of the mean
+residuals' relative differences."""
 
 LEAD = 0.05
-"""Largest excess of a penalised mean residual over the least one, and largest penalty."""
+"""Largest excess of a penalised mean residual over the least one, and largest
+penalty."""
 
 OVERSTATED = 0.04
-"""Least known delay (s) that is checked for being too long. Shorter ones are borne where 5 ms are true, and flights
-with a true one would begin gently for nothing."""
+"""Least known delay (s) that is checked for being too long. Shorter ones are borne
+where 5 ms are true, and flights with a true one would begin gently for nothing."""
 
 GENTLE, SETTLING = 0.25, 1.5
-"""Share of the bandwidths with which a flight with such a delay begins, and time (s) until all of them: prediction over
-a delay that is not there shakes the vehicle, faster than it is found with 0.4."""
+"""Share of the bandwidths with which a flight with such a delay begins, and time (s)
+until all of them: prediction over a delay that is not there shakes the vehicle, faster
+than it is found with 0.4."""
 
 LEARNING, KNOWN = 0.3, 0.05
 """Filter rate (1/s) of the accelerations' mean products; their initial value."""
 
 SMALLER, SLOW = 1.15, 1.35
-"""Ratios of modelled to measured acceleration: up to the first a lag counts as delay alone, from the second as none."""
+"""Ratios of modelled to measured acceleration: up to the first a lag counts as delay
+alone, from the second as none."""
 
 OBEYING, WIDER = 2.0, 8.0
-"""Rate (1/s) at which the share of the joints' squared accelerations that is measured is found; times that share, the
-observer of the joints may be wider than that of the torque. Joints that stick hardly accelerate: what their observer
-then finds sooner than that of the torque is taken for a torque on the base, and the loop swings."""
+"""Rate (1/s) at which the share of the joints' squared accelerations that is measured
+is found; times that share, the observer of the joints may be wider than that of the
+torque. Joints that stick hardly accelerate: what their observer then finds sooner than
+that of the torque is taken for a torque on the base, and the loop swings."""
 
 LEAST = 1e-6
 """Least mean product of measured and modelled accelerations, as a divisor."""
@@ -93,7 +118,8 @@ IGNORED = 0.002
 
 @immutable
 class LagGains(OptionalPart):
-    """Constants of the lag estimate: lags that halve rotor and joint loop bandwidths, and spacing of candidate lags.
+    """Constants of the lag estimate: lags that halve rotor and joint loop bandwidths,
+    and spacing of candidate lags.
 
     ``earlier``: number of candidates by which the known delay may be too long.
     """
@@ -121,7 +147,10 @@ class LagGains(OptionalPart):
     @property
     def prices(self) -> tuple[float, ...]:
         """Penalty of each candidate lag, by its distance from none."""
-        return tuple(structural(min(PRIOR * abs(j), LEAD)) for j in range(-self.earlier, CANDIDATES))
+        return tuple(
+            structural(min(PRIOR * abs(j), LEAD))
+            for j in range(-self.earlier, CANDIDATES)
+        )
 
     def start(self, joints: int) -> LagMemory:
         """Initial internal state of the lag estimate, before the first measurement."""
@@ -143,26 +172,43 @@ class LagGains(OptionalPart):
         )
 
     def delay(self, memory: LagMemory, dt: Scalar) -> Scalar:
-        """Command delay (s) that the law compensates by prediction: the estimated lag of the rotor loops."""
+        """Command delay (s) that the law compensates by prediction: the estimated lag
+        of the rotor loops.
+        """
         return self.lags(memory, dt)[0]
 
-    def adjust_gains(self, memory: LagMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """Reduce the law's bandwidths and its model's joint damping for the estimated lags."""
+    def adjust_gains(
+        self, memory: LagMemory, par: CentroidalParameters, dt: Scalar
+    ) -> CentroidalParameters:
+        """Reduce the law's bandwidths and its model's joint damping for the estimated
+        lags.
+        """
         base, joints = self.shares(memory, dt)
         own = [link.joint.damping for link in par.model.vehicle.links]
-        par = at_shares(with_joint_damping(par, [mul(joints, damping) for damping in own]), base, joints)
+        par = at_shares(
+            with_joint_damping(par, [mul(joints, damping) for damping in own]),
+            base,
+            joints,
+        )
         most = par.observer.torque * maximum(1.0, WIDER * memory.obeyed)
-        observer = dataclasses.replace(par.observer, joints=minimum(par.observer.joints, most))
+        observer = dataclasses.replace(
+            par.observer, joints=minimum(par.observer.joints, most)
+        )
         return dataclasses.replace(par, observer=observer)
 
     def shares(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
-        """Factors (0 to 1) on rotor and joint loop bandwidths for the lags that prediction does not compensate."""
+        """Factors (0 to 1) on rotor and joint loop bandwidths for the lags that
+        prediction does not compensate.
+        """
         base, joints = self.lags(memory, dt)
         # arms that stand still do not show that the known delay is too long
         sooner = maximum(base, 0.0) if self.earlier else base
         joints = maximum(joints - sooner - IGNORED, 0.0)
         base = maximum(base * (1.0 - delay_share(memory)) - IGNORED, 0.0)
-        shares = divide(self.base, self.base + base), divide(self.joints, self.joints + joints)
+        shares = (
+            divide(self.base, self.base + base),
+            divide(self.joints, self.joints + joints),
+        )
         if not self.earlier:
             return shares
         ramp = minimum(1.0, GENTLE + memory.count * (dt * ((1.0 - GENTLE) / SETTLING)))
@@ -171,32 +217,62 @@ class LagGains(OptionalPart):
     def lags(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
         """Estimated lags (s) of the rotor loops and of the joint loops."""
         step = dt * self.stride
-        return estimate(memory.base, step, self.earlier), estimate(memory.arm, step, self.earlier)
+        return estimate(memory.base, step, self.earlier), estimate(
+            memory.arm, step, self.earlier
+        )
 
     def after(self, memory: LagMemory, step: Step, isolated: Scalar) -> LagMemory:
-        """Lag estimate one period later; unchanged before the second measurement and in contact (``isolated`` 0)."""
+        """Lag estimate one period later; unchanged before the second measurement and in
+        contact (``isolated`` 0).
+        """
         if self.held:
             return memory
-        update, measurement, free, dt = step.seen.told, step.measurement, step.memory.free, step.dt
+        update, measurement, free, dt = (
+            step.seen.told,
+            step.measurement,
+            step.memory.free,
+            step.dt,
+        )
         running = where(step.memory.started > 0.5, 1.0, 0.0)
         rates = (measurement.rate.x, measurement.rate.y, *measurement.joint_rates)
         # the model's answer to what was sent, at the shortest candidate
-        last, sent = self.stride * self.earlier - step.par.delay_periods - 1, step.timing.past
-        _, angular, joints = update.amid.accelerations(step.par.model, sent.squares[last], sent.efforts[last])
+        last, sent = (
+            self.stride * self.earlier - step.par.delay_periods - 1,
+            step.timing.past,
+        )
+        _, angular, joints = update.amid.accelerations(
+            step.par.model, sent.squares[last], sent.efforts[last]
+        )
         by_model = (angular.x, angular.y, *joints)
-        corrections = (update.angular_correction.x, update.angular_correction.y, *update.joint_corrections)
+        corrections = (
+            update.angular_correction.x,
+            update.angular_correction.y,
+            *update.joint_corrections,
+        )
         own = differences(by_model, memory.disturbing)
-        seen = [divide(sub(now, before), dt) for now, before in zip(rates, memory.rates, strict=True)]
+        seen = [
+            divide(sub(now, before), dt)
+            for now, before in zip(rates, memory.rates, strict=True)
+        ]
         believed = _in_row(memory.believed, own, running, dt)
         measured = _in_row(memory.measured, seen, running, dt)
         band = _band_pass(believed)
-        past = [band, *(memory.past[k - 1] for k in range(self.stride, len(memory.past) + 1, self.stride))]
+        past = [
+            band,
+            *(
+                memory.past[k - 1]
+                for k in range(self.stride, len(memory.past) + 1, self.stride)
+            ),
+        ]
         learned = mul(running, isolated)
         # with a wrong model the phase of its errors wanders: evidence of longer
         rate = SLOWLY + (FORGETTING - SLOWLY) * delay_share(memory)
         first = divide(1.0, memory.count + FIRST)
         here = _band_pass(measured)
-        groups = ((memory.base, slice(0, TILTS), rate), (memory.arm, slice(TILTS, None), OF_JOINTS))
+        groups = (
+            (memory.base, slice(0, TILTS), rate),
+            (memory.arm, slice(TILTS, None), OF_JOINTS),
+        )
         base, arm = (
             _bank(
                 bank,
@@ -211,17 +287,20 @@ class LagGains(OptionalPart):
         weights = weigh(memory.base)
         inverse = divide(1.0, total(reversed(weights)))
         expected = [
-            inner_product(weights, axis) * inverse for axis in zip(*(each[:TILTS] for each in past), strict=True)
+            inner_product(weights, axis) * inverse
+            for axis in zip(*(each[:TILTS] for each in past), strict=True)
         ]
         both = (*expected, *here[:TILTS])
         quick = differences(both, memory.slow)
         edge = running * low_pass_share(LOW, dt)
-        # at a limit the observer's disturbance stands still, and what it lacks counts as too small an answer
+        # at a limit the observer's disturbance stands still, and what it lacks counts
+        # as too small an answer
         share = learned * free[0] * (LEARNING * dt)
         floor = ROBUST * memory.base.scale + FLOOR
         agreement, size = [], []
         for k, (x, z) in enumerate(zip(quick[:TILTS], quick[TILTS:], strict=True)):
-            # of both: of what was measured alone, a command that has not acted yet would count without bound
+            # of both: of what was measured alone, a command that has not acted yet
+            # would count without bound
             gain = divide(share, z * z + x * x + floor)
             agreement.append(memory.agreement[k] * (1.0 - share) + gain * (x * z))
             size.append(memory.size[k] * (1.0 - share) + gain * (x * x))
@@ -230,13 +309,20 @@ class LagGains(OptionalPart):
         missing = minimum(answered, asked) - memory.obeyed * asked
         return LagMemory(
             count=memory.count + running,
-            obeyed=memory.obeyed + divide(learned * (OBEYING * dt), asked + FLOOR) * missing,
+            obeyed=memory.obeyed
+            + divide(learned * (OBEYING * dt), asked + FLOOR) * missing,
             rates=tuple(data(each) for each in rates),
-            disturbing=tuple(d + mul(running, c) for d, c in zip(memory.disturbing, corrections, strict=True)),
+            disturbing=tuple(
+                d + mul(running, c)
+                for d, c in zip(memory.disturbing, corrections, strict=True)
+            ),
             believed=believed,
             measured=measured,
             past=(band, *memory.past[:-1]),
-            slow=tuple(add(old, mul(edge, change)) for old, change in zip(memory.slow, quick, strict=True)),
+            slow=tuple(
+                add(old, mul(edge, change))
+                for old, change in zip(memory.slow, quick, strict=True)
+            ),
             base=base,
             arm=arm,
             agreement=tuple(agreement),
@@ -249,52 +335,106 @@ class LagGains(OptionalPart):
 class Bank:
     """Residual statistics of the candidate lags for one group of axes."""
 
-    paid: Annotated[Scalars, Unit("", "mean residual of each candidate lag with its penalty, 0 to 1")]
+    paid: Annotated[
+        Scalars,
+        Unit("", "mean residual of each candidate lag with its penalty, 0 to 1"),
+    ]
     scale: Annotated[Scalar, Unit("(rad/s^2)^2", "mean square of the residuals")]
 
 
 @immutable
 class LagMemory:
-    """State of the lag estimate: filtered accelerations of roll, pitch and joints, and residual statistics."""
+    """State of the lag estimate: filtered accelerations of roll, pitch and joints, and
+    residual statistics.
+    """
 
     count: Annotated[Scalar, Unit("", "number of periods so far")]
-    rates: Annotated[Scalars, Unit("rad/s or m/s", "body and joint rates measured one period ago")]
-    disturbing: Annotated[Scalars, Unit("rad/s^2 or m/s^2", "accelerations by the observer's disturbance")]
-    believed: Annotated[tuple[Scalars, ...], Unit("rad/s^2 or m/s^2", "modelled accelerations, filtered three times")]
+    rates: Annotated[
+        Scalars, Unit("rad/s or m/s", "body and joint rates measured one period ago")
+    ]
+    disturbing: Annotated[
+        Scalars, Unit("rad/s^2 or m/s^2", "accelerations by the observer's disturbance")
+    ]
+    believed: Annotated[
+        tuple[Scalars, ...],
+        Unit("rad/s^2 or m/s^2", "modelled accelerations, filtered three times"),
+    ]
     measured: Annotated[
         tuple[Scalars, ...],
-        Unit("rad/s^2 or m/s^2", "accelerations by differences of measured rates, filtered three times"),
+        Unit(
+            "rad/s^2 or m/s^2",
+            "accelerations by differences of measured rates, filtered three times",
+        ),
     ]
     past: Annotated[
         tuple[Scalars, ...],
-        Unit("rad/s^2 or m/s^2", "modelled accelerations in the pass band, newest first"),
+        Unit(
+            "rad/s^2 or m/s^2", "modelled accelerations in the pass band, newest first"
+        ),
     ]
-    slow: Annotated[Scalars, Unit("rad/s^2", "low-passed roll and pitch accelerations: modelled at the lag, measured")]
+    slow: Annotated[
+        Scalars,
+        Unit(
+            "rad/s^2",
+            "low-passed roll and pitch accelerations: modelled at the lag, measured",
+        ),
+    ]
     base: Bank
     arm: Bank
     agreement: Annotated[
         Scalars,
-        Unit("", "mean product of measured and modelled accelerations at the estimated lag, each axis"),
+        Unit(
+            "",
+            "mean product of measured and modelled accelerations at the estimated lag,"
+            " each axis",
+        ),
     ]
-    size: Annotated[Scalars, Unit("", "mean square of the modelled accelerations at the estimated lag, each axis")]
-    obeyed: Annotated[Scalar, Unit("", "share of the joints' modelled squared accelerations that is measured")] = 1.0
-    found: Annotated[tuple[Scalar, Scalar], Unit("s", "estimated lags of rotor and joint loops in use")]
+    size: Annotated[
+        Scalars,
+        Unit(
+            "",
+            "mean square of the modelled accelerations at the estimated lag, each axis",
+        ),
+    ]
+    obeyed: Annotated[
+        Scalar,
+        Unit(
+            "", "share of the joints' modelled squared accelerations that is measured"
+        ),
+    ] = 1.0
+    found: Annotated[
+        tuple[Scalar, Scalar],
+        Unit("s", "estimated lags of rotor and joint loops in use"),
+    ]
 
 
-def lag_gains(lags: tuple[Scalar, Scalar], control_period: float, delay_periods: int) -> LagGains:
-    """Constants of the lag estimate from two lags (s), for a control period (s) and a known delay that may be too long.
+def lag_gains(
+    lags: tuple[Scalar, Scalar], control_period: float, delay_periods: int
+) -> LagGains:
+    """Constants of the lag estimate from two lags (s), for a control period (s) and a
+    known delay that may be too long.
 
     The lags are those that halve the bandwidths of rotor and joint loops.
     """
     base, joints = lags
     stride = max(1, round(STEP / control_period))
     checked = delay_periods * control_period > OVERSTATED - 1e-9
-    return LagGains(base=base, joints=joints, stride=stride, earlier=delay_periods // stride if checked else 0)
+    return LagGains(
+        base=base,
+        joints=joints,
+        stride=stride,
+        earlier=delay_periods // stride if checked else 0,
+    )
 
 
 def delay_share(memory: LagMemory) -> Scalar:
-    """Fraction (0 to 1) of the rotors' lag that is a delay: none where accelerations are much smaller than modelled."""
-    roll, pitch = (divide(s, maximum(a, LEAST)) for s, a in zip(memory.size, memory.agreement, strict=True))
+    """Fraction (0 to 1) of the rotors' lag that is a delay: none where accelerations
+    are much smaller than modelled.
+    """
+    roll, pitch = (
+        divide(s, maximum(a, LEAST))
+        for s, a in zip(memory.size, memory.agreement, strict=True)
+    )
     times = minimum(roll, pitch)
     return minimum(maximum((SLOW - times) * (1.0 / (SLOW - SMALLER)), 0.0), 1.0)
 
@@ -313,10 +453,16 @@ def weigh(bank: Bank) -> list[Scalar]:
 
 
 def estimate(bank: Bank, step: Scalar, earlier: int = 0) -> Scalar:
-    """Estimated lag (s): likelihood-weighted mean of candidate lags ``step`` apart, ``earlier`` of them negative."""
-    # sums of the weights of lags not below each: their sum counts each weight once for each step of its lag
+    """Estimated lag (s): likelihood-weighted mean of candidate lags ``step`` apart,
+    ``earlier`` of them negative.
+    """
+    # sums of the weights of lags not below each: their sum counts each weight once for
+    # each step of its lag
     above = list(accumulate(reversed(weigh(bank))))
-    return step * add(divide(total(above[:-1]), above[-1]), structural(-float(earlier)) if earlier else 0)
+    return step * add(
+        divide(total(above[:-1]), above[-1]),
+        structural(-float(earlier)) if earlier else 0,
+    )
 
 
 def _least(paid: Sequence[Scalar]) -> Scalar:
@@ -328,9 +474,14 @@ def _least(paid: Sequence[Scalar]) -> Scalar:
 
 
 def _in_row(
-    before: Sequence[Sequence[Scalar]], new: Sequence[Scalar], running: Scalar, dt: Scalar
+    before: Sequence[Sequence[Scalar]],
+    new: Sequence[Scalar],
+    running: Scalar,
+    dt: Scalar,
 ) -> tuple[Scalars, ...]:
-    """States of three low-pass filters in series: two at the band's upper edge, one at its lower edge."""
+    """States of three low-pass filters in series: two at the band's upper edge, one at
+    its lower edge.
+    """
     states = []
     for old, edge in zip(before, (HIGH, HIGH, LOW), strict=True):
         share = running * low_pass_share(edge, dt)
@@ -355,10 +506,18 @@ def _bank(
     """Residual statistics of the candidate lags after one more measurement."""
     if not seen:
         return bank
-    squares = [total((y - a) * (y - a) for y, a in zip(seen, each, strict=True)) for each in delayed]
+    squares = [
+        total((y - a) * (y - a) for y, a in zip(seen, each, strict=True))
+        for each in delayed
+    ]
     size = minimum(total(squares) * (1.0 / len(delayed)), GROWTH * (bank.scale + FLOOR))
     half = ROBUST * bank.scale + FLOOR
     rows = zip(bank.paid, squares, prices, strict=True)
-    paid = [old + keep * (add(divide(e, e + half), price) - old) for old, e, price in rows]
+    paid = [
+        old + keep * (add(divide(e, e + half), price) - old) for old, e, price in rows
+    ]
     most = _least(paid) + LEAD
-    return Bank(paid=tuple(minimum(each, most) for each in paid), scale=bank.scale + passed * (size - bank.scale))
+    return Bank(
+        paid=tuple(minimum(each, most) for each in paid),
+        scale=bank.scale + passed * (size - bank.scale),
+    )

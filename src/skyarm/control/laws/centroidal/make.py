@@ -10,18 +10,31 @@ from skyarm import dynamics
 from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.common import standing_command
-from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed
+from skyarm.control.blocks.disturbance_observer import (
+    AccelerometerGains,
+    ObserverGains,
+    first_observed,
+)
 from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.held_damping import doubted_dampings, joint_mobilities
 from skyarm.control.blocks.late_actuators import first_past
-from skyarm.control.controller import Controller, ControllerError, LawOptions, all_applied
+from skyarm.control.controller import (
+    Controller,
+    ControllerError,
+    LawOptions,
+    all_applied,
+)
 from skyarm.control.laws.centroidal import options
 from skyarm.control.laws.centroidal.adaptation import adaptation_gains
 from skyarm.control.laws.centroidal.contact.options import contact_parts, must_act
 from skyarm.control.laws.centroidal.demands import first_following
 from skyarm.control.laws.centroidal.force_trend import trend_gains
 from skyarm.control.laws.centroidal.lag_estimate import lag_gains
-from skyarm.control.laws.centroidal.law import CentroidalMemory, PartMemories, centroidal
+from skyarm.control.laws.centroidal.law import (
+    CentroidalMemory,
+    PartMemories,
+    centroidal,
+)
 from skyarm.control.laws.centroidal.noise_estimate import noise_gains
 from skyarm.control.laws.centroidal.options import (
     PERIODS,
@@ -56,7 +69,8 @@ __all__ = ["ENTRIES", "make_centroidal"]
 Value = TypeVar("Value")
 
 YAW_SLACK = 5.0
-"""Largest yaw acceleration error (rad/s^2) that keeping the thrust may cause, with the joints at zero."""
+"""Largest yaw acceleration error (rad/s^2) that keeping the thrust may cause, with the
+joints at zero."""
 
 
 def make_centroidal(
@@ -73,21 +87,27 @@ def make_centroidal(
 ) -> Controller:
     """Make the centroidal law for any vehicle.
 
-    The gains were chosen on the Hummingbird with its arm of 0.3 m: the lengths (reach, damping) are that arm's.
+    The gains were chosen on the Hummingbird with its arm of 0.3 m: the lengths (reach,
+    damping) are that arm's.
 
-    ``delay`` is the known delay from a command to its measurement, s, a whole number of control periods, and ``age``
-    what of it is the measurement's; None for all. By the rest, a delay of the commands, the reference is ahead.
-    ``reference_period`` is the time between published samples, s; ``tip_mass_limit`` in kg; ``changes`` are gains and
-    options in place of :data:`~skyarm.control.laws.centroidal.options.VALUES`.
+    ``delay`` is the known delay from a command to its measurement, s, a whole number of
+    control periods, and ``age`` what of it is the measurement's; None for all. By the
+    rest, a delay of the commands, the reference is ahead. ``reference_period`` is the
+    time between published samples, s; ``tip_mass_limit`` in kg; ``changes`` are gains
+    and options in place of :data:`~skyarm.control.laws.centroidal.options.VALUES`.
 
     Raises:
-        ControllerError: an unknown mode or option, one out of its range, no end effector, or ``sideways``
-            for rotors that do not span torque and force in all directions.
+        ControllerError: an unknown mode or option, one out of its range, no end
+            effector, or ``sideways`` for rotors that do not span torque and force in
+            all directions.
         AllocationError: the rotors do not span torque and thrust.
     """
     if type(mode) is not str or mode not in MODES:
         refuse("mode", mode, f"one of {list(MODES)}")
-    gains = {**VALUES, **{name: check_entry(name, value) for name, value in changes.items()}}
+    gains = {
+        **VALUES,
+        **{name: check_entry(name, value) for name, value in changes.items()},
+    }
     must_act(gains, admittance)
     sideways = sideways_part(gains)
     must_be_whole(gains)
@@ -96,29 +116,49 @@ def make_centroidal(
     turns_rotors = sideways is not None and bool(model.vehicle.tilts)
     model = pairs_model(model) if turns_rotors else model
     vehicle, leads = model.vehicle, mode == "tip" and model.vehicle.n > 0
-    gains |= fit_gains(gains, set(changes), mode, vehicle, presses=presses, carries=carries)
+    gains |= fit_gains(
+        gains, set(changes), mode, vehicle, presses=presses, carries=carries
+    )
     if mode == "tip" and not vehicle.end_effector:
         lacks = "has no end_effector, which mode 'tip' must have"
-        raise ControllerError(f"model.vehicle = {vehicle.name!r}: {lacks}{vehicle.tip_cure}")
+        raise ControllerError(
+            f"model.vehicle = {vehicle.name!r}: {lacks}{vehicle.tip_cure}"
+        )
     if changes.get("adaptation") and not vehicle.end_effector:
-        refuse("adaptation", gains["adaptation"], f"0: {vehicle.name!r} has no end_effector{vehicle.tip_cure}")
+        refuse(
+            "adaptation",
+            gains["adaptation"],
+            f"0: {vehicle.name!r} has no end_effector{vehicle.tip_cure}",
+        )
     if changes.get("adaptation") and carries:
-        refuse("adaptation", gains["adaptation"], "0 with load, which is what the tip's load is estimated by")
+        refuse(
+            "adaptation",
+            gains["adaptation"],
+            "0 with load, which is what the tip's load is estimated by",
+        )
     most = number_within("tip_mass_limit", tip_mass_limit, 0.0, 1e3)
     if changes.get("adaptation") and not most:
-        refuse("tip_mass_limit", most, f"above 0 with adaptation = {gains['adaptation']:g}")
+        refuse(
+            "tip_mass_limit", most, f"above 0 with adaptation = {gains['adaptation']:g}"
+        )
     ahead = 0 if age is None else periods - periods_of(age, control_period, "age")
     if ahead < 0:
         refuse("age", age, f"at most delay, {delay:g} s")
     # the observer finds a force late by its two poles and the known delay
-    lead = periods * control_period + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0)
+    lead = periods * control_period + 2.0 / max(
+        gains["observer"][2] * gains["bandwidth"], 1.0
+    )
     published = number_within("reference_period", reference_period, *PERIODS)
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
     mobilities = joint_mobilities(vehicle, control_period)
     ends, hears = ends_of(vehicle), any(gains["accelerometer"])
-    # whatever has no limit turns as far as its arm buckles; what presses on purpose is not to be stiff
-    loose = any(link.joint.turns and not any(end) for link, end in zip(vehicle.links, ends, strict=True))
+    # whatever has no limit turns as far as its arm buckles; what presses on purpose is
+    # not to be stiff
+    loose = any(
+        link.joint.turns and not any(end)
+        for link, end in zip(vehicle.links, ends, strict=True)
+    )
     par = CentroidalParameters(
         model=model,
         mobilities=mobilities,
@@ -135,26 +175,50 @@ def make_centroidal(
             floor=0.15 * vehicle.mass * model.gravity + 1e-3,
             sideways=sideways,
         ),
-        joint_gains=JointGains(**_row("stiffness damping", ((each,) * vehicle.n for each in gains["arm"]))),
+        joint_gains=JointGains(
+            **_row("stiffness damping", ((each,) * vehicle.n for each in gains["arm"]))
+        ),
         joint_ends=ends,
         braces=loose and bool(vehicle.end_effector) and not presses,
         tip=TipGains(
             **_row("position velocity", gains["tip"]),
-            **{name: gains[name] for name in ("reach", "damping", "posture", "shift_rate")},
-            preview=preview_of(gains, mode, published + ahead * control_period, given="preview" in changes),
+            **{
+                name: gains[name]
+                for name in ("reach", "damping", "posture", "shift_rate")
+            },
+            preview=preview_of(
+                gains,
+                mode,
+                published + ahead * control_period,
+                given="preview" in changes,
+            ),
         ),
         observer=ObserverGains(
             **_row("force torque joints pose", gains["observer"]),
-            accelerometer=AccelerometerGains(**_row("force velocity", gains["accelerometer"])) if hears else None,
+            accelerometer=(
+                AccelerometerGains(**_row("force velocity", gains["accelerometer"]))
+                if hears
+                else None
+            ),
         ),
         delay_periods=periods,
         lead_periods=ahead,
         reference_period=published,
         parts=Parts(
-            lag=lag_gains(gains["lag"], control_period, periods) if any(gains["lag"]) else None,
+            lag=(
+                lag_gains(gains["lag"], control_period, periods)
+                if any(gains["lag"])
+                else None
+            ),
             noise=noise_gains(vehicle, hears),
-            **contact_parts(gains, admittance, vehicle, leads=leads, lead=lead, periods=periods),
-            trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] else None,
+            **contact_parts(
+                gains, admittance, vehicle, leads=leads, lead=lead, periods=periods
+            ),
+            trend=(
+                trend_gains(gains["force_trend"], float(vehicle.mass))
+                if gains["force_trend"]
+                else None
+            ),
             adaptation=adaptation_gains(
                 vehicle,
                 0.0 if carries else gains["adaptation"],
@@ -168,23 +232,38 @@ def make_centroidal(
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
     memory = first_memory(par, periods)
-    controller = Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
+    controller = Controller(
+        name=f"centroidal_{mode}",
+        law=centroidal,
+        par=par,
+        memory=memory,
+        keeps_tip=mode == "tip",
+    )
     return with_tilting(controller, whole) if turns_rotors else controller
 
 
 def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:
-    """Two flags for each joint of a vehicle: True if it has a lower limit, True if it has an upper one."""
+    """Two flags for each joint of a vehicle: True if it has a lower limit, True if it
+    has an upper one.
+    """
     joints = (link.joint for link in vehicle.links)
-    return tuple((math.isfinite(float(joint.lower)), math.isfinite(float(joint.upper))) for joint in joints)
+    return tuple(
+        (math.isfinite(float(joint.lower)), math.isfinite(float(joint.upper)))
+        for joint in joints
+    )
 
 
 def _row(names: str, values: Iterable[Value]) -> dict[str, Value]:
-    """Values of gains by name, of gains whose names stand in one text, separated by spaces."""
+    """Values of gains by name, of gains whose names stand in one text, separated by
+    spaces.
+    """
     return dict(zip(names.split(), values, strict=True))
 
 
 def _mixer(vehicle: Vehicle, sideways: bool) -> Mixer:
-    """Mixer of the centroidal law: thrust takes priority over yaw torque where the rotors allow priorities."""
+    """Mixer of the centroidal law: thrust takes priority over yaw torque where the
+    rotors allow priorities.
+    """
     slack = YAW_SLACK * float(dynamics.mass_matrix_at_rest(vehicle)[5][5])
     try:
         return make_mixer(vehicle, "thrust_before_yaw", sideways, slack)
@@ -195,7 +274,9 @@ def _mixer(vehicle: Vehicle, sideways: bool) -> Mixer:
 
 
 def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:
-    """Initial internal state of the centroidal law: level hover of the model with all joints at zero."""
+    """Initial internal state of the centroidal law: level hover of the model with all
+    joints at zero.
+    """
     model, vehicle = par.model, par.model.vehicle
     standing = standing_command(model)
     speeds = standing.rotor_speeds
@@ -204,9 +285,14 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         started=0.0,
         age=0.0,
         channels=(Channel(),) * (4 + vehicle.n),
-        observed=first_observed(vehicle.n, speeds, par.observer.accelerometer is not None),
+        observed=first_observed(
+            vehicle.n, speeds, par.observer.accelerometer is not None
+        ),
         sent=standing,
-        past=first_past(standing, delay_periods + 1 + (len(parts["lag"].past) if "lag" in parts else 0)),
+        past=first_past(
+            standing,
+            delay_periods + 1 + (len(parts["lag"].past) if "lag" in parts else 0),
+        ),
         applied=all_applied(vehicle.n),
         free=(1.0,) * (1 + vehicle.n),
         slow_force=ZERO3_DATA,

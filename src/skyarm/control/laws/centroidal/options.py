@@ -1,4 +1,6 @@
-"""Options of the centroidal law: default values, ranges, adaptation to the vehicle, checks."""
+"""Options of the centroidal law: default values, ranges, adaptation to the vehicle,
+checks.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,8 @@ GAINS: Mapping[str, tuple[float, ...]] = {
     "tip": (700.0, 53.0),
     "observer": (27.0, 31.0, 34.0, 60.0),
 }
-"""Gains on accelerations: base (kp, kv, KR, Kw), yaw (KR, Kw), arm and tip (kp, kd); bandwidths of the observer, rad/s.
+"""Gains on accelerations: base (kp, kv, KR, Kw), yaw (KR, Kw), arm and tip (kp, kd);
+bandwidths of the observer, rad/s.
 
 They were chosen under noise and one period of delay on perturbed plants.
 """
@@ -48,11 +51,16 @@ OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
 
 _NUMBERS = {**OPTIONS, **contact.OPTIONS, **tilting.OPTIONS}
 
-VALUES: LawOptions = {**GAINS, **{name: value for name, (value, *_) in _NUMBERS.items()}}
+VALUES: LawOptions = {
+    **GAINS,
+    **{name: value for name, (value, *_) in _NUMBERS.items()},
+}
 """Default value of each option. ``bandwidth`` scales all gains."""
 
 RANGES: Mapping[str, tuple[float, float]] = {
-    name: (low, high) for name, (value, low, high) in _NUMBERS.items() if type(value) is not bool and high < math.inf
+    name: (low, high)
+    for name, (value, low, high) in _NUMBERS.items()
+    if type(value) is not bool and high < math.inf
 }
 """Ranges of the options that are not gains; gains are at least 0."""
 
@@ -63,17 +71,21 @@ PERIODS = (1e-5, 10.0)
 """Shortest and longest period (s) of control and of reference samples."""
 
 OLDEST = 100
-"""Largest known delay (control periods); each one is a step of the model in the compiled law."""
+"""Largest known delay (control periods); each one is a step of the model in the
+compiled law."""
 
 ARM = 0.3
 """Length (m) of the arm for which the gains were chosen."""
 
 SHORTEST = 0.01
-"""Least arm length (m) that gains are scaled with; an arm whose tip sits on its first joint has none."""
+"""Least arm length (m) that gains are scaled with; an arm whose tip sits on its first
+joint has none."""
 
 
 def arm_length(vehicle: Vehicle) -> float:
-    """Length (m) of the arm along its links, from its first joint to the tip; sliding joints are at zero."""
+    """Length (m) of the arm along its links, from its first joint to the tip; sliding
+    joints are at zero.
+    """
     frame = vehicle.frame()
     total, index = math.hypot(*map(float, frame.position)), frame.link
     while index != BASE and vehicle.moving[index].parent != BASE:
@@ -83,34 +95,62 @@ def arm_length(vehicle: Vehicle) -> float:
 
 
 def fit_gains(
-    gains: LawOptions, given: AbstractSet[str], mode: str, vehicle: Vehicle, *, presses: bool, carries: bool
+    gains: LawOptions,
+    given: AbstractSet[str],
+    mode: str,
+    vehicle: Vehicle,
+    *,
+    presses: bool,
+    carries: bool,
 ) -> dict[str, Any]:
-    """Default options scaled to the vehicle, except those that the user gave; fewer for contact or carried loads."""
-    # the rate of a noisy force turns the attitude, which swings about the tracker's pole on motors that are slower
-    fitted: dict[str, Any] = {"force_trend": gains["force_trend"] * math.sqrt(noise_share(vehicle))}
+    """Default options scaled to the vehicle, except those that the user gave; fewer for
+    contact or carried loads.
+    """
+    # the rate of a noisy force turns the attitude, which swings about the tracker's
+    # pole on motors that are slower
+    fitted: dict[str, Any] = {
+        "force_trend": gains["force_trend"] * math.sqrt(noise_share(vehicle))
+    }
     if carries:
         heard, velocity = gains["accelerometer"]
         fitted["accelerometer"] = heard * CARRYING, velocity
     if mode == "tip" and vehicle.end_effector:
-        # both go with the root of the arm's length: the preview is as long as its pendulum swings
-        fitted |= {name: gains[name] * damping_share(vehicle) for name in ("damping", "preview")}
+        # both go with the root of the arm's length: the preview is as long as its
+        # pendulum swings
+        fitted |= {
+            name: gains[name] * damping_share(vehicle)
+            for name in ("damping", "preview")
+        }
         if not presses:
-            fitted["tip"] = gains["tip"][0], gains["tip"][1] * tip_damping_share(vehicle)
+            fitted["tip"] = (
+                gains["tip"][0],
+                gains["tip"][1] * tip_damping_share(vehicle),
+            )
             if not carries:
-                light, (force, torque, joints, pose) = tip_lightness(vehicle), gains["observer"]
-                fitted["tip"] = fitted["tip"][0] / min(light, LIGHTEST), fitted["tip"][1]
+                light, (force, torque, joints, pose) = (
+                    tip_lightness(vehicle),
+                    gains["observer"],
+                )
+                fitted["tip"] = (
+                    fitted["tip"][0] / min(light, LIGHTEST),
+                    fitted["tip"][1],
+                )
                 fitted["observer"] = force, torque, joints * min(light, QUICKEST), pose
                 fitted["reach"] = min(gains["reach"], slide_room(vehicle))
     return {name: value for name, value in fitted.items() if name not in given}
 
 
-def preview_of(gains: LawOptions, mode: str, late: float, *, given: bool) -> float | None:
-    """Length (s) of the reference preview, at least such that its first sample is always in the future; None for none.
+def preview_of(
+    gains: LawOptions, mode: str, late: float, *, given: bool
+) -> float | None:
+    """Length (s) of the reference preview, at least such that its first sample is
+    always in the future; None for none.
 
     Args:
         gains: the law's options.
         mode: "tip" or "joint".
-        late: s, from a published sample to the next, and further as commands are known to be late.
+        late: s, from a published sample to the next, and further as commands are known
+            to be late.
         given: whether the user has set it.
     """
     preview, least = gains["preview"], late / SHARES[0]
@@ -118,54 +158,69 @@ def preview_of(gains: LawOptions, mode: str, late: float, *, given: bool) -> flo
         return None
     if preview < least * (1.0 - 1e-9):
         if given:
-            refuse("preview", preview, f"0, or {1.0 / SHARES[0]:g} periods of the reference at least, {least:g} s")
+            refuse(
+                "preview",
+                preview,
+                f"0, or {1.0 / SHARES[0]:g} periods of the reference at least,"
+                f" {least:g} s",
+            )
         return least if least <= OPTIONS["preview"][2] else None
     return float(preview)
 
 
 def damping_share(vehicle: Vehicle) -> float:
-    """Factor on the options ``damping`` and ``preview``: square root of the arm length over a nominal length.
+    """Factor on the options ``damping`` and ``preview``: square root of the arm length
+    over a nominal length.
 
-    Small errors of height fold a longer arm that hangs straight. A damping that grows as the length costs a hover's
-    accuracy under noise two thirds, one that grows as its root a tenth to a third; both hold the arm.
+    Small errors of height fold a longer arm that hangs straight. A damping that grows
+    as the length costs a hover's accuracy under noise two thirds, one that grows as its
+    root a tenth to a third; both hold the arm.
     """
     return math.sqrt(max(arm_length(vehicle), SHORTEST) / ARM)
 
 
 CARRYING = 0.75
-"""Factor on the accelerometer's bandwidth for a vehicle that picks up loads. A box that stands holds the tip, and the
-arm buckles under a force that is pressed on it. Of 256 flights that pick a box 15 lost it with 1."""
+"""Factor on the accelerometer's bandwidth for a vehicle that picks up loads. A box that
+stands holds the tip, and the arm buckles under a force that is pressed on it. Of 256
+flights that pick a box 15 lost it with 1."""
 
 
 SLIDING = 1.6
-"""Factor on the tip's damping for an arm with sliding joints between limits. Of 200 wrong plants of an octocopter 45
-were lost with 1, 9 with 1.6, 4 with 2.1, which shakes the rotors by a fifth more."""
+"""Factor on the tip's damping for an arm with sliding joints between limits. Of 200
+wrong plants of an octocopter 45 were lost with 1, 9 with 1.6, 4 with 2.1, which shakes
+the rotors by a fifth more."""
 
 
 def tip_damping_share(vehicle: Vehicle) -> float:
-    """Factor on the tip's damping: above 1 for an arm with sliding joints between limits.
+    """Factor on the tip's damping: above 1 for an arm with sliding joints between
+    limits.
 
-    A load that nobody told of acts on a sliding joint in full, without a lever. It divides both gains by the inertia it
-    adds, and under the observer's integrator the loop swings beyond the limits.
+    A load that nobody told of acts on a sliding joint in full, without a lever. It
+    divides both gains by the inertia it adds, and under the observer's integrator the
+    loop swings beyond the limits.
     """
     return SLIDING if math.isfinite(slide_room(vehicle)) else 1.0
 
 
 MOBILITY = 38.0
-"""Ratio of vehicle mass to least tip inertia, for the vehicle for which the gains were chosen."""
+"""Ratio of vehicle mass to least tip inertia, for the vehicle for which the gains were
+chosen."""
 
 LIGHTEST, QUICKEST = 1.6, 1.5
-"""Largest factors by which a light tip divides the stiffness, and multiplies the joint observer's bandwidth. With both,
-of 400 wrong plants of a hexarotor with six joints 34 are lost, 121 without; of the octocopter 3 and 34. With 3 for 1.6
-the hexarotor loses 37 and errs by a tenth more in turbulence of 6 m/s."""
+"""Largest factors by which a light tip divides the stiffness, and multiplies the joint
+observer's bandwidth. With both, of 400 wrong plants of a hexarotor with six joints 34
+are lost, 121 without; of the octocopter 3 and 34. With 3 for 1.6 the hexarotor loses 37
+and errs by a tenth more in turbulence of 6 m/s."""
 
 
 def tip_lightness(vehicle: Vehicle) -> float:
-    """Ratio of vehicle mass to tip inertia, relative to the vehicle for which the gains were chosen; at least 1.
+    """Ratio of vehicle mass to tip inertia, relative to the vehicle for which the gains
+    were chosen; at least 1.
 
-    An unknown load goes with the vehicle's mass. It divides the gains by the tip's growth in inertia, which leaves the
-    loop less damped under its observer's integrator: less stiffness and a faster observer keep it damped. The tip's
-    mobility, with the base held and joints at zero, is the largest eigenvalue of J M^-1 J^T.
+    An unknown load goes with the vehicle's mass. It divides the gains by the tip's
+    growth in inertia, which leaves the loop less damped under its observer's
+    integrator: less stiffness and a faster observer keep it damped. The tip's mobility,
+    with the base held and joints at zero, is the largest eigenvalue of J M^-1 J^T.
 
     Source: Khatib 1987 (operational-space inertia).
     """
@@ -179,9 +234,11 @@ def tip_lightness(vehicle: Vehicle) -> float:
 
 
 def slide_room(vehicle: Vehicle) -> float:
-    """Half of the shortest range (m) of the sliding joints between base and tip, at least the option's lower bound.
+    """Half of the shortest range (m) of the sliding joints between base and tip, at
+    least the option's lower bound.
 
-    An arm cannot take back more of the base's error. A gripper's finger or another arm does not count.
+    An arm cannot take back more of the base's error. A gripper's finger or another arm
+    does not count.
     """
     joints = [vehicle.links[i].joint for i in chain(vehicle, vehicle.frame().link)]
     rooms = (0.5 * (float(j.upper) - float(j.lower)) for j in joints if not j.turns)
@@ -193,7 +250,9 @@ def refuse(name: str, value: object, words: str) -> NoReturn:
     raise ControllerError(f"controller.{name} = {shown(value)}: must be {words}")
 
 
-def number_within(name: str, value: object, low: float, high: float = math.inf) -> float:
+def number_within(
+    name: str, value: object, low: float, high: float = math.inf
+) -> float:
     """Finite number between ``low`` and ``high`` from an option's value."""
     with errors_as(ControllerError):
         numeric = number(value, f"controller.{name}", low=low)
@@ -204,10 +263,13 @@ def check_entry(name: str, value: Any) -> float | tuple[float, ...]:
     """Value of an option after a check of type and range.
 
     Raises:
-        ControllerError: no such option, another count, or something that is no such number.
+        ControllerError: no such option, another count, or something that is no such
+            number.
     """
     if name not in ENTRIES:
-        raise ControllerError(f"controller.{name}: {must_be_one_of(sorted(ENTRIES), name)}")
+        raise ControllerError(
+            f"controller.{name}: {must_be_one_of(sorted(ENTRIES), name)}"
+        )
     example, limits = VALUES[name], RANGES.get(name, (0.0, math.inf))
     if type(example) is bool:
         return value if type(value) is bool else refuse(name, value, "true or false")
@@ -215,7 +277,9 @@ def check_entry(name: str, value: Any) -> float | tuple[float, ...]:
         return number_within(name, value, *limits)
     if type(value) not in (list, tuple) or len(value) != len(example):
         refuse(name, value, f"{len(example)} numbers")
-    return tuple(number_within(f"{name}[{i}]", each, *limits) for i, each in enumerate(value))
+    return tuple(
+        number_within(f"{name}[{i}]", each, *limits) for i, each in enumerate(value)
+    )
 
 
 def must_be_whole(gains: LawOptions) -> None:
@@ -235,5 +299,10 @@ def periods_of(delay: Any, control_period: Any, name: str = "delay") -> int:
     seconds = number_within(name, delay, 0.0, OLDEST * period * (1.0 + 1e-9))
     periods = round(seconds / period)
     if abs(periods * period - seconds) > 1e-9:
-        refuse(name, delay, f"a whole number of control periods of {period:g} s; left out, it is that of [delays]")
+        refuse(
+            name,
+            delay,
+            f"a whole number of control periods of {period:g} s; left out, it is that"
+            " of [delays]",
+        )
     return periods

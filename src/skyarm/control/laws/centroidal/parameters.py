@@ -1,7 +1,8 @@
 """Constants of the centroidal law, and the base class of its optional parts.
 
-A part is a record of constants with any of the functions of :class:`OptionalPart`; its memory is its own record, which
-the law keeps. A part that is left out is not in the law's program at all. Nothing that a part is given is changed.
+A part is a record of constants with any of the functions of :class:`OptionalPart`; its
+memory is its own record, which the law keeps. A part that is left out is not in the
+law's program at all. Nothing that a part is given is changed.
 """
 
 from __future__ import annotations
@@ -41,18 +42,22 @@ Gains = TypeVar("Gains", bound=Dataclass)
 MODES = ("joint", "tip")
 
 FOLLOWING = 2
-"""Number of future reference samples, one and two periods after the held one, from which derivatives are computed."""
+"""Number of future reference samples, one and two periods after the held one, from
+which derivatives are computed."""
 
 SHARES = (0.125, 0.25, 0.4375, 0.6875, 1.0)
-"""Times of the reference samples for the base shift, as fractions of the preview: denser where they count more."""
+"""Times of the reference samples for the base shift, as fractions of the preview:
+denser where they count more."""
 
 
 LATEST = 0.02
-"""Command delay (s), known and estimated, from which the joints are no longer braced."""
+"""Command delay (s), known and estimated, from which the joints are no longer
+braced."""
 
 BRACES, QUICKER = (0.05, 9.0, 3.2), (0.15, 3.0, 2.0)
-"""Upward force over the weight from which the joints' damping grows, its growth with the force, and its largest factor.
-The same of their observer's bandwidth with an accelerometer, where a tenth of the thrust is too little to tell."""
+"""Upward force over the weight from which the joints' damping grows, its growth with
+the force, and its largest factor. The same of their observer's bandwidth with an
+accelerometer, where a tenth of the thrust is too little to tell."""
 
 OWN = ("lag", "noise", "trend", "adaptation")
 """Names of the optional parts that also work without contact."""
@@ -63,14 +68,18 @@ BENT = 3.0
 
 @immutable
 class CenterGains:
-    """Bounds of the desired force on the centre of mass; ``sideways``: constants of sideways rotor force, or None."""
+    """Bounds of the desired force on the centre of mass; ``sideways``: constants of
+    sideways rotor force, or None.
+    """
 
     tilt: Annotated[
         Scalar,
         Unit(
             "",
             "tangent of the largest commanded tilt",
-            effect="higher values fight stronger wind and leave less thrust for the height",
+            effect=(
+                "higher values fight stronger wind and leave less thrust for the height"
+            ),
         ),
     ]
     floor: Annotated[Scalar, Unit("N", "smallest commanded vertical force")]
@@ -79,9 +88,11 @@ class CenterGains:
 
 @immutable
 class TipGains:
-    """Gains of tip control, and constants of the base offset that keeps the tip in place.
+    """Gains of tip control, and constants of the base offset that keeps the tip in
+    place.
 
-    ``damping`` over ``reach`` weighs the references of sliding joints; without a ``preview`` the base does not shift.
+    ``damping`` over ``reach`` weighs the references of sliding joints; without a
+    ``preview`` the base does not shift.
     """
 
     position: Annotated[
@@ -89,7 +100,10 @@ class TipGains:
         Unit(
             "1/s^2",
             "acceleration per position error of the tip",
-            effect="higher values correct tip errors faster, amplify noise and tolerate less delay",
+            effect=(
+                "higher values correct tip errors faster, amplify noise and tolerate"
+                " less delay"
+            ),
         ),
     ]
     velocity: Annotated[
@@ -105,65 +119,107 @@ class TipGains:
         Unit(
             "m",
             "base error beyond which the tip follows the base instead of its reference",
-            effect="higher values hold the tip for larger base errors and stretch the arm more",
+            effect=(
+                "higher values hold the tip for larger base errors and stretch the arm"
+                " more"
+            ),
         ),
     ]
     damping: Annotated[
         Scalar,
         Unit(
             "m",
-            "singular value of the tip's Jacobian below which link orientations take over",
-            effect="higher values move more calmly near a stretched arm and hold the tip less there",
+            "singular value of the tip's Jacobian below which link orientations take"
+            " over",
+            effect=(
+                "higher values move more calmly near a stretched arm and hold the tip"
+                " less there"
+            ),
         ),
     ]
     posture: Annotated[
         Scalar,
         Unit(
-            "m", "weight of the joints' own references", effect="higher values keep the posture and hold the tip less"
+            "m",
+            "weight of the joints' own references",
+            effect="higher values keep the posture and hold the tip less",
         ),
     ]
-    shift_rate: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter of the disturbance that shifts the base")]
-    preview: Annotated[Scalar, Unit("s", "time of the reference's preview by which the base shifts")] | None = None
+    shift_rate: Annotated[
+        Scalar,
+        Unit(
+            "rad/s", "bandwidth of the filter of the disturbance that shifts the base"
+        ),
+    ]
+    preview: (
+        Annotated[
+            Scalar,
+            Unit("s", "time of the reference's preview by which the base shifts"),
+        ]
+        | None
+    ) = None
 
 
 class OptionalPart:
-    """Base class of an optional part of the centroidal law, whose methods change nothing."""
+    """Base class of an optional part of the centroidal law, whose methods change
+    nothing.
+    """
 
     __slots__ = ()
 
     def start(self, joints: int) -> Any:
-        """Initial internal state of an optional part of the law, for a vehicle with the given number of joints."""
+        """Initial internal state of an optional part of the law, for a vehicle with the
+        given number of joints.
+        """
         return ()
 
-    def adjust_gains(self, memory: Any, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """Constants of the law for this control step, as changed by an optional part."""
+    def adjust_gains(
+        self, memory: Any, par: CentroidalParameters, dt: Scalar
+    ) -> CentroidalParameters:
+        """Constants of the law for this control step, as changed by an optional
+        part.
+        """
         return par
 
     def feedforward(
-        self, memory: Any, par: CentroidalParameters, reference: Reference, motion: ReferenceMotion
+        self,
+        memory: Any,
+        par: CentroidalParameters,
+        reference: Reference,
+        motion: ReferenceMotion,
     ) -> tuple[Disturbance, Disturbance] | None:
-        """Disturbance that a part compensates beside the observer: in the period before the measurement, and now."""
+        """Disturbance that a part compensates beside the observer: in the period before
+        the measurement, and now.
+        """
         return None
 
     def affect(self, memory: Any, step: Step, effect: Effect) -> tuple[Any, Effect]:
-        """Next state of an optional part, and the control step's reference and disturbance as changed by the part."""
+        """Next state of an optional part, and the control step's reference and
+        disturbance as changed by the part.
+        """
         return memory, effect
 
     def learn(self, memory: Any, effect: Effect, demand: AccelerationDemand) -> Any:
-        """State of an optional part at the end of a control step, updated from the computed demand."""
+        """State of an optional part at the end of a control step, updated from the
+        computed demand.
+        """
         return memory
 
 
 @immutable
 class Parts:
-    """Optional parts of the centroidal law (lag estimate, contact ...) in order of execution; None disables a part."""
+    """Optional parts of the centroidal law (lag estimate, contact ...) in order of
+    execution; None disables a part.
+    """
 
     lag: OptionalPart | None = None
     noise: OptionalPart | None = None
     interaction: OptionalPart | None = None
     admittance: OptionalPart | None = None
     load: OptionalPart | None = None
-    carrying: OptionalPart | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
+    carrying: OptionalPart | None = dataclasses.field(
+        default=None, metadata=WRITTEN_IF_ANY
+    )
     trend: OptionalPart | None = None
     adaptation: OptionalPart | None = None
 
@@ -181,13 +237,19 @@ class CentroidalParameters:
     """Constants of the centroidal law.
 
     Attributes:
-        mode: "joint" keeps base and joints on their references, "tip" the tip and the links.
+        mode: "joint" keeps base and joints on their references, "tip" the tip and the
+            links.
         joint_gains: on accelerations.
-        mobilities: joint accelerations per effort where friction is quick (:mod:`skyarm.control.blocks.held_damping`).
-        joint_ends: whether each joint has a lower and an upper limit that it is kept off; empty without joints.
-        braces: stiffer and better damped joints where a force pushes a straight arm from below.
-        delay_periods: known delay from a command to its measurement, in control periods.
-        lead_periods: part of it that is not the measurement's age, by which the reference is ahead.
+        mobilities: joint accelerations per effort where friction is quick
+            (:mod:`skyarm.control.blocks.held_damping`).
+        joint_ends: whether each joint has a lower and an upper limit that it is kept
+            off; empty without joints.
+        braces: stiffer and better damped joints where a force pushes a straight arm
+            from below.
+        delay_periods: known delay from a command to its measurement, in control
+            periods.
+        lead_periods: part of it that is not the measurement's age, by which the
+            reference is ahead.
     """
 
     model: Model
@@ -196,7 +258,13 @@ class CentroidalParameters:
     base: BaseGains
     center: CenterGains
     joint_gains: JointGains
-    mobilities: Annotated[Scalars, Unit("1/(kg m^2) or 1/kg", "acceleration per effort, of joints with quick friction")]
+    mobilities: Annotated[
+        Scalars,
+        Unit(
+            "1/(kg m^2) or 1/kg",
+            "acceleration per effort, of joints with quick friction",
+        ),
+    ]
     joint_ends: tuple[tuple[bool, bool], ...]
     braces: bool = False
     tip: TipGains
@@ -206,33 +274,53 @@ class CentroidalParameters:
     reference_period: Annotated[Scalar, Unit("s", "time between reference samples")]
     parts: Parts
 
-    def refit(self, memory: Any, model: Model, control_period: float) -> tuple[CentroidalParameters, Any]:
-        """Mobilities and doubted damping of the law, after a change of its ``model``; ``control_period`` in s."""
-        vehicle, mobilities = model.vehicle, joint_mobilities(model.vehicle, control_period)
+    def refit(
+        self, memory: Any, model: Model, control_period: float
+    ) -> tuple[CentroidalParameters, Any]:
+        """Mobilities and doubted damping of the law, after a change of its ``model``;
+        ``control_period`` in s.
+        """
+        vehicle, mobilities = (
+            model.vehicle,
+            joint_mobilities(model.vehicle, control_period),
+        )
         par = dataclasses.replace(self, mobilities=mobilities)
         gains: Any = self.parts.adaptation
         if gains is None:
             return par, memory
-        gains = gains.doubting(vehicle, doubted_dampings(vehicle, mobilities, control_period))
+        gains = gains.doubting(
+            vehicle, doubted_dampings(vehicle, mobilities, control_period)
+        )
         begun = dataclasses.replace(memory.parts, adaptation=gains.start(vehicle.n))
         parts = dataclasses.replace(self.parts, adaptation=gains)
-        return dataclasses.replace(par, parts=parts), dataclasses.replace(memory, parts=begun)
+        return dataclasses.replace(par, parts=parts), dataclasses.replace(
+            memory, parts=begun
+        )
 
     @property
     def preview(self) -> Scalars:
-        """Lead times (s) of the future reference samples that the law uses; empty without a preview."""
+        """Lead times (s) of the future reference samples that the law uses; empty
+        without a preview.
+        """
         following = tuple((k + 1.0) * self.reference_period for k in range(FOLLOWING))
         horizon = self.tip.preview
-        return following if horizon is None else (*following, *(share * horizon for share in SHARES))
+        return (
+            following
+            if horizon is None
+            else (*following, *(share * horizon for share in SHARES))
+        )
 
 
 @immutable
 class Step:
-    """Inputs of one control step, as passed to the optional parts of the centroidal law.
+    """Inputs of one control step, as passed to the optional parts of the centroidal
+    law.
 
     Attributes:
-        par: constants of this step. dt: s. vehicle: the model without what optional parts know of a load.
-        memory: :class:`skyarm.control.laws.centroidal.law.CentroidalMemory`, one period earlier.
+        par: constants of this step. dt: s. vehicle: the model without what optional
+            parts know of a load.
+        memory: :class:`skyarm.control.laws.centroidal.law.CentroidalMemory`, one period
+            earlier.
         state: when a command of this step acts.
     """
 
@@ -249,56 +337,80 @@ class Step:
 
     @property
     def holds(self) -> Scalars:
-        """Grasp flag of reference or gripper, above 0.5 while the tip holds a load; empty without a flag."""
+        """Grasp flag of reference or gripper, above 0.5 while the tip holds a load;
+        empty without a flag.
+        """
         return self.reference.load or self.measurement.holds
 
 
-def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> CentroidalParameters:
-    """Constants of the law with the bandwidths of rotor loops and joint loops multiplied by given factors.
+def at_shares(
+    par: CentroidalParameters, rotors: Scalar, joints: Scalar
+) -> CentroidalParameters:
+    """Constants of the law with the bandwidths of rotor loops and joint loops
+    multiplied by given factors.
 
-    Stiffnesses go with the square of the bandwidth, dampings and observers with the bandwidth.
+    Stiffnesses go with the square of the bandwidth, dampings and observers with the
+    bandwidth.
     """
     once, twice = rotors * rotors, joints * joints
     observer = _times(par.observer, force=rotors, torque=rotors, joints=joints)
     if observer.accelerometer is not None:
-        observer = dataclasses.replace(observer, accelerometer=_times(observer.accelerometer, force=rotors))
+        observer = dataclasses.replace(
+            observer, accelerometer=_times(observer.accelerometer, force=rotors)
+        )
     return dataclasses.replace(
         par,
-        base=_times(par.base, position=once, velocity=rotors, attitude=once, rate=rotors),
+        base=_times(
+            par.base, position=once, velocity=rotors, attitude=once, rate=rotors
+        ),
         joint_gains=_times(par.joint_gains, stiffness=twice, damping=joints),
         tip=_times(par.tip, position=twice, velocity=joints),
         observer=observer,
     )
 
 
-def with_joint_damping(par: CentroidalParameters, dampings: Sequence[Scalar]) -> CentroidalParameters:
-    """Constants of the law with the damping (N m s/rad or N s/m) of each of its model's joints replaced."""
+def with_joint_damping(
+    par: CentroidalParameters, dampings: Sequence[Scalar]
+) -> CentroidalParameters:
+    """Constants of the law with the damping (N m s/rad or N s/m) of each of its model's
+    joints replaced.
+    """
     vehicle = par.model.vehicle
     links = tuple(
-        dataclasses.replace(link, joint=dataclasses.replace(link.joint, damping=damping))
+        dataclasses.replace(
+            link, joint=dataclasses.replace(link.joint, damping=damping)
+        )
         for link, damping in zip(vehicle.links, dampings, strict=True)
     )
-    model = dataclasses.replace(par.model, vehicle=dataclasses.replace(vehicle, links=links))
+    model = dataclasses.replace(
+        par.model, vehicle=dataclasses.replace(vehicle, links=links)
+    )
     return dataclasses.replace(par, model=model)
 
 
 def brace_joints(
     par: CentroidalParameters, force: Vec3, joints: Sequence[Scalar], late: Scalar
 ) -> CentroidalParameters:
-    """Constants of the law with stiffer and better damped joints under an observed upward force (N, world axes).
+    """Constants of the law with stiffer and better damped joints under an observed
+    upward force (N, world axes).
 
-    A force ``F`` that pushes a hanging arm of length ``l`` from below takes the stiffness ``F l`` from its joints, and
-    what the observer finds of that is late: the arm buckles where ``F l`` exceeds the stiffness of its loop. Of a law
-    that measures the specific force the joints' observer is wider, too. That of other laws is not, as it would swing
-    with an upward wind: on estimated rates 13 of 5000 wrong plants were lost. Stiffness grows with the power 1.5 of the
-    damping: with its square 1 of 3000 was lost under such a wind.
+    A force ``F`` that pushes a hanging arm of length ``l`` from below takes the
+    stiffness ``F l`` from its joints, and what the observer finds of that is late: the
+    arm buckles where ``F l`` exceeds the stiffness of its loop. Of a law that measures
+    the specific force the joints' observer is wider, too. That of other laws is not, as
+    it would swing with an upward wind: on estimated rates 13 of 5000 wrong plants were
+    lost. Stiffness grows with the power 1.5 of the damping: with its square 1 of 3000
+    was lost under such a wind.
 
-    A bent arm has levers by which its joints hold the tip up, and does not buckle: braced, it knocks at what it is set
-    down on, and two of three flights of ``pick_and_carry`` miss their box.
+    A bent arm has levers by which its joints hold the tip up, and does not buckle:
+    braced, it knocks at what it is set down on, and two of three flights of
+    ``pick_and_carry`` miss their box.
     """
     vehicle = par.model.vehicle
     share = divide(force.z, vehicle.mass * par.model.gravity)
-    levers = [column.linear.z for column in jacobian_columns(vehicle, vehicle.frame(), joints)]
+    levers = [
+        column.linear.z for column in jacobian_columns(vehicle, vehicle.frame(), joints)
+    ]
     bend = BENT * BENT * (par.tip.damping * par.tip.damping)
     straight = divide(bend, total([bend, *(mul(lever, lever) for lever in levers)]))
     room = maximum(1.0 - late * (1.0 / LATEST), 0.0) * straight
@@ -306,9 +418,14 @@ def brace_joints(
         1.0 + room * minimum(maximum((share - least) * growth, 0.0), most - 1.0)
         for least, growth, most in (BRACES, QUICKER)
     )
-    # a load at the tip that nobody knows of divides both gains: the loop is to stay damped under its integrator
+    # a load at the tip that nobody knows of divides both gains: the loop is to stay
+    # damped under its integrator
     stiffness = damping * sqrt(damping)
-    observer = par.observer if par.observer.accelerometer is None else _times(par.observer, joints=quicker)
+    observer = (
+        par.observer
+        if par.observer.accelerometer is None
+        else _times(par.observer, joints=quicker)
+    )
     return dataclasses.replace(
         par,
         joint_gains=_times(par.joint_gains, stiffness=stiffness, damping=damping),
@@ -321,7 +438,11 @@ def _times(gains: Gains, **shares: Scalar) -> Gains:
     """Dataclass of gains with the named fields multiplied by factors."""
     values = {name: getattr(gains, name) for name in shares}
     scaled = {
-        name: tuple(each * share for each in values[name]) if type(values[name]) is tuple else values[name] * share
+        name: (
+            tuple(each * share for each in values[name])
+            if type(values[name]) is tuple
+            else values[name] * share
+        )
         for name, share in shares.items()
     }
     return dataclasses.replace(gains, **scaled)

@@ -20,12 +20,15 @@ from skyarm.reference.preview import Sample
 
 @immutable
 class Timing:
-    """Delay of the command of this step, and modelled rotor speeds and joint efforts before the measurement.
+    """Delay of the command of this step, and modelled rotor speeds and joint efforts
+    before the measurement.
 
     Attributes:
-        late: estimated delay of the commands, s. lead: the same with the commands' known delay.
+        late: estimated delay of the commands, s. lead: the same with the commands'
+            known delay.
         age: periods from the measurement to when the command acts.
-        past: modelled past of the actuators. acted: mean actuation over the period before the measurement.
+        past: modelled past of the actuators. acted: mean actuation over the period
+            before the measurement.
     """
 
     late: Scalar = 0
@@ -42,7 +45,8 @@ class ReferenceMotion:
     Attributes:
         signals: x, y, z, yaw and the joints, series in time.
         ahead: samples to come, each with its time from then, s.
-        center: planned centre of mass, value to fourth derivative, m, world axes; empty without a plan.
+        center: planned centre of mass, value to fourth derivative, m, world axes; empty
+            without a plan.
     """
 
     signals: Sequence[Taylor]
@@ -52,11 +56,14 @@ class ReferenceMotion:
 
 @immutable
 class ObserverOutput:
-    """Observer output: state and disturbance at the measurement's time, and corrections of the prediction.
+    """Observer output: state and disturbance at the measurement's time, and corrections
+    of the prediction.
 
     Attributes:
-        observed: observer state at the measurement's time. told: its correction of the model by that measurement.
-        alone: observed disturbance with the adapted feed-forward. unknown: the same with what the mixer omits.
+        observed: observer state at the measurement's time. told: its correction of the
+            model by that measurement.
+        alone: observed disturbance with the adapted feed-forward. unknown: the same
+            with what the mixer omits.
     """
 
     observed: Observed
@@ -67,17 +74,22 @@ class ObserverOutput:
 
 @immutable
 class Effect:
-    """Changes of a control step due to tip contact: shifted reference, compensated disturbance, stopped adaptation.
+    """Changes of a control step due to tip contact: shifted reference, compensated
+    disturbance, stopped adaptation.
 
     Attributes:
-        signals: shifted signals of the reference. ahead: shifted samples to come, each with its time from then, s.
+        signals: shifted signals of the reference. ahead: shifted samples to come, each
+            with its time from then, s.
         unknown: compensated disturbance.
         force: external force that the posture follows, N, world axes.
-        learns, isolated: 1 where base and joints, and the lag, may be adapted, 0 in contact.
-        external: 1 while a force on the tip is part of the observed disturbance. pressing: the push; None without one.
+        learns, isolated: 1 where base and joints, and the lag, may be adapted, 0 in
+            contact.
+        external: 1 while a force on the tip is part of the observed disturbance.
+            pressing: the push; None without one.
         links: bandwidth of each link's orientation over the tip's; () for 1.
         force_rate: rate of a force that is compensated in advance, N/s, world axes.
-        forgets: part of the observed disturbance that the observer drops in this step; None for none.
+        forgets: part of the observed disturbance that the observer drops in this step;
+            None for none.
     """
 
     signals: Sequence[Taylor]
@@ -93,25 +105,33 @@ class Effect:
     ahead: Sequence[tuple[Scalar, Sequence[Sample]]] = ()
 
     def isolating(self, share: Scalar, never: Scalar = 0.0) -> Effect:
-        """Changes of a control step, with adaptation also stopped where ``share`` is 0 because of an external force.
+        """Changes of a control step, with adaptation also stopped where ``share`` is 0
+        because of an external force.
 
         ``never`` is 1 where none was there in this flight: the lag is estimated.
         """
         isolated = mul(self.isolated, maximum(share, never))
-        return dataclasses.replace(self, learns=mul(self.learns, share), isolated=isolated)
+        return dataclasses.replace(
+            self, learns=mul(self.learns, share), isolated=isolated
+        )
 
 
 class RotorForce:
-    """Rotor force that can be achieved at an attitude; in this base class thrust along body z alone."""
+    """Rotor force that can be achieved at an attitude; in this base class thrust along
+    body z alone.
+    """
 
     __slots__ = ()
 
     def leaning(self, force: Vec3, yaw: Taylor) -> Vec3:
-        """Part of a desired force (series, N, world axes) along which the vehicle tilts: the whole in this class."""
+        """Part of a desired force (series, N, world axes) along which the vehicle
+        tilts: the whole in this class.
+        """
         return force
 
     def achievable(self, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
-        """Force (N, world axes) that the rotors can give at this attitude, or its first derivative (N/s).
+        """Force (N, world axes) that the rotors can give at this attitude, or its first
+        derivative (N/s).
 
         ``force`` is the desired one, with its derivative for that of the result.
         """
@@ -124,23 +144,31 @@ class RotorForce:
         return pushed
 
     def across(self, R: Mat3, force: Vec3) -> Vec3:
-        """Components of an achievable force across body z (N, body axes): none in this base class."""
+        """Components of an achievable force across body z (N, body axes): none in this
+        base class.
+        """
         return ZERO3
 
 
 class RotorPart(Protocol):
-    """Interface (typing.Protocol) of the constants for rotors that can also push across body z."""
+    """Interface (typing.Protocol) of the constants for rotors that can also push across
+    body z.
+    """
 
     def rotor_force(self, mixer: Mixer, com: Vec3, weight: Scalar) -> RotorForce:
-        """Force that the rotors give, with the centre of mass at ``com`` (m, base axes) and the weight in N."""
+        """Force that the rotors give, with the centre of mass at ``com`` (m, base axes)
+        and the weight in N.
+        """
 
 
 @immutable
 class Planned:
-    """Planned motion without tracking errors: attitude, accelerations and joint signals.
+    """Planned motion without tracking errors: attitude, accelerations and joint
+    signals.
 
     Attributes:
-        R: R_WB, quasi-static attitude. rate, alpha: its angular velocity and acceleration, base axes.
+        R: R_WB, quasi-static attitude. rate, alpha: its angular velocity and
+            acceleration, base axes.
         proper: acceleration of the base origin less gravity, m/s^2, base axes.
         joints: signals, series in time.
     """

@@ -1,13 +1,17 @@
-"""Tip control: tip and link references of a level base, base offset, and joint accelerations.
+"""Tip control: tip and link references of a level base, base offset, and joint
+accelerations.
 
-What the arm cannot reach goes to a slow shift of the base, and base errors beyond the arm's reach go to the
-tip's reference.
+What the arm cannot reach goes to a slow shift of the base, and base errors beyond the
+arm's reach go to the tip's reference.
 
-Task 1 is the tip's position, task 2 the link orientations; joint accelerations solve the weighted least squares
-|J qdd - b_1|^2 + damping^2 sum |A_i qdd - b_i|^2 + posture^2 |qdd - qdd_d|^2, so that task 2 rules the directions in
-which J is singular; sliding joints are held by (damping / reach)^2 |qdd_i - qdd_d,i|^2. J is the tip's Jacobian against
-the centre of mass, whose acceleration follows from the thrust; joints off the tip's chain are left out.
-Source: Wampler 1986, Nakamura, Hanafusa 1986 (damped least squares); Umetani, Yoshida 1989 (generalized Jacobian).
+Task 1 is the tip's position, task 2 the link orientations; joint accelerations solve
+the weighted least squares |J qdd - b_1|^2 + damping^2 sum |A_i qdd - b_i|^2 + posture^2
+|qdd - qdd_d|^2, so that task 2 rules the directions in which J is singular; sliding
+joints are held by (damping / reach)^2 |qdd_i - qdd_d,i|^2. J is the tip's Jacobian
+against the centre of mass, whose acceleration follows from the thrust; joints off the
+tip's chain are left out.
+Source: Wampler 1986, Nakamura, Hanafusa 1986 (damped least squares); Umetani, Yoshida
+1989 (generalized Jacobian).
 """
 
 from __future__ import annotations
@@ -18,7 +22,12 @@ from collections.abc import Sequence
 from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, cos, divide, mul, sin, total
 from skyarm.algebra.scalars.taylor import Taylor, as_series
-from skyarm.control.blocks.attitude import DesiredAttitude, Posture, derivative, vector_series
+from skyarm.control.blocks.attitude import (
+    DesiredAttitude,
+    Posture,
+    derivative,
+    vector_series,
+)
 from skyarm.control.blocks.center_of_mass import axes, com_columns
 from skyarm.control.blocks.force_control import Pressing
 from skyarm.control.blocks.tip_force import LeastSquares
@@ -30,7 +39,8 @@ from skyarm.vehicle import BASE, Vehicle
 
 @immutable(kw_only=False)
 class TipGoal:
-    """Tip and link references for a level base, world axes, with first and second derivatives.
+    """Tip and link references for a level base, world axes, with first and second
+    derivatives.
 
     Attributes:
         tip: position (m), velocity, acceleration.
@@ -50,11 +60,23 @@ def turn_by_yaw(yaw: Taylor, v: Vec3) -> Vec3:
     return Vec3(c * x - s * y, s * x + c * y, v.z)
 
 
-def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylor], level: Posture) -> TipGoal:
-    """Tip and link references for a level base that is exactly at the base reference."""
+def goal(
+    vehicle: Vehicle,
+    base: list[Vec3],
+    yaw: Taylor,
+    joints: Sequence[Taylor],
+    level: Posture,
+) -> TipGoal:
+    """Tip and link references for a level base that is exactly at the base
+    reference.
+    """
     yaw = yaw.truncate(2)
     arm = turn_by_yaw(yaw, level.tip)
-    tip = (base[0] + derivative(arm, 0), base[1] + derivative(arm, 1), base[2] + derivative(arm, 2))
+    tip = (
+        base[0] + derivative(arm, 0),
+        base[1] + derivative(arm, 1),
+        base[2] + derivative(arm, 2),
+    )
     spin = Vec3(0, 0, yaw.derivative_series())
     rates: list[Vec3] = []
     links = []
@@ -77,9 +99,11 @@ def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylo
 
 
 def move_goal(goal: TipGoal, error: Sequence[Vec3], reach: Scalar) -> TipGoal:
-    """Tip reference that moves along with base errors larger than ``reach``; smaller errors hardly move it.
+    """Tip reference that moves along with base errors larger than ``reach``; smaller
+    errors hardly move it.
 
-    The tip takes over e |e|^4 / (|e|^4 + reach^4): nothing of small errors, all of large ones.
+    The tip takes over e |e|^4 / (|e|^4 + reach^4): nothing of small errors, all of
+    large ones.
     """
     series = vector_series(error)
     square = series.dot(series)
@@ -89,8 +113,16 @@ def move_goal(goal: TipGoal, error: Sequence[Vec3], reach: Scalar) -> TipGoal:
     return dataclasses.replace(goal, tip=(p, v, a))
 
 
-def release_normal(pressing: Pressing, goal: TipGoal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Scalar) -> TipGoal:
-    """Tip reference without position control along the surface normal, along which only damping remains."""
+def release_normal(
+    pressing: Pressing,
+    goal: TipGoal,
+    tip: Vec3,
+    tip_velocity: Vec3,
+    velocity_gain: Scalar,
+) -> TipGoal:
+    """Tip reference without position control along the surface normal, along which only
+    damping remains.
+    """
     p, v, a = goal.tip
     n, slower = pressing.n, 1.0 - pressing.damping / velocity_gain
     return dataclasses.replace(
@@ -103,10 +135,14 @@ def release_normal(pressing: Pressing, goal: TipGoal, tip: Vec3, tip_velocity: V
     )
 
 
-def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: DesiredAttitude) -> list[Vec3]:
-    """Base offset, with two derivatives, that keeps a point of a tilted vehicle at its place on a level vehicle.
+def needed_shift(
+    level: Vec3, yaw: Taylor, turned: Vec3, still: DesiredAttitude
+) -> list[Vec3]:
+    """Base offset, with two derivatives, that keeps a point of a tilted vehicle at its
+    place on a level vehicle.
 
-    ``level`` is the point of the references, ``turned`` that of an arm whose links turn as those of a level base.
+    ``level`` is the point of the references, ``turned`` that of an arm whose links turn
+    as those of a level base.
     """
     R, w, alpha = still.R, still.rate, still.acceleration
     r, rd, rdd = (derivative(turned, k) for k in range(3))
@@ -114,12 +150,15 @@ def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: DesiredAttitude)
     return [
         derivative(arm, 0) - R.apply(r),
         derivative(arm, 1) - R.apply(w.cross(r) + rd),
-        derivative(arm, 2) - R.apply(alpha.cross(r) + w.cross(w.cross(r)) + w.cross(rd) * 2.0 + rdd),
+        derivative(arm, 2)
+        - R.apply(alpha.cross(r) + w.cross(w.cross(r)) + w.cross(rd) * 2.0 + rdd),
     ]
 
 
 def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:
-    """Rotation error from R to R_d, axis times sine of the angle, in the axes that both matrices map to."""
+    """Rotation error from R to R_d, axis times sine of the angle, in the axes that both
+    matrices map to.
+    """
     total = ZERO3
     for k in range(3):
         total = total + R.column(k).cross(R_d.column(k))
@@ -127,29 +166,52 @@ def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:
 
 
 def orientation_rows(vehicle: Vehicle, axes_B: Sequence[Vec3], i: int) -> list[Vec3]:
-    """Jacobian columns of the angular velocity of link ``i`` by the joint rates, base axes."""
+    """Jacobian columns of the angular velocity of link ``i`` by the joint rates, base
+    axes.
+    """
     carriers = chain(vehicle, i)
-    return [axes_B[j] if j in carriers and vehicle.links[j].joint.turns else ZERO3 for j in range(vehicle.n)]
+    return [
+        axes_B[j] if j in carriers and vehicle.links[j].joint.turns else ZERO3
+        for j in range(vehicle.n)
+    ]
 
 
 def joints_of_turns(
-    vehicle: Vehicle, gains: TipGains, directions: Sequence[Vec3], turns: Sequence[Vec3], preferred: Sequence[Scalar]
+    vehicle: Vehicle,
+    gains: TipGains,
+    directions: Sequence[Vec3],
+    turns: Sequence[Vec3],
+    preferred: Sequence[Scalar],
 ) -> Scalars:
-    """Joint motion that gives each link a desired rotation (base axes), by regularised least squares."""
+    """Joint motion that gives each link a desired rotation (base axes), by regularised
+    least squares.
+    """
     problem = LeastSquares(vehicle.n)
     for i, turn in enumerate(turns):
-        problem.require(orientation_rows(vehicle, directions, i), turn, gains.damping * gains.damping)
+        problem.require(
+            orientation_rows(vehicle, directions, i),
+            turn,
+            gains.damping * gains.damping,
+        )
     problem.prefer(preferred, gains.posture * gains.posture)
     return problem.solve()
 
 
 def link_turning(
-    vehicle: Vehicle, directions: Sequence[Vec3], joint_rates: Sequence[Scalar], rate: Vec3, acceleration: Vec3
+    vehicle: Vehicle,
+    directions: Sequence[Vec3],
+    joint_rates: Sequence[Scalar],
+    rate: Vec3,
+    acceleration: Vec3,
 ) -> list[tuple[Vec3, Vec3]]:
-    """Angular velocity of each link, and its angular acceleration at zero joint accelerations, base axes."""
+    """Angular velocity of each link, and its angular acceleration at zero joint
+    accelerations, base axes.
+    """
     motions: list[tuple[Vec3, Vec3]] = []
     for i, link in enumerate(vehicle.links):
-        turn, bias = (rate, acceleration) if link.parent == BASE else motions[link.parent]
+        turn, bias = (
+            (rate, acceleration) if link.parent == BASE else motions[link.parent]
+        )
         if link.joint.turns:
             slide = directions[i] * joint_rates[i]
             turn, bias = turn + slide, bias + turn.cross(slide)
@@ -157,17 +219,33 @@ def link_turning(
     return motions
 
 
-def tip_columns(vehicle: Vehicle, joints: Sequence[Scalar], poses: Sequence[Pose]) -> list[Vec3]:
-    """Jacobian of the tip against the centre of mass, one column per joint, base axes; ``poses`` are of the links."""
-    columns, share = jacobian_columns(vehicle, vehicle.frame(), joints, summed=True), divide(1.0, vehicle.mass)
-    return [a.linear - b * share for a, b in zip(columns, com_columns(vehicle, poses), strict=True)]
+def tip_columns(
+    vehicle: Vehicle, joints: Sequence[Scalar], poses: Sequence[Pose]
+) -> list[Vec3]:
+    """Jacobian of the tip against the centre of mass, one column per joint, base axes;
+    ``poses`` are of the links.
+    """
+    columns, share = (
+        jacobian_columns(vehicle, vehicle.frame(), joints, summed=True),
+        divide(1.0, vehicle.mass),
+    )
+    return [
+        a.linear - b * share
+        for a, b in zip(columns, com_columns(vehicle, poses), strict=True)
+    ]
 
 
-def level_joints(vehicle: Vehicle, gains: TipGains, wanted: TipGoal, R: Mat3, poses: Sequence[Pose]) -> Scalars:
-    """Joint correction, by one Newton step, that orients the links on a tilted base as planned for a level base."""
+def level_joints(
+    vehicle: Vehicle, gains: TipGains, wanted: TipGoal, R: Mat3, poses: Sequence[Pose]
+) -> Scalars:
+    """Joint correction, by one Newton step, that orients the links on a tilted base as
+    planned for a level base.
+    """
     pairs = zip(poses[: vehicle.n], wanted.links, strict=True)
     errors = [orientation_error(pose.R, R.T @ link) for pose, link in pairs]
-    return joints_of_turns(vehicle, gains, axes(vehicle, poses), errors, (0.0,) * vehicle.n)
+    return joints_of_turns(
+        vehicle, gains, axes(vehicle, poses), errors, (0.0,) * vehicle.n
+    )
 
 
 def level_motion(
@@ -178,15 +256,20 @@ def level_motion(
     poses: Sequence[Pose],
     told: Sequence[Sequence[Scalar]],
 ) -> tuple[Scalars, Scalars]:
-    """Joint rates and accelerations that keep the links moving as on a level base while the base turns.
+    """Joint rates and accelerations that keep the links moving as on a level base while
+    the base turns.
 
-    ``poses`` are of the links turned so; ``told`` rates and accelerations of the joints' references, for the rest.
+    ``poses`` are of the links turned so; ``told`` rates and accelerations of the
+    joints' references, for the rest.
     """
     directions, R, w = axes(vehicle, poses), still.R, still.rate
     turns = [R.apply_T(each) - w for each in wanted.rates]
     rates = joints_of_turns(vehicle, gains, directions, turns, told[0])
     links = link_turning(vehicle, directions, rates, w, still.acceleration)
-    bends = [R.apply_T(each) - bias for each, (_, bias) in zip(wanted.accelerations, links, strict=True)]
+    bends = [
+        R.apply_T(each) - bias
+        for each, (_, bias) in zip(wanted.accelerations, links, strict=True)
+    ]
     return rates, joints_of_turns(vehicle, gains, directions, bends, told[1])
 
 
@@ -199,37 +282,68 @@ def turned_joints(
     level: Posture,
     moving: bool,
 ) -> tuple[Taylor, ...]:
-    """Joint signals that give the links on a tilted base the orientations planned for a level base."""
-    poses = [Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3) for pose in level.links]
+    """Joint signals that give the links on a tilted base the orientations planned for a
+    level base.
+    """
+    poses = [
+        Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3)
+        for pose in level.links
+    ]
     change = level_joints(vehicle, gains, goal, still.R, poses)
     if not moving:
         return tuple(q + c for q, c in zip(joints, change, strict=True))
     values = tuple(add(q.derivative(0), c) for q, c in zip(joints, change, strict=True))
     derivatives = [[q.derivative(k) for q in joints] for k in (1, 2)]
-    motion = level_motion(vehicle, gains, goal, still, link_poses(vehicle, values, summed=True), derivatives)
+    motion = level_motion(
+        vehicle,
+        gains,
+        goal,
+        still,
+        link_poses(vehicle, values, summed=True),
+        derivatives,
+    )
     rows = zip(joints, values, *motion, strict=True)
-    return tuple(Taylor((value, rate, mul(0.5, turning), *q.c[3:])) for q, value, rate, turning in rows)
+    return tuple(
+        Taylor((value, rate, mul(0.5, turning), *q.c[3:]))
+        for q, value, rate, turning in rows
+    )
 
 
 OFF = 0.07
-"""Root mean square (rad) of the links' orientation errors about their joints above which they get more weight."""
+"""Root mean square (rad) of the links' orientation errors about their joints above
+which they get more weight."""
 
 MORE = 2.0
 """Largest factor on the weight of the link orientations."""
 
 
-def plan_weight(vehicle: Vehicle, directions: Sequence[Vec3], errors: Sequence[Vec3]) -> Scalar:
-    """Factor on the nominal weight of the link orientations, larger for large errors of the links about their joints.
+def plan_weight(
+    vehicle: Vehicle, directions: Sequence[Vec3], errors: Sequence[Vec3]
+) -> Scalar:
+    """Factor on the nominal weight of the link orientations, larger for large errors of
+    the links about their joints.
 
-    Where the tip has no lever along the stretched arm a late elbow bends to the other side of it. The tip is then in
-    place and holds the arm there: its Jacobian points the other way. Links far off their plan turn back first.
+    Where the tip has no lever along the stretched arm a late elbow bends to the other
+    side of it. The tip is then in place and holds the arm there: its Jacobian points
+    the other way. Links far off their plan turn back first.
     """
-    turning = [a.dot(e) for link, a, e in zip(vehicle.links, directions, errors, strict=True) if link.joint.turns]
+    turning = [
+        a.dot(e)
+        for link, a, e in zip(vehicle.links, directions, errors, strict=True)
+        if link.joint.turns
+    ]
     if not turning:
         return 1
-    # 1 + m o / (m + o), o the mean square over OFF squared, with both sides of the fraction times `unit`
+    # 1 + m o / (m + o), o the mean square over OFF squared, with both sides of the
+    # fraction times `unit`
     unit = len(turning) * OFF * OFF
-    return 1.0 + MORE - divide(MORE * MORE * unit, MORE * unit + total(mul(each, each) for each in turning))
+    return (
+        1.0
+        + MORE
+        - divide(
+            MORE * MORE * unit, MORE * unit + total(mul(each, each) for each in turning)
+        )
+    )
 
 
 @immutable
@@ -240,7 +354,8 @@ class Now:
         R: R_WB. rate, alpha: body rate and the angular acceleration to come, body axes.
         joints, joint_rates: rad or m, and per second.
         posture: series in time of the present motion, joint accelerations left out.
-        tip, tip_velocity: world axes. com_acceleration: m/s^2, world axes, that the thrust gives.
+        tip, tip_velocity: world axes. com_acceleration: m/s^2, world axes, that the
+            thrust gives.
     """
 
     R: Mat3
@@ -262,34 +377,49 @@ def joint_accelerations(
     preferred: Sequence[Scalar],
     links: Sequence[Scalar] = (),
 ) -> Scalars:
-    """Joint accelerations for the tip and link tasks, regularised to those of the joint references.
+    """Joint accelerations for the tip and link tasks, regularised to those of the joint
+    references.
 
     ``links`` are the bandwidths of the links' orientations over the tip's; () for 1.
     """
     R, w = now.R, now.rate
     poses = link_poses(vehicle, now.joints, summed=True)
     problem = LeastSquares(vehicle.n)
-    pull = (wanted.tip[1] - now.tip_velocity) * gains.velocity + (wanted.tip[0] - now.tip) * gains.position
+    pull = (wanted.tip[1] - now.tip_velocity) * gains.velocity + (
+        wanted.tip[0] - now.tip
+    ) * gains.position
     arm = now.posture.tip - now.posture.com
     rho, rho_d, rho_dd = (derivative(arm, k) for k in range(3))
-    carried = now.alpha.cross(rho) + w.cross(w.cross(rho)) + w.cross(rho_d) * 2.0 + rho_dd
+    carried = (
+        now.alpha.cross(rho) + w.cross(w.cross(rho)) + w.cross(rho_d) * 2.0 + rho_dd
+    )
     against = tip_columns(vehicle, now.joints, poses)
     asked = R.apply_T(wanted.tip[2] + pull - now.com_acceleration) - carried
-    # another arm moves the tip through the centre of mass alone: no lever to steer it by
+    # another arm moves the tip through the centre of mass alone: no lever to steer it
+    # by
     carriers = chain(vehicle, vehicle.frame().link)
     for i in (i for i in range(vehicle.n) if i not in carriers):
         asked, against[i] = asked - against[i] * preferred[i], ZERO3
     problem.require(against, asked, 1)
     directions = axes(vehicle, poses)
     errors = [
-        orientation_error(pose.R, R.T @ link) for pose, link in zip(poses[: vehicle.n], wanted.links, strict=True)
+        orientation_error(pose.R, R.T @ link)
+        for pose, link in zip(poses[: vehicle.n], wanted.links, strict=True)
     ]
     weight = gains.damping * gains.damping * plan_weight(vehicle, directions, errors)
-    for i, (rate, bias) in enumerate(link_turning(vehicle, directions, now.joint_rates, w, now.alpha)):
+    for i, (rate, bias) in enumerate(
+        link_turning(vehicle, directions, now.joint_rates, w, now.alpha)
+    ):
         error = errors[i]
         calm = links[i] if links else 1
-        velocity, position = mul(gains.velocity, calm), mul(gains.position, mul(calm, calm))
-        turn = R.apply_T(wanted.accelerations[i] + wanted.rates[i] * velocity) + error * position
+        velocity, position = (
+            mul(gains.velocity, calm),
+            mul(gains.position, mul(calm, calm)),
+        )
+        turn = (
+            R.apply_T(wanted.accelerations[i] + wanted.rates[i] * velocity)
+            + error * position
+        )
         needed = turn - rate * velocity - bias
         problem.require(orientation_rows(vehicle, directions, i), needed, weight)
     problem.prefer(preferred, gains.posture * gains.posture)

@@ -1,9 +1,21 @@
-"""From thrust and accelerations to rotor and joint commands: inverse dynamics of an underactuated base."""
+"""From thrust and accelerations to rotor and joint commands: inverse dynamics of an
+underactuated base.
+"""
 
 from __future__ import annotations
 
 from skyarm.algebra import E_Z, Scalar, Scalars, Vec3, differences
-from skyarm.algebra.scalars import absolute, add, clip, data, logical_and, maximum, sqrt, sub, where
+from skyarm.algebra.scalars import (
+    absolute,
+    add,
+    clip,
+    data,
+    logical_and,
+    maximum,
+    sqrt,
+    sub,
+    where,
+)
 from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
 from skyarm.control.blocks.center_of_mass import forces_under_thrust, reaction
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
@@ -15,20 +27,25 @@ from skyarm.dynamics.actuators import Command, friction, mix
 from skyarm.records.immutable import immutable
 
 LAG_INVERSION = 0.1
-"""Fraction of the motors' lag that commands invert: none leaves two vehicles of seven lost, all of it shakes the
-rotors nearly four times as much, for 7 % of the error."""
+"""Fraction of the motors' lag that commands invert: none leaves two vehicles of seven
+lost, all of it shakes the rotors nearly four times as much, for 7 % of the error."""
 
 TRIM_RATE = 3.0
 """Correction rate (1/s) of the rotors' mean squared speeds."""
 
 TRIM = 0.1
-"""Bound of the rotor trim as a fraction of a rotor's largest squared speed: more than the motor lag takes."""
+"""Bound of the rotor trim as a fraction of a rotor's largest squared speed: more than
+the motor lag takes."""
 
 
-def needed(model: Model, state: State, demand: AccelerationDemand, unknown: Disturbance) -> tuple[Vec3, Scalars]:
-    """Body torque (N m, base axes) and joint torques for the desired accelerations under the desired thrust.
+def needed(
+    model: Model, state: State, demand: AccelerationDemand, unknown: Disturbance
+) -> tuple[Vec3, Scalars]:
+    """Body torque (N m, base axes) and joint torques for the desired accelerations
+    under the desired thrust.
 
-    The disturbance is subtracted; friction of the model is added, its dry part at the references' rates.
+    The disturbance is subtracted; friction of the model is added, its dry part at the
+    references' rates.
     """
     vehicle, qd = model.vehicle, state.joint_rates
     dry_rates = [q.derivative(1) for q in demand.planned.joints]
@@ -37,22 +54,28 @@ def needed(model: Model, state: State, demand: AccelerationDemand, unknown: Dist
         state.joints,
         state.rate,
         qd,
-        applied=E_Z * demand.thrust + demand.across + state.quaternion.rotation().apply_T(unknown.force),
+        applied=E_Z * demand.thrust
+        + demand.across
+        + state.quaternion.rotation().apply_T(unknown.force),
         angular=demand.alpha,
         joint_accelerations=demand.joints,
     )
     return force.torque - unknown.torque, tuple(
         add(sub(effort, extra), friction(link.joint, rate, dry))
-        for effort, extra, link, rate, dry in zip(efforts, unknown.efforts, vehicle.links, qd, dry_rates, strict=True)
+        for effort, extra, link, rate, dry in zip(
+            efforts, unknown.efforts, vehicle.links, qd, dry_rates, strict=True
+        )
     )
 
 
 @immutable
 class Done:
-    """Result of one control step: command, flags of unsaturated actuators, and rotor trim.
+    """Result of one control step: command, flags of unsaturated actuators, and rotor
+    trim.
 
     Attributes:
-        free: 1 for the base and each joint whose actuators are not at their limit, else 0.
+        free: 1 for the base and each joint whose actuators are not at their limit, else
+            0.
         trim: trim of the squared rotor speeds, one period later, (rad/s)^2.
     """
 
@@ -64,16 +87,20 @@ class Done:
 def actuate(step: Step, unknown: Disturbance, demand: AccelerationDemand) -> Done:
     """Rotor and joint commands for the demanded thrust and accelerations.
 
-    Motors that slow down later than they speed up lose thrust under noise: the trim integrates, within bounds, what the
-    modelled mean squared speeds miss, but not while others change the rotors' commands.
-    Joints whose torques are cut push the base less: that part of the body torque falls away, so that the base's angular
-    acceleration stays as desired.
+    Motors that slow down later than they speed up lose thrust under noise: the trim
+    integrates, within bounds, what the modelled mean squared speeds miss, but not while
+    others change the rotors' commands. Joints whose torques are cut push the base less:
+    that part of the body torque falls away, so that the base's angular acceleration
+    stays as desired.
     """
     par, state, dt, trim = step.par, step.state, step.dt, step.memory.trim
     model = par.model
     torque, efforts = needed(model, state, demand, unknown)
     limits = [link.joint.effort_limit for link in model.vehicle.links]
-    limited = tuple(clip(data(effort), -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
+    limited = tuple(
+        clip(data(effort), -limit, limit)
+        for effort, limit in zip(efforts, limits, strict=True)
+    )
     missing = differences(efforts, limited)
     arm = reaction(model.vehicle, state.joints)
     late = arm.accelerations(missing)
@@ -82,11 +109,17 @@ def actuate(step: Step, unknown: Disturbance, demand: AccelerationDemand) -> Don
     inside: Scalar = demand.thrust > 0.0
     for square, highest in zip(squares, par.mixer.highest, strict=True):
         inside = logical_and(inside, logical_and(square > 0.0, square < highest))
-    ahead = compensate_motor_lag(model.vehicle.rotors, par.mixer, demand.force_rate, trim, dt, LAG_INVERSION)
-    targets = [sqrt(maximum(w * w + t, 0.0)) for w, t in zip(desired, ahead, strict=True)]
+    ahead = compensate_motor_lag(
+        model.vehicle.rotors, par.mixer, demand.force_rate, trim, dt, LAG_INVERSION
+    )
+    targets = [
+        sqrt(maximum(w * w + t, 0.0)) for w, t in zip(desired, ahead, strict=True)
+    ]
     speeds = tuple(
         command_for(rotor, speed, target, dt, LAG_INVERSION)
-        for rotor, speed, target in zip(model.vehicle.rotors, state.rotor_speeds, targets, strict=True)
+        for rotor, speed, target in zip(
+            model.vehicle.rotors, state.rotor_speeds, targets, strict=True
+        )
     )
     command = Command(rotor_speeds=speeds, efforts=limited)
     reached = motor_speeds(model, state.rotor_speeds, command, dt)
@@ -95,10 +128,15 @@ def actuate(step: Step, unknown: Disturbance, demand: AccelerationDemand) -> Don
         command=command,
         free=(
             where(inside, 1.0, 0.0),
-            *(where(absolute(e) < limit, 1.0, 0.0) for e, limit in zip(efforts, limits, strict=True)),
+            *(
+                where(absolute(e) < limit, 1.0, 0.0)
+                for e, limit in zip(efforts, limits, strict=True)
+            ),
         ),
         trim=tuple(
             clip(t + rate * (w * w - r * r), -TRIM * highest, TRIM * highest)
-            for t, w, r, highest in zip(trim, desired, reached, par.mixer.highest, strict=True)
+            for t, w, r, highest in zip(
+                trim, desired, reached, par.mixer.highest, strict=True
+            )
         ),
     )

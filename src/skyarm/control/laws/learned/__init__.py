@@ -1,1 +1,3 @@
-"""Learned compensator: the law of Barakou et al. 2026 with a small network that estimates unmodelled forces."""
+"""Learned compensator: the law of Barakou et al. 2026 with a small network that
+estimates unmodelled forces.
+"""

@@ -1,1 +1,3 @@
-"""Model predictive control of the whole vehicle: prediction, cost, observer and solver."""
+"""Model predictive control of the whole vehicle: prediction, cost, observer and
+solver.
+"""

@@ -1,19 +1,23 @@
-"""Cost of predictive control: residuals of states and inputs, with the predicted contact force.
+"""Cost of predictive control: residuals of states and inputs, with the predicted
+contact force.
 
-While the tip touches, the plan's tip has along the estimated outward normal n no motion of its own but that
+While the tip touches, the plan's tip has along the estimated outward normal n no motion
+of its own but that
 
     n . a = -c n . v,
 
-and the surface gives what this takes: with a(f) the tip's acceleration under a force f of the surface along n, which is
-affine in f,
+and the surface gives what this takes: with a(f) the tip's acceleration under a force f
+of the surface along n, which is affine in f,
 
     f = (-c n.v - n.a(0)) / (n.a(1) - n.a(0)).
 
-f depends on rotors and joint torques of the stage, and the cost weighs its difference from the desired force. c is the
-damping of a tip that bounces: where the surface gives the desired force and no more, the real tip has n . a = -c n . v.
+f depends on rotors and joint torques of the stage, and the cost weighs its difference
+from the desired force. c is the damping of a tip that bounces: where the surface gives
+the desired force and no more, the real tip has n . a = -c n . v.
 
-Source: Featherstone 2008, section 11.1 (single point contact); Baumgarte 1972 (damping); Neunert et al. 2018
-(contact forces in a whole-body plan). A force of one sign is not enforced: the cost keeps it near the desired one.
+Source: Featherstone 2008, section 11.1 (single point contact); Baumgarte 1972
+(damping); Neunert et al. 2018 (contact forces in a whole-body plan). A force of one
+sign is not enforced: the cost keeps it near the desired one.
 """
 
 from __future__ import annotations
@@ -25,7 +29,11 @@ from skyarm.algebra.scalars import cos, divide, mul, sin, sub
 from skyarm.control.blocks.attitude import derivative, moving, posture
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import levers
-from skyarm.control.laws.predictive.prediction import StageInputs, accelerations, integrate_stage
+from skyarm.control.laws.predictive.prediction import (
+    StageInputs,
+    accelerations,
+    integrate_stage,
+)
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
 from skyarm.records.immutable import immutable
@@ -49,12 +57,18 @@ class ContactGoal:
     damping: Scalar
 
 
-def tip_acceleration(model: Model, state: State, linear: Vec3, angular: Vec3, joints: Scalars) -> Vec3:
-    """Tip acceleration (m/s^2, world axes) from base accelerations (world and base axes) and joint accelerations."""
+def tip_acceleration(
+    model: Model, state: State, linear: Vec3, angular: Vec3, joints: Scalars
+) -> Vec3:
+    """Tip acceleration (m/s^2, world axes) from base accelerations (world and base
+    axes) and joint accelerations.
+    """
     tip = posture(model.vehicle, moving(state.joints, state.joint_rates, joints), 2).tip
     p, v, a = (derivative(tip, k) for k in range(3))
     w = state.rate
-    return linear + state.rotation.apply(a + angular.cross(p) + w.cross(v * 2.0 + w.cross(p)))
+    return linear + state.rotation.apply(
+        a + angular.cross(p) + w.cross(v * 2.0 + w.cross(p))
+    )
 
 
 def tip_velocity(model: Model, state: State) -> Vec3:
@@ -72,7 +86,8 @@ def under_contact(
     dry_rates: Scalars | None,
     contact: ContactGoal | tuple[()],
 ) -> tuple[Disturbance, Scalar]:
-    """Disturbance with the predicted contact force added, and that force (N), 0 without contact.
+    """Disturbance with the predicted contact force added, and that force (N), 0 without
+    contact.
 
     Args:
         model: the controller's model.
@@ -88,14 +103,26 @@ def under_contact(
     unit = levers(model.vehicle, state.rotation, state.joints).disturbance(n)
 
     def along(pushed: Disturbance) -> Any:
-        return n.dot(tip_acceleration(model, state, *accelerations(model, state, efforts, pushed, dry_rates)))
+        return n.dot(
+            tip_acceleration(
+                model, state, *accelerations(model, state, efforts, pushed, dry_rates)
+            )
+        )
 
     free, moved = along(disturbance), along(disturbance + unit)
-    force = divide(-contact.damping * n.dot(tip_velocity(model, state)) - free, moved - free) * contact.touching
+    force = (
+        divide(
+            -contact.damping * n.dot(tip_velocity(model, state)) - free, moved - free
+        )
+        * contact.touching
+    )
     pressed = Disturbance(
         force=disturbance.force + unit.force * force,
         torque=disturbance.torque + unit.torque * force,
-        efforts=tuple(e + u * force for e, u in zip(disturbance.efforts, unit.efforts, strict=True)),
+        efforts=tuple(
+            e + u * force
+            for e, u in zip(disturbance.efforts, unit.efforts, strict=True)
+        ),
     )
     return pressed, force
 
@@ -105,7 +132,9 @@ MODES = ("tool", "joints", "plan")
 
 @immutable
 class PlannedGoal:
-    """Planned attitude of one stage and its motion: attitude, rate (rad/s, body axes) and rotor accelerations."""
+    """Planned attitude of one stage and its motion: attitude, rate (rad/s, body axes)
+    and rotor accelerations.
+    """
 
     attitude: Quaternion
     rate: Vec3
@@ -114,11 +143,13 @@ class PlannedGoal:
 
 @immutable
 class StageGoal:
-    """Reference at one stage of the horizon: base (world axes, m, rad) and joints (rad or m).
+    """Reference at one stage of the horizon: base (world axes, m, rad) and joints (rad
+    or m).
 
     Attributes:
         position, velocity, yaw, joints, joint_rates, joint_accelerations: desired ones.
-        shift: m, world axes, of the base, which keeps the tip where a level base would carry it.
+        shift: m, world axes, of the base, which keeps the tip where a level base would
+            carry it.
         contact: desired contact of the tip; empty where none is ever requested.
         planned: the rest of a planned state; empty but in mode "plan".
     """
@@ -136,11 +167,13 @@ class StageGoal:
 
 @immutable
 class Weights:
-    """Cost weights of predictive control, each the reciprocal of the error that costs 1 per second.
+    """Cost weights of predictive control, each the reciprocal of the error that costs 1
+    per second.
 
     Attributes:
         position: 1/m. velocity: s/m. heading: 1/rad. rate: s/rad, of the base.
-        joints: 1/rad or 1/m. joint_rates: per second of that. joint_accelerations: per second squared.
+        joints: 1/rad or 1/m. joint_rates: per second of that. joint_accelerations: per
+            second squared.
         tool: 1/m.
         rotor_accelerations: s^2/rad.
         final: s, time for which the errors at the end of the horizon count.
@@ -151,32 +184,56 @@ class Weights:
         Scalar,
         nonnegative(
             "1/m",
-            "weight of the position error of the base: reciprocal of the error that adds 1 to the cost in a second",
-            effect="higher values hold the position more tightly at the cost of the other errors",
+            "weight of the position error of the base: reciprocal of the error that"
+            " adds 1 to the cost in a second",
+            effect=(
+                "higher values hold the position more tightly at the cost of the other"
+                " errors"
+            ),
         ),
     ] = 10.0
     velocity: Annotated[
         Scalar,
-        nonnegative("s/m", "weight of the velocity error of the base", effect="higher values damp the base more"),
+        nonnegative(
+            "s/m",
+            "weight of the velocity error of the base",
+            effect="higher values damp the base more",
+        ),
     ] = 2.0
     heading: Annotated[
         Scalar,
-        nonnegative("1/rad", "weight of the heading error", effect="higher values hold the heading more tightly"),
+        nonnegative(
+            "1/rad",
+            "weight of the heading error",
+            effect="higher values hold the heading more tightly",
+        ),
     ] = 2.0
     rate: Annotated[
-        Scalar, nonnegative("s/rad", "weight of the body rate", effect="higher values turn the base more gently")
+        Scalar,
+        nonnegative(
+            "s/rad",
+            "weight of the body rate",
+            effect="higher values turn the base more gently",
+        ),
     ] = 0.2
     joints: Annotated[
         Scalar,
         nonnegative(
             "1/rad or 1/m",
             "weight of the joint position errors",
-            effect="higher values hold the joints on their references, lower ones let them help the tip",
+            effect=(
+                "higher values hold the joints on their references, lower ones let them"
+                " help the tip"
+            ),
         ),
     ] = 5.0
     joint_rates: Annotated[
         Scalar,
-        nonnegative("s/rad or s/m", "weight of the joint rate errors", effect="higher values damp the joints more"),
+        nonnegative(
+            "s/rad or s/m",
+            "weight of the joint rate errors",
+            effect="higher values damp the joints more",
+        ),
     ] = 0.2
     joint_accelerations: Annotated[
         Scalar,
@@ -191,7 +248,9 @@ class Weights:
         nonnegative(
             "1/m",
             "weight of the tip position error",
-            effect="higher values hold the tip more tightly at the cost of base and joints",
+            effect=(
+                "higher values hold the tip more tightly at the cost of base and joints"
+            ),
         ),
     ] = 50.0
     rotor_accelerations: Annotated[
@@ -215,25 +274,33 @@ class Weights:
         nonnegative(
             "1/N",
             "weight of the contact force error while the tip presses",
-            effect="higher values hold the force more tightly at the cost of the position",
+            effect=(
+                "higher values hold the force more tightly at the cost of the position"
+            ),
         ),
     ] = 2.5
 
 
-def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoal, mode: str) -> Scalars:
-    """Weighted errors of a predicted vehicle state against the reference, as least-squares residuals.
+def state_residuals(
+    model: Model, weights: Weights, state: State, goal: StageGoal, mode: str
+) -> Scalars:
+    """Weighted errors of a predicted vehicle state against the reference, as
+    least-squares residuals.
 
-    In mode "joints" the joints follow their references. In mode "tool" the tip is where a level base would carry it;
-    the joints next to the base compensate its tilt, so that for parallel axes the links keep their absolute angles,
-    and the base moves by the remainder: about any axis across which no joint turns, the whole of the tip's way.
-    A tip that touches has no place along the surface's normal. In mode "plan" every error is that from the planned
-    state, at any tilt; the tip is where this state carries it.
+    In mode "joints" the joints follow their references. In mode "tool" the tip is where
+    a level base would carry it; the joints next to the base compensate its tilt, so
+    that for parallel axes the links keep their absolute angles, and the base moves by
+    the remainder: about any axis across which no joint turns, the whole of the tip's
+    way. A tip that touches has no place along the surface's normal. In mode "plan"
+    every error is that from the planned state, at any tilt; the tip is where this state
+    carries it.
     """
     if goal.planned:
         return planned_residuals(model, weights, state, goal, goal.planned)
     vehicle, R = model.vehicle, state.rotation
     c, s = cos(goal.yaw), sin(goal.yaw)
-    # heading taken off, what is left of a small attitude is its tilt about the body's own horizontal axes
+    # heading taken off, what is left of a small attitude is its tilt about the body's
+    # own horizontal axes
     up = R.apply_T(Vec3(0, 0, 1))
     tilt = Vec3(up.y, -up.x, 0)
     joints = given_way(vehicle, goal.joints, tilt) if mode == "tool" else goal.joints
@@ -243,8 +310,14 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoa
     ahead = R.column(0)
     residuals.append(weights.heading * (c * ahead.y - s * ahead.x))
     residuals += [*(state.rate * weights.rate)]
-    residuals += [mul(sub(q, q_d), weights.joints) for q, q_d in zip(state.joints, joints, strict=True)]
-    residuals += [mul(sub(a, b), weights.joint_rates) for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)]
+    residuals += [
+        mul(sub(q, q_d), weights.joints)
+        for q, q_d in zip(state.joints, joints, strict=True)
+    ]
+    residuals += [
+        mul(sub(a, b), weights.joint_rates)
+        for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)
+    ]
     if mode == "tool" and vehicle.end_effector:
         frame = vehicle.frame()
         tip = state.position + R.apply(frame_pose(vehicle, frame, state.joints).p)
@@ -252,21 +325,34 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoa
         tip_goal = goal.position + arm.about_z(goal.yaw)
         off = tip - tip_goal
         if goal.contact:
-            off = off - goal.contact.normal * (goal.contact.normal.dot(off) * goal.contact.touching)
+            off = off - goal.contact.normal * (
+                goal.contact.normal.dot(off) * goal.contact.touching
+            )
         residuals += [*(off * weights.tool)]
     return tuple(residuals)
 
 
-def planned_residuals(model: Model, weights: Weights, state: State, goal: StageGoal, planned: PlannedGoal) -> Scalars:
+def planned_residuals(
+    model: Model, weights: Weights, state: State, goal: StageGoal, planned: PlannedGoal
+) -> Scalars:
     """Weighted errors of a predicted vehicle state against a planned one."""
     vehicle, R = model.vehicle, state.rotation
     turned = planned.attitude.conjugate() * state.quaternion
     turn = Vec3(turned.x, turned.y, turned.z) * (2.0 * turned.w)
     residuals = [*((state.position - goal.position) * weights.position)]
     residuals += [*((state.velocity - goal.velocity) * weights.velocity)]
-    residuals += [*(turn * weights.heading), *((state.rate - planned.rate) * weights.rate)]
-    residuals += [mul(sub(q, q_d), weights.joints) for q, q_d in zip(state.joints, goal.joints, strict=True)]
-    residuals += [mul(sub(a, b), weights.joint_rates) for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)]
+    residuals += [
+        *(turn * weights.heading),
+        *((state.rate - planned.rate) * weights.rate),
+    ]
+    residuals += [
+        mul(sub(q, q_d), weights.joints)
+        for q, q_d in zip(state.joints, goal.joints, strict=True)
+    ]
+    residuals += [
+        mul(sub(a, b), weights.joint_rates)
+        for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)
+    ]
     if vehicle.end_effector:
         frame, S = vehicle.frame(), planned.attitude.rotation()
         tip = state.position + R.apply(frame_pose(vehicle, frame, state.joints).p)
@@ -276,28 +362,51 @@ def planned_residuals(model: Model, weights: Weights, state: State, goal: StageG
 
 
 def given_way(vehicle: Vehicle, joints: Scalars, tilt: Vec3) -> Scalars:
-    """Joint positions at which the joints next to the base compensate a base tilt (sine of angle, body axes)."""
+    """Joint positions at which the joints next to the base compensate a base tilt (sine
+    of angle, body axes).
+    """
     return tuple(
-        sub(q, link.joint.rotation.apply(link.joint.motion_subspace.angular).dot(tilt)) if link.parent == BASE else q
+        (
+            sub(
+                q,
+                link.joint.rotation.apply(link.joint.motion_subspace.angular).dot(tilt),
+            )
+            if link.parent == BASE
+            else q
+        )
         for link, q in zip(vehicle.links, joints, strict=True)
     )
 
 
 def input_residuals(
-    model: Model, weights: Weights, state: State, inputs: StageInputs, disturbance: Disturbance, goal: StageGoal
+    model: Model,
+    weights: Weights,
+    state: State,
+    inputs: StageInputs,
+    disturbance: Disturbance,
+    goal: StageGoal,
 ) -> Scalars:
-    """Weighted residuals of one stage's joint and rotor accelerations, and of the contact force if there is one.
+    """Weighted residuals of one stage's joint and rotor accelerations, and of the
+    contact force if there is one.
 
-    Accelerations of the joints, not their torques, are kept near the wanted ones, and the rates of the rotor speeds,
-    not the speeds, small: what holds against a constant disturbance costs nothing, so that it leaves no offset. Where
-    a contact may be, the last one is of the surface's force.
+    Accelerations of the joints, not their torques, are kept near the wanted ones, and
+    the rates of the rotor speeds, not the speeds, small: what holds against a constant
+    disturbance costs nothing, so that it leaves no offset. Where a contact may be, the
+    last one is of the surface's force.
     """
-    pushed, force = under_contact(model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact)
+    pushed, force = under_contact(
+        model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact
+    )
     _, _, qdd = accelerations(model, state, inputs.efforts, pushed, goal.joint_rates)
-    arm = [mul(sub(a, b), weights.joint_accelerations) for a, b in zip(qdd, goal.joint_accelerations, strict=True)]
+    arm = [
+        mul(sub(a, b), weights.joint_accelerations)
+        for a, b in zip(qdd, goal.joint_accelerations, strict=True)
+    ]
     pressed: Scalars = ()
     if goal.contact:
-        pressed = ((force - goal.contact.force * goal.contact.touching) * weights.force,)
+        pressed = (
+            (force - goal.contact.force * goal.contact.touching) * weights.force,
+        )
     rotors = inputs.rotor_accelerations
     if goal.planned:
         rotors = tuple(map(sub, rotors, goal.planned.rotor_accelerations))
@@ -305,8 +414,15 @@ def input_residuals(
 
 
 def predict_stage(
-    model: Model, state: State, inputs: StageInputs, disturbance: Disturbance, goal: StageGoal, dt: Scalar
+    model: Model,
+    state: State,
+    inputs: StageInputs,
+    disturbance: Disturbance,
+    goal: StageGoal,
+    dt: Scalar,
 ) -> State:
     """State after a stage of ``dt`` seconds under a constant contact force."""
-    pushed, _ = under_contact(model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact)
+    pushed, _ = under_contact(
+        model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact
+    )
     return integrate_stage(model, state, inputs, pushed, dt, goal.joint_rates)

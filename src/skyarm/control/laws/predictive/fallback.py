@@ -1,9 +1,12 @@
-"""Fallback of predictive control: acceptance test of a plan, waiting time, and substitute law.
+"""Fallback of predictive control: acceptance test of a plan, waiting time, and
+substitute law.
 
-A plan is trusted if all its numbers are finite and it costs at most :func:`worst_cost`, which no flight that goes well
-reaches. The first one that is not hands over to the paper's computed torque law, which needs no plan, no iterations and
-no memory; it is given the observer's disturbance and leans 35 degrees at most. Plans go on being made meanwhile; after
-enough good ones in a row, and a rest that doubles with each hand-over that follows soon, they are flown again.
+A plan is trusted if all its numbers are finite and it costs at most :func:`worst_cost`,
+which no flight that goes well reaches. The first one that is not hands over to the
+paper's computed torque law, which needs no plan, no iterations and no memory; it is
+given the observer's disturbance and leans 35 degrees at most. Plans go on being made
+meanwhile; after enough good ones in a row, and a rest that doubles with each hand-over
+that follows soon, they are flown again.
 """
 
 from __future__ import annotations
@@ -19,7 +22,11 @@ from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import turn_towards, wanted_specific_force
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.laws.paper import generalized_force, joint_accelerations, make_hybrid_computed_torque
+from skyarm.control.laws.paper import (
+    generalized_force,
+    joint_accelerations,
+    make_hybrid_computed_torque,
+)
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.preview import SampledReference
 from skyarm.control.laws.predictive.solver import Compiled, MotionPlan
@@ -34,14 +41,15 @@ WORST = {"position": 0.15, "velocity": 1.5, "tool": 0.15, "joints": 1.0}
 """Errors of a flight (m, m/s, m, and rad or m) that are acceptable for a moment."""
 
 TIMES = 10.0
-"""Largest cost of an acceptable plan, over that of the errors :data:`WORST`. Plans that lead nowhere cost 1e5 and
-more."""
+"""Largest cost of an acceptable plan, over that of the errors :data:`WORST`. Plans that
+lead nowhere cost 1e5 and more."""
 
 GOOD = 10
 """Number of acceptable plans in a row before plans are flown again."""
 
 REST = (0.3, 5.0)
-"""Least time (s) under the substitute law, computed torque, at first and after many hand-overs."""
+"""Least time (s) under the substitute law, computed torque, at first and after many
+hand-overs."""
 
 FLOOR = 0.4
 """Smallest vertical force of the substitute law over the vehicle's weight."""
@@ -61,10 +69,12 @@ FORGIVEN = 3.0
 
 @positional
 class Trust:
-    """Acceptance history of motion plans, which decides whether plans or the substitute law control the vehicle.
+    """Acceptance history of motion plans, which decides whether plans or the substitute
+    law control the vehicle.
 
     Attributes:
-        good: plans to be trusted in a row. resting: s for which the plans are not flown yet; 0 while they are.
+        good: plans to be trusted in a row. resting: s for which the plans are not flown
+            yet; 0 while they are.
         rest: s of the last rest. calm: s of flight by plans since then.
     """
 
@@ -75,23 +85,36 @@ class Trust:
 
     @property
     def flies_plans(self) -> bool:
-        """True while the plans control the vehicle, False while the substitute law does."""
+        """True while the plans control the vehicle, False while the substitute law
+        does.
+        """
         return self.resting <= 0.0
 
 
 def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> float:
-    """Largest cost of an acceptable plan: :data:`TIMES` the cost of constant errors :data:`WORST`."""
-    errors = [float(weights.position) * WORST["position"], float(weights.velocity) * WORST["velocity"]]
+    """Largest cost of an acceptable plan: :data:`TIMES` the cost of constant errors
+    :data:`WORST`.
+    """
+    errors = [
+        float(weights.position) * WORST["position"],
+        float(weights.velocity) * WORST["velocity"],
+    ]
     errors += [float(weights.joints) * WORST["joints"]] * joints
     if mode != "joints":
         errors.append(float(weights.tool) * WORST["tool"])
-    return TIMES * (horizon + float(weights.final)) * sum(error * error for error in errors)
+    return (
+        TIMES
+        * (horizon + float(weights.final))
+        * sum(error * error for error in errors)
+    )
 
 
 def is_flyable(plan: MotionPlan, most: float) -> bool:
     """Return True if a plan may be flown: finite, with a cost of at most ``most``."""
     # a comparison with NaN is false: a plan without a cost is none
-    return bool(plan.cost <= most and np.isfinite(plan.u).all() and np.isfinite(plan.K).all())
+    return bool(
+        plan.cost <= most and np.isfinite(plan.u).all() and np.isfinite(plan.K).all()
+    )
 
 
 def after_plan(trust: Trust, good: bool) -> Trust:
@@ -103,24 +126,34 @@ def after_plan(trust: Trust, good: bool) -> Trust:
     if not trust.flies_plans:
         return Trust(0, trust.resting, trust.rest, 0.0)
     least, most = REST
-    rest = least if trust.calm > FORGIVEN or not trust.rest else min(2.0 * trust.rest, most)
+    rest = (
+        least
+        if trust.calm > FORGIVEN or not trust.rest
+        else min(2.0 * trust.rest, most)
+    )
     return Trust(0, rest, rest, 0.0)
 
 
 def after_period(trust: Trust, dt: float) -> Trust:
     """Acceptance history (:class:`Trust`) after ``dt`` seconds."""
     if trust.flies_plans:
-        return trust if not trust.rest else Trust(trust.good, 0.0, trust.rest, trust.calm + dt)
+        return (
+            trust
+            if not trust.rest
+            else Trust(trust.good, 0.0, trust.rest, trust.calm + dt)
+        )
     # what is left stays above zero until the plans are good
     return Trust(trust.good, max(trust.resting - dt, SPENT), trust.rest, 0.0)
 
 
 SPENT = 1e-9
-"""Remaining waiting time (s) that counts as over, while acceptable plans are awaited."""
+"""Remaining waiting time (s) that counts as over, while acceptable plans are
+awaited."""
 
 
 class Stabiliser:
-    """Compiled substitute law: computed torque of Barakou et al. 2026 with RotorS's gains scaled to the model.
+    """Compiled substitute law: computed torque of Barakou et al. 2026 with RotorS's
+    gains scaled to the model.
 
     Args:
         model: the controller's model.
@@ -131,25 +164,41 @@ class Stabiliser:
         joints, self.rotors = model.vehicle.n, len(model.vehicle.rotors)
         signals = ((0.0,) * (4 + joints),) * 3
         self.law = Compiled(
-            partial(_computed_torque, par), blank_measurement(joints, self.rotors), no_disturbance(joints), signals
+            partial(_computed_torque, par),
+            blank_measurement(joints, self.rotors),
+            no_disturbance(joints),
+            signals,
         )
 
-    def command(self, reading: Array, disturbance: Array, sample: SampledReference) -> Command:
-        """Command of the law that flies while model predictive control has no good plan."""
+    def command(
+        self, reading: Array, disturbance: Array, sample: SampledReference
+    ) -> Command:
+        """Command of the law that flies while model predictive control has no good
+        plan.
+        """
         values = self.law(reading, disturbance, *sample.motion).tolist()
-        return Command(rotor_speeds=tuple(values[: self.rotors]), efforts=tuple(values[self.rotors :]))
+        return Command(
+            rotor_speeds=tuple(values[: self.rotors]),
+            efforts=tuple(values[self.rotors :]),
+        )
 
 
 def _computed_torque(
-    par: Parameters, reading: Measurement, unknown: Disturbance, signals: Sequence[Sequence[Scalar]]
+    par: Parameters,
+    reading: Measurement,
+    unknown: Disturbance,
+    signals: Sequence[Sequence[Scalar]],
 ) -> Scalars:
-    """Rotor speeds and joint efforts of computed torque with limited tilt and compensated disturbance."""
+    """Rotor speeds and joint efforts of computed torque with limited tilt and
+    compensated disturbance.
+    """
     model, (values, rates, accelerations) = par.model, signals
     vehicle, R = model.vehicle, reading.quaternion.rotation()
     goal = Reference(
         position=Vec3(*values[:3]),
         velocity=Vec3(*rates[:3]),
-        acceleration=Vec3(*accelerations[:3]) - unknown.force * divide(1.0, vehicle.mass),
+        acceleration=Vec3(*accelerations[:3])
+        - unknown.force * divide(1.0, vehicle.mass),
         yaw=_near(values[3], yaw_of(reading.quaternion)),
         yaw_rate=rates[3],
         joints=tuple(values[4:]),
@@ -157,17 +206,29 @@ def _computed_torque(
         joint_accelerations=tuple(accelerations[4:]),
     )
     up = _climbable(wanted_specific_force(par, reading, goal), model.gravity)
-    # the rotors push along up, and base and arm move by what rotors and disturbance give together
-    base = Motion(turn_towards(par, reading, goal, R, up), R.apply_T(up + unknown.force * divide(1.0, vehicle.mass)))
-    force, torques = generalized_force(par, R, reading, base, joint_accelerations(par, reading, goal))
-    speeds, _ = mix(par.mixer, force.torque - unknown.torque, (force.force - R.apply_T(unknown.force)).z)
+    # the rotors push along up, and base and arm move by what rotors and disturbance
+    # give together
+    base = Motion(
+        turn_towards(par, reading, goal, R, up),
+        R.apply_T(up + unknown.force * divide(1.0, vehicle.mass)),
+    )
+    force, torques = generalized_force(
+        par, R, reading, base, joint_accelerations(par, reading, goal)
+    )
+    speeds, _ = mix(
+        par.mixer,
+        force.torque - unknown.torque,
+        (force.force - R.apply_T(unknown.force)).z,
+    )
     return (*speeds, *limit_efforts(par, differences(torques, unknown.efforts)))
 
 
 def _near(yaw: Scalar, heading: Scalar) -> Scalar:
-    """Desired yaw (rad) limited to :data:`TURN` from the present heading, on the shorter side.
+    """Desired yaw (rad) limited to :data:`TURN` from the present heading, on the
+    shorter side.
 
-    The attitude error is the sine of the turn: a nose that points backwards would take the torque from the tilt.
+    The attitude error is the sine of the turn: a nose that points backwards would take
+    the torque from the tilt.
     """
     off = yaw - heading
     off = atan2(sin(off), cos(off))
@@ -177,7 +238,8 @@ def _near(yaw: Scalar, heading: Scalar) -> Scalar:
 def _climbable(force: Vec3, gravity: Scalar) -> Vec3:
     """Specific force (m/s^2, world axes) with limited tilt and a minimum upward part.
 
-    Rotors that carry nothing have no torque to give, and a thrust that lies down does not come up again.
+    Rotors that carry nothing have no torque to give, and a thrust that lies down does
+    not come up again.
     """
     up = maximum(force.z, mul(FLOOR, gravity))
     across = sqrt(force.x * force.x + force.y * force.y)
@@ -186,7 +248,9 @@ def _climbable(force: Vec3, gravity: Scalar) -> Vec3:
 
 
 def _parameters(model: Model) -> Parameters:
-    """Constants of the substitute law: RotorS's gains scaled to the model, torque before thrust if possible."""
+    """Constants of the substitute law: RotorS's gains scaled to the model, torque
+    before thrust if possible.
+    """
     try:
         made = make_hybrid_computed_torque(model, mixer_policy="priority")
     except AllocationError:

@@ -1,26 +1,28 @@
 """Whole-body nonlinear model predictive control.
 
-Law: every so many control periods (option ``every``) the motion of base, arm and rotors over a short horizon of growing
-stages is chosen so that base, joints and tool follow the reference at little rotor acceleration; in between the
-feedback u = u* + K (x - x*) of the solution acts. A disturbance observer makes it free of offset. The solution is warm
-started from the last one, moved on in time. Commands that act late and plans that lead nowhere are
-detected (:mod:`.observer`, :mod:`.fallback`). A tip that presses is held by a surface whose force the plan predicts
-(:mod:`.tip_contact`, :mod:`.cost`).
+Law: every so many control periods (option ``every``) the motion of base, arm and rotors
+over a short horizon of growing stages is chosen so that base, joints and tool follow
+the reference at little rotor acceleration; in between the feedback u = u* + K (x - x*)
+of the solution acts. A disturbance observer makes it free of offset. The solution is
+warm started from the last one, moved on in time. Commands that act late and plans that
+lead nowhere are detected (:mod:`.observer`, :mod:`.fallback`). A tip that presses is
+held by a surface whose force the plan predicts (:mod:`.tip_contact`, :mod:`.cost`).
 
-In mode "plan" the reference is a plan's: its preview brings attitude, rates and rotor speeds, and the cost counts
-errors from that state at any tilt. Feedback gains are those of the law's own Riccati recursion over the preview, not
-those of the plan's last one. In eagle catch the tip is 0.2 mm off at the catch and 1.2 mm at most with the law's own
-gains, 1.0 and 118 mm with the plan's: penalties of its goals stiffen these near the goals alone, and nothing observes
-what the model lacks.
+In mode "plan" the reference is a plan's: its preview brings attitude, rates and rotor
+speeds, and the cost counts errors from that state at any tilt. Feedback gains are those
+of the law's own Riccati recursion over the preview, not those of the plan's last one.
+In eagle catch the tip is 0.2 mm off at the catch and 1.2 mm at most with the law's own
+gains, 1.0 and 118 mm with the plan's: penalties of its goals stiffen these near the
+goals alone, and nothing observes what the model lacks.
 
-Assumptions: rigid bodies, rotors that lag, still air; what else pushes is one force and torque at the base and one
-torque a joint, constant over the horizon. Position, velocity, acceleration of the *held samples* are extrapolated, as
-every other law must.
+Assumptions: rigid bodies, rotors that lag, still air; what else pushes is one force and
+torque at the base and one torque a joint, constant over the horizon. Position,
+velocity, acceleration of the *held samples* are extrapolated, as every other law must.
 
 Tuning: ``weights``, ``bandwidths``, ``stages``, ``horizon``, ``every``. Not traceable.
 
-Source: Diehl, Bock, Schloeder 2005 (real-time iteration); Tassa, Mansard, Todorov 2014 (line search). Weights, growing
-stages and rates of rotor speeds as inputs are our own.
+Source: Diehl, Bock, Schloeder 2005 (real-time iteration); Tassa, Mansard, Todorov 2014
+(line search). Weights, growing stages and rates of rotor speeds as inputs are our own.
 """
 
 from __future__ import annotations
@@ -35,13 +37,29 @@ from typing import Annotated, Any
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Vec3
-from skyarm.control.blocks.force_control import InteractionGains, InteractionMemory, require_thresholds
+from skyarm.control.blocks.force_control import (
+    InteractionGains,
+    InteractionMemory,
+    require_thresholds,
+)
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_maker import checked_option, option_numbers
 from skyarm.control.laws.paper import level_joint_gravity
 from skyarm.control.laws.predictive.cost import MODES, Weights
-from skyarm.control.laws.predictive.fallback import Stabiliser, Trust, after_period, after_plan, is_flyable, worst_cost
-from skyarm.control.laws.predictive.observer import Bandwidths, Observation, ObserverState, command_row
+from skyarm.control.laws.predictive.fallback import (
+    Stabiliser,
+    Trust,
+    after_period,
+    after_plan,
+    is_flyable,
+    worst_cost,
+)
+from skyarm.control.laws.predictive.observer import (
+    Bandwidths,
+    Observation,
+    ObserverState,
+    command_row,
+)
 from skyarm.control.laws.predictive.prediction import command_for
 from skyarm.control.laws.predictive.preview import (
     SampledReference,
@@ -61,7 +79,12 @@ from skyarm.control.laws.predictive.solver import (
     Rollouts,
     shift_plan,
 )
-from skyarm.control.laws.predictive.tip_contact import ContactState, TipContact, contact_goals, shift_ahead
+from skyarm.control.laws.predictive.tip_contact import (
+    ContactState,
+    TipContact,
+    contact_goals,
+    shift_ahead,
+)
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, Mixer, make_mixer
 from skyarm.records.arrays import Array, float_array, norm
@@ -80,9 +103,12 @@ class PredictiveParameters:
     Attributes:
         model: the controller's. mixer: mixer of that model; the law does not use it.
         weights, mode: cost weights and mode. bandwidths: poles of the observer.
-        stages: number of stages of the horizon, which grow by one factor from the ``every``-th on. horizon: s.
-        every: control periods from one solution to the next. delay_periods: known age of measurements, control periods.
-        interaction: constants of contact force control; None for a law that ignores requested contact.
+        stages: number of stages of the horizon, which grow by one factor from the
+            ``every``-th on. horizon: s.
+        every: control periods from one solution to the next. delay_periods: known age
+            of measurements, control periods.
+        interaction: constants of contact force control; None for a law that ignores
+            requested contact.
     """
 
     model: Model
@@ -120,25 +146,35 @@ class PredictiveParameters:
             effect="higher values cost less time and react later",
         ),
     ]
-    delay_periods: Annotated[int, Unit("control periods", "known age of the measurement", low=0, high=100)]
+    delay_periods: Annotated[
+        int, Unit("control periods", "known age of the measurement", low=0, high=100)
+    ]
     interaction: InteractionGains | None = None
 
     @property
     def preview(self) -> tuple[float, ...]:
-        """Times (s) after the held sample of the future samples that mode "plan" follows; empty in other modes.
+        """Times (s) after the held sample of the future samples that mode "plan"
+        follows; empty in other modes.
 
-        They are denser where stages are shorter, and a command that is late finds some beyond the horizon.
+        They are denser where stages are shorter, and a command that is late finds some
+        beyond the horizon.
         """
         if self.mode != "plan":
             return ()
-        return tuple((self.horizon + LATE) * (k / self.stages) ** 1.5 for k in range(1, self.stages + 1))
+        return tuple(
+            (self.horizon + LATE) * (k / self.stages) ** 1.5
+            for k in range(1, self.stages + 1)
+        )
 
 
 LATE = 0.08
 """Time (s) by which the preview of a plan is longer than the horizon."""
 
-EngineKey = tuple[Model, Weights, Bandwidths, str, int, float, int, float, InteractionGains | None]
-"""Cache key of the compiled functions of predictive control: constants, control period, and gains of contact."""
+EngineKey = tuple[
+    Model, Weights, Bandwidths, str, int, float, int, float, InteractionGains | None
+]
+"""Cache key of the compiled functions of predictive control: constants, control period,
+and gains of contact."""
 
 KEPT = 16
 """Largest number of compiled predictive controllers in the cache."""
@@ -146,13 +182,16 @@ KEPT = 16
 
 @positional
 class PredictiveEngine:
-    """Compiled functions of predictive control for one model and one set of constants, shared between flights.
+    """Compiled functions of predictive control for one model and one set of constants,
+    shared between flights.
 
     Attributes:
         key: constants that it was made of.
-        solver, observation, bounds: solver of the plan, state estimator, bounds of the inputs.
+        solver, observation, bounds: solver of the plan, state estimator, bounds of the
+            inputs.
         stabiliser: law while no plan is trusted. most: cost of a plan that is trusted.
-        stance: shift of the base for the tip. contact: contact detection; None where the reference requests none.
+        stance: shift of the base for the tip. contact: contact detection; None where
+            the reference requests none.
     """
 
     key: EngineKey
@@ -171,7 +210,14 @@ class PredictiveEngine:
 def engine_key(par: PredictiveParameters, dt: float, push: bool) -> EngineKey:
     """Cache key of the compiled functions of predictive control."""
     shape = par.mode, par.stages, par.horizon, par.every
-    return par.model, par.weights, par.bandwidths, *shape, dt, par.interaction if push else None
+    return (
+        par.model,
+        par.weights,
+        par.bandwidths,
+        *shape,
+        dt,
+        par.interaction if push else None,
+    )
 
 
 @lru_cache(maxsize=KEPT)
@@ -200,25 +246,35 @@ def make_engine(key: EngineKey) -> PredictiveEngine:
 
 
 def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
-    """Lengths (s) of the horizon's stages: control periods until the next plan, then a geometric growth."""
+    """Lengths (s) of the horizon's stages: control periods until the next plan, then a
+    geometric growth.
+    """
     powers = np.maximum(np.arange(stages) - every + 1, 0)
     low, high = 1.0, 10.0
     for _ in range(60):
         factor = 0.5 * (low + high)
-        low, high = (factor, high) if dt * np.sum(factor**powers) < horizon else (low, factor)
+        low, high = (
+            (factor, high) if dt * np.sum(factor**powers) < horizon else (low, factor)
+        )
     return dt * low**powers
 
 
 @immutable
 class PredictiveMemory:
-    """Internal state of predictive control: observer, last plan, reference sample and acceptance history.
+    """Internal state of predictive control: observer, last plan, reference sample and
+    acceptance history.
 
     Attributes:
-        engine: machine code. past: state of the observer. Both None before the first step.
-        sent: commands that the last measurement does not show yet, oldest first, if they act at once.
-        sample: held reference sample. plan: the last solution. since: control periods since it was made.
-        trust: acceptance history of the plans. interaction: state of contact force control; None without contact.
-        tip_force: force of a surface on the tip, N, world axes; None for a law that does not press.
+        engine: machine code. past: state of the observer. Both None before the first
+            step.
+        sent: commands that the last measurement does not show yet, oldest first, if
+            they act at once.
+        sample: held reference sample. plan: the last solution. since: control periods
+            since it was made.
+        trust: acceptance history of the plans. interaction: state of contact force
+            control; None without contact.
+        tip_force: force of a surface on the tip, N, world axes; None for a law that
+            does not press.
     """
 
     engine: PredictiveEngine | None = None
@@ -233,18 +289,29 @@ class PredictiveMemory:
 
 
 def nmpc(
-    memory: PredictiveMemory, measurement: Measurement, reference: Reference, dt: float, *, par: PredictiveParameters
+    memory: PredictiveMemory,
+    measurement: Measurement,
+    reference: Reference,
+    dt: float,
+    *,
+    par: PredictiveParameters,
 ) -> tuple[PredictiveMemory, Command]:
     """Step of whole-body nonlinear model predictive control; accepts floats only."""
     key = engine_key(par, dt, bool(reference.push))
     engine = memory.engine
     if engine is None or engine.key != key:
-        # plan, touch and loss may be of other stages, and of a contact that is requested no more
+        # plan, touch and loss may be of other stages, and of a contact that is
+        # requested no more
         silent = None if par.interaction is None else ZERO3_DATA
-        memory = dataclasses.replace(memory, plan=None, since=0, interaction=None, tip_force=silent)
+        memory = dataclasses.replace(
+            memory, plan=None, since=0, interaction=None, tip_force=silent
+        )
         engine = make_engine(key)
     if par.preview and not reference.turning:
-        raise ControllerError("controller.mode = 'plan': must be left out without a reference of kind \"plan\"")
+        raise ControllerError(
+            "controller.mode = 'plan': must be left out without a reference of kind"
+            ' "plan"'
+        )
     past, sent = memory.past, memory.sent
     if past is None:
         past = engine.observation.first(measurement)
@@ -255,23 +322,31 @@ def nmpc(
     nx = len(estimate) - 6 - par.model.vehicle.n
     # the state in which the command of this period begins to act
     pending = (*past.shown[len(past.shown) - late :], *sent)
-    x = engine.observation.now(estimate, [command_row(command) for command in pending])[:nx]
+    x = engine.observation.now(estimate, [command_row(command) for command in pending])[
+        :nx
+    ]
     sample = update_sample(reference, memory.sample, dt)
     interaction, touch, disturbance = memory.interaction, None, estimate[nx:]
     if engine.contact is not None:
         signals = extrapolate(sample, np.array([sample.age]))[0, 0]
-        interaction, touch = engine.contact.at(interaction, estimate, reference.push, signals)
+        interaction, touch = engine.contact.at(
+            interaction, estimate, reference.push, signals
+        )
         disturbance = np.array(touch.pressed)
     plan, since, trust = memory.plan, memory.since, memory.trust
     if plan is None or since >= par.every:
-        problem = problem_at(engine, x, estimate[nx:], sample, float(late * dt), par, touch)
+        problem = problem_at(
+            engine, x, estimate[nx:], sample, float(late * dt), par, touch
+        )
         plan, since = _solve_plan(engine, plan, since * dt, problem, par), 0
         trust = after_plan(trust, is_flyable(plan, engine.most))
     if trust.flies_plans:
         command = _command(engine, plan, since, x, dt)
     else:
         reading = np.array(leaves(measurement), dtype=float)
-        command = engine.stabiliser.command(reading, bearable(disturbance, engine.bounds.efforts), sample)
+        command = engine.stabiliser.command(
+            reading, bearable(disturbance, engine.bounds.efforts), sample
+        )
     following = PredictiveMemory(
         engine=engine,
         past=past,
@@ -290,15 +365,25 @@ def _standing(x: Array, par: PredictiveParameters) -> MotionPlan:
     """Initial guess of a plan: the vehicle at rest."""
     vehicle, stages = par.model.vehicle, par.stages
     joints = tuple(x[13 : 13 + vehicle.n].tolist())
-    inputs = [0.0] * len(vehicle.rotors) + [float(t) for t in level_joint_gravity(par.model, joints)]
+    inputs = [0.0] * len(vehicle.rotors) + [
+        float(t) for t in level_joint_gravity(par.model, joints)
+    ]
     still = x.copy()
     still[7:13], still[13 + vehicle.n : 13 + 2 * vehicle.n] = 0.0, 0.0
     nu = len(inputs)
-    return MotionPlan(np.tile(still, (stages + 1, 1)), np.tile(inputs, (stages, 1)), np.zeros((stages, nu, len(x))))
+    return MotionPlan(
+        np.tile(still, (stages + 1, 1)),
+        np.tile(inputs, (stages, 1)),
+        np.zeros((stages, nu, len(x))),
+    )
 
 
 def _solve_plan(
-    engine: PredictiveEngine, last: MotionPlan | None, passed: float, problem: Problem, par: PredictiveParameters
+    engine: PredictiveEngine,
+    last: MotionPlan | None,
+    passed: float,
+    problem: Problem,
+    par: PredictiveParameters,
 ) -> MotionPlan:
     """Solve for a new plan from the last one or, if that fails, from rest."""
     solver = engine.solver
@@ -314,8 +399,12 @@ def _solve_plan(
         return rest
 
 
-def _command(engine: PredictiveEngine, plan: MotionPlan, stage: int, x: Array, dt: float) -> Command:
-    """Command of one stage of a plan, with state feedback, inverted motor lag and effort limits."""
+def _command(
+    engine: PredictiveEngine, plan: MotionPlan, stage: int, x: Array, dt: float
+) -> Command:
+    """Command of one stage of a plan, with state feedback, inverted motor lag and
+    effort limits.
+    """
     u = plan.u[stage] + plan.K[stage] @ (x - plan.x[stage])
     lags, most = engine.observation.motors, engine.bounds.efforts
     rotors = len(lags.most)
@@ -327,7 +416,8 @@ def _command(engine: PredictiveEngine, plan: MotionPlan, stage: int, x: Array, d
 WEIGHTS, BANDWIDTHS = Weights(), Bandwidths()
 
 THRESHOLDS = (0.3, 0.1)
-"""Default thresholds (N) of the force along the normal for contact of the tip and for its loss."""
+"""Default thresholds (N) of the force along the normal for contact of the tip and for
+its loss."""
 
 
 def make_predictive_controller(
@@ -342,21 +432,37 @@ def make_predictive_controller(
     delay_periods: int = 0,
     interaction: tuple[float, float] | None = None,
 ) -> Controller:
-    """Make the whole-body predictive controller; its options are the fields of :class:`PredictiveParameters`.
+    """Make the whole-body predictive controller; its options are the fields of
+    :class:`PredictiveParameters`.
 
-    ``interaction``: N along the normal, above which the tip touches and below which it is lost; twice 0 for a law that
-    ignores requested contact, as every law without a tip must. Left out: :data:`THRESHOLDS` with a tip.
+    ``interaction``: N along the normal, above which the tip touches and below which it
+    is lost; twice 0 for a law that ignores requested contact, as every law without a
+    tip must. Left out: :data:`THRESHOLDS` with a tip.
 
     Raises:
         ControllerError: an option with a wrong value.
     """
     if mode not in MODES:
-        raise ControllerError(f"controller.mode = {shown(mode)}: must be one of {list(MODES)}")
-    given = {"weights": weights, "bandwidths": bandwidths, "stages": stages, "horizon": horizon, "every": every}
+        raise ControllerError(
+            f"controller.mode = {shown(mode)}: must be one of {list(MODES)}"
+        )
+    given = {
+        "weights": weights,
+        "bandwidths": bandwidths,
+        "stages": stages,
+        "horizon": horizon,
+        "every": every,
+    }
     given |= {"delay_periods": delay_periods, "mode": mode}
-    options = {name: checked_option(PredictiveParameters, name, value, model) for name, value in given.items()}
+    options = {
+        name: checked_option(PredictiveParameters, name, value, model)
+        for name, value in given.items()
+    }
     if options["every"] >= options["stages"]:
-        raise ControllerError(f"controller.every = {every}: must be less than controller.stages = {stages}")
+        raise ControllerError(
+            f"controller.every = {every}: must be less than controller.stages ="
+            f" {stages}"
+        )
     leads = mode == "tool" and bool(model.vehicle.end_effector) and model.vehicle.n > 0
     if interaction is None:
         interaction = THRESHOLDS if leads else (0.0, 0.0)
@@ -371,20 +477,25 @@ def make_predictive_controller(
     )
     tip = mode == "tool"
     memory = PredictiveMemory(tip_force=None if par.interaction is None else ZERO3_DATA)
-    return Controller(name="nmpc", law=nmpc, par=par, memory=memory, compiled=False, keeps_tip=tip)
+    return Controller(
+        name="nmpc", law=nmpc, par=par, memory=memory, compiled=False, keeps_tip=tip
+    )
 
 
 LONGEST_ERROR = 0.15
-"""Largest base position error (m) in the cost; a larger one is clipped, so that a step does not saturate everything."""
+"""Largest base position error (m) in the cost; a larger one is clipped, so that a step
+does not saturate everything."""
 
 WIDEST_ERROR = 1.5
 """Largest joint error (rad or m) in the cost; a larger one is clipped."""
 
 WIDEST_TURN = 1.0
-"""Largest heading error (rad) in the cost, which takes its sine; a larger one is clipped."""
+"""Largest heading error (rad) in the cost, which takes its sine; a larger one is
+clipped."""
 
 BEARABLE = 0.8
-"""Largest predicted disturbance of a joint as a fraction of its drive's limit; the remainder moves the arm."""
+"""Largest predicted disturbance of a joint as a fraction of its drive's limit; the
+remainder moves the arm."""
 
 
 def problem_at(
@@ -396,18 +507,26 @@ def problem_at(
     par: PredictiveParameters,
     touch: ContactState | None = None,
 ) -> Problem:
-    """Optimal control problem whose initial state is ``late`` seconds ahead, when a new command takes effect."""
+    """Optimal control problem whose initial state is ``late`` seconds ahead, when a new
+    command takes effect.
+    """
     later = late + np.append(0.0, np.cumsum(engine.solver.steps))
     planned = np.zeros((len(later), 0))
     if par.preview:
-        motion, planned = planned_motion(sample, np.array(par.preview), sample.age + later)
+        motion, planned = planned_motion(
+            sample, np.array(par.preview), sample.age + later
+        )
     else:
         motion = extrapolate(sample, sample.age + later)
     model, pressed, gains = par.model, disturbance, par.interaction
     if touch is not None and gains is not None:
-        motion[:, :, :3] += np.stack(shift_ahead(gains, touch, later))[:, :, None] * np.array(touch.normal)
+        motion[:, :, :3] += np.stack(shift_ahead(gains, touch, later))[
+            :, :, None
+        ] * np.array(touch.normal)
         disturbance, pressed = np.array(touch.free), np.array(touch.pressed)
-    support = np.array([0.0, 0.0, float(model.gravity)]) - pressed[:3] / float(model.vehicle.mass)
+    support = np.array([0.0, 0.0, float(model.gravity)]) - pressed[:3] / float(
+        model.vehicle.mass
+    )
     shift = engine.stance(motion[2, :, :3] + support, motion[0])
     targets = goals(motion, shift)
     # a step of the reference is approached as one of this size, which moves along
@@ -422,7 +541,9 @@ def problem_at(
     targets[:, 7 : 7 + joints] += beyond - np.clip(beyond, -WIDEST_ERROR, WIDEST_ERROR)
     if touch is not None and gains is not None:
         targets = np.hstack([targets, contact_goals(gains, touch, later)])
-    return Problem(x, bearable(disturbance, engine.bounds.efforts), np.hstack([targets, planned]))
+    return Problem(
+        x, bearable(disturbance, engine.bounds.efforts), np.hstack([targets, planned])
+    )
 
 
 def _heading(x: Array) -> float:
@@ -432,12 +553,20 @@ def _heading(x: Array) -> float:
 
 
 def bearable(disturbance: Array, most: Array) -> Array:
-    """Disturbance with torques scaled down to what the joint actuators can balance; force unchanged.
+    """Disturbance with torques scaled down to what the joint actuators can balance;
+    force unchanged.
 
-    What pushes harder carries the arm away until it lies along the push. A torque foreseen as constant would spin it
-    up over the whole horizon, and no plan would be found.
+    What pushes harder carries the arm away until it lies along the push. A torque
+    foreseen as constant would spin it up over the whole horizon, and no plan would be
+    found.
     """
     # no actuator balances a passive joint's load, and it is predicted as it is
     driven = most > 0.0
-    share = np.max(np.abs(disturbance[6:][driven]) / (BEARABLE * most[driven]), initial=1.0)
-    return disturbance if share == 1.0 else np.append(disturbance[:3], disturbance[3:] / share)
+    share = np.max(
+        np.abs(disturbance[6:][driven]) / (BEARABLE * most[driven]), initial=1.0
+    )
+    return (
+        disturbance
+        if share == 1.0
+        else np.append(disturbance[:3], disturbance[3:] / share)
+    )

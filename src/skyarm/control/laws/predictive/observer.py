@@ -2,10 +2,12 @@
 
 Velocity and disturbance come from a second-order extended state observer.
 
-Command delay, from the measured rotor speeds: a rotor that follows its commands k periods late turns, at every instant,
-as its model did k periods before. The speeds of the model are stored for the longest delay; the delay whose speeds were
-nearest to the measured ones lately is taken once it is clearly nearer than the present one. It makes no difference
-whether commands are late on their way out or measurements on their way in.
+Command delay, from the measured rotor speeds: a rotor that follows its commands k
+periods late turns, at every instant, as its model did k periods before. The speeds of
+the model are stored for the longest delay; the delay whose speeds were nearest to the
+measured ones lately is taken once it is clearly nearer than the present one. It makes
+no difference whether commands are late on their way out or measurements on their way
+in.
 """
 
 from __future__ import annotations
@@ -20,7 +22,12 @@ from skyarm.algebra import Scalar, Vec3
 from skyarm.algebra.scalars import divide, mul
 from skyarm.control.blocks.filters import double_pole
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
-from skyarm.control.laws.predictive.prediction import StageInputs, advance, motors, speeds_under
+from skyarm.control.laws.predictive.prediction import (
+    StageInputs,
+    advance,
+    motors,
+    speeds_under,
+)
 from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import State, mass_matrix
@@ -42,7 +49,9 @@ class Estimate:
 
 @immutable
 class Bandwidths:
-    """Bandwidths (rad/s) of the predictive law's observer: linear, angular and joint motion."""
+    """Bandwidths (rad/s) of the predictive law's observer: linear, angular and joint
+    motion.
+    """
 
     linear: Annotated[
         Scalar,
@@ -74,27 +83,47 @@ def predict(model: Model, estimate: Estimate, command: Command, dt: Scalar) -> S
     """Predicted state after ``dt`` seconds of a held command, with motor lag."""
     state = estimate.state
     after = motor_speeds(model, state.rotor_speeds, command, dt)
-    rates = tuple(divide(end - start, dt) for end, start in zip(after, state.rotor_speeds, strict=True))
+    rates = tuple(
+        divide(end - start, dt)
+        for end, start in zip(after, state.rotor_speeds, strict=True)
+    )
     given = zip(model.vehicle.links, command.efforts, strict=True)
     efforts = tuple(limited_effort(link.joint, effort) for link, effort in given)
-    return advance(model, state, StageInputs(rotor_accelerations=rates, efforts=efforts), estimate.disturbance, dt)
+    return advance(
+        model,
+        state,
+        StageInputs(rotor_accelerations=rates, efforts=efforts),
+        estimate.disturbance,
+        dt,
+    )
 
 
 def observe(
-    model: Model, bandwidths: Bandwidths, before: Estimate, command: Command, measurement: Measurement, dt: Scalar
+    model: Model,
+    bandwidths: Bandwidths,
+    before: Estimate,
+    command: Command,
+    measurement: Measurement,
+    dt: Scalar,
 ) -> Estimate:
-    """Observer update: next estimate from the previous one, the command in between and a new measurement.
+    """Observer update: next estimate from the previous one, the command in between and
+    a new measurement.
 
-    The correction is that of :mod:`skyarm.control.blocks.disturbance_observer`, of velocities foreseen over a whole
-    period. Pose and joints are the measured ones.
+    The correction is that of :mod:`skyarm.control.blocks.disturbance_observer`, of
+    velocities foreseen over a whole period. Pose and joints are the measured ones.
 
-    Source: Gao 2003 (bandwidth parameterisation); discrete poles as placed here are our own.
+    Source: Gao 2003 (bandwidth parameterisation); discrete poles as placed here are our
+    own.
     """
     foreseen, n = predict(model, before, command, dt), model.vehicle.n
     R = measurement.rotation
     measured = (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
     expected = (*foreseen.velocity, *foreseen.rate, *foreseen.joint_rates)
-    speeds = (*(bandwidths.linear,) * 3, *(bandwidths.angular,) * 3, *(bandwidths.joints,) * n)
+    speeds = (
+        *(bandwidths.linear,) * 3,
+        *(bandwidths.angular,) * 3,
+        *(bandwidths.joints,) * n,
+    )
     shares = [double_pole(w, dt) for w in speeds]
     e = [a - b for a, b in zip(measured, expected, strict=True)]
     v = [x + L1 * error for x, (L1, _), error in zip(expected, shares, e, strict=True)]
@@ -102,7 +131,10 @@ def observe(
     M = mass_matrix(model.vehicle, R, measurement.joints)
     d = before.disturbance
     estimated = (*d.force, *d.torque, *d.efforts)
-    force = [x + sum(mul(m, a) for m, a in zip(row, push, strict=True)) for x, row in zip(estimated, M, strict=True)]
+    force = [
+        x + sum(mul(m, a) for m, a in zip(row, push, strict=True))
+        for x, row in zip(estimated, M, strict=True)
+    ]
     state = State(
         position=measurement.position,
         quaternion=measurement.quaternion,
@@ -114,15 +146,19 @@ def observe(
     )
     return Estimate(
         state=state,
-        disturbance=Disturbance(force=Vec3(*force[:3]), torque=Vec3(*force[3:6]), efforts=tuple(force[6:])),
+        disturbance=Disturbance(
+            force=Vec3(*force[:3]), torque=Vec3(*force[3:6]), efforts=tuple(force[6:])
+        ),
     )
 
 
 class Observation:
-    """Compiled extended state observer, and prediction over the commands sent since the last measurement.
+    """Compiled extended state observer, and prediction over the commands sent since the
+    last measurement.
 
     Args:
-        model: the controller's. bandwidths: poles of the observer. dt: control period, s.
+        model: the controller's. bandwidths: poles of the observer. dt: control period,
+            s.
     """
 
     def __init__(self, model: Model, bandwidths: Bandwidths, dt: float) -> None:
@@ -130,34 +166,70 @@ class Observation:
         estimate = Estimate(state=state, disturbance=disturbance)
         command = Command(rotor_speeds=state.rotor_speeds, efforts=state.joints)
         reading = blank_measurement(model.vehicle.n, len(model.vehicle.rotors))
-        self.dt, self.joints, self.motors = dt, model.vehicle.n, motors(model.vehicle.rotors, dt)
+        self.dt, self.joints, self.motors = (
+            dt,
+            model.vehicle.n,
+            motors(model.vehicle.rotors, dt),
+        )
         self.at = Compiled(
-            lambda before, command, reading: observe(model, bandwidths, before, command, reading, dt),
+            lambda before, command, reading: observe(
+                model, bandwidths, before, command, reading, dt
+            ),
             *(estimate, command, reading),
         )
-        """Estimate at a measurement from the one a period earlier and the command that acted in between."""
-        self._advance = Compiled(lambda before, command: predict(model, before, command, dt), estimate, command)
+        """Estimate at a measurement from the one a period earlier and the command that
+        acted in between."""
+        self._advance = Compiled(
+            lambda before, command: predict(model, before, command, dt),
+            estimate,
+            command,
+        )
 
     def now(self, estimate: Array, commands: Sequence[Array]) -> Array:
-        """Vehicle state and disturbance predicted over the commands sent since the last measurement."""
+        """Vehicle state and disturbance predicted over the commands sent since the last
+        measurement.
+        """
         for command in commands:
             state = self._advance(estimate, command)
             estimate = np.concatenate([state, estimate[len(state) :]])
         return estimate
 
     def first(self, measurement: Measurement) -> ObserverState:
-        """Initial observer state: the measured vehicle state, no disturbance, no command delay."""
+        """Initial observer state: the measured vehicle state, no disturbance, no
+        command delay.
+        """
         m = measurement
-        moving = (*m.position, *m.quaternion, *m.velocity, *m.rate, *m.joints, *m.joint_rates, *m.rotor_speeds)
+        moving = (
+            *m.position,
+            *m.quaternion,
+            *m.velocity,
+            *m.rate,
+            *m.joints,
+            *m.joint_rates,
+            *m.rotor_speeds,
+        )
         estimate = doubles([*moving, *(0.0,) * (6 + self.joints)])
-        return ObserverState(estimate, first_lateness(np.array(m.rotor_speeds, dtype=float)))
+        return ObserverState(
+            estimate, first_lateness(np.array(m.rotor_speeds, dtype=float))
+        )
 
-    def update(self, past: ObserverState, sent: Command, measurement: Measurement) -> ObserverState:
-        """Observer state after a new measurement, where ``sent`` is the command of the preceding period."""
+    def update(
+        self, past: ObserverState, sent: Command, measurement: Measurement
+    ) -> ObserverState:
+        """Observer state after a new measurement, where ``sent`` is the command of the
+        preceding period.
+        """
         reading = np.array(leaves(replace(measurement, **NOT_READ)), dtype=float)
         shown = (*past.shown, sent)[-1 - LONGEST :]
-        modelled = speeds_under(self.motors, past.late.modelled[0], np.array(sent.rotor_speeds))
-        late = update_lateness(past.late, modelled, np.array(measurement.rotor_speeds, dtype=float), self.dt)
+        modelled = speeds_under(
+            self.motors, past.late.modelled[0], np.array(sent.rotor_speeds)
+        )
+        late = update_lateness(
+            past.late,
+            modelled,
+            np.array(measurement.rotor_speeds, dtype=float),
+            self.dt,
+        )
         acted = command_row(shown[max(len(shown) - 1 - late.periods, 0)])
         # of the quaternion's two signs the one that is nearer to the last
         if reading[4:8] @ past.estimate[3:7] < 0.0:
@@ -172,11 +244,14 @@ def command_row(command: Command) -> Array:
 
 @positional
 class ObserverState:
-    """Observer state: last estimate, statistics of the command delay, and recent commands.
+    """Observer state: last estimate, statistics of the command delay, and recent
+    commands.
 
     Attributes:
-        estimate: leaves of an :class:`Estimate` at the last measurement. late: statistics of the command delay.
-        shown: last commands before that measurement, oldest first, if commands act at once.
+        estimate: leaves of an :class:`Estimate` at the last measurement. late:
+            statistics of the command delay.
+        shown: last commands before that measurement, oldest first, if commands act at
+            once.
     """
 
     estimate: Array
@@ -185,7 +260,8 @@ class ObserverState:
 
 
 NOT_READ: dict[str, Any] = {"tilts": (), "tip_force": (), "switches": (), "holds": ()}
-"""Channels of a measurement that only some vehicles have and that the observer does not use."""
+"""Channels of a measurement that only some vehicles have and that the observer does not
+use."""
 
 LONGEST = 12
 """Longest command delay (control periods) that is considered."""
@@ -197,19 +273,24 @@ LEAST = 10
 """Number of measurements before the command delay is estimated."""
 
 CLEAR = 0.25
-"""Ratio of mean squared differences below which another command delay replaces the estimated one."""
+"""Ratio of mean squared differences below which another command delay replaces the
+estimated one."""
 
 NOTICED = 0.5
-"""Root mean square difference of rotor speeds (rad/s) below which the estimated command delay is not changed."""
+"""Root mean square difference of rotor speeds (rad/s) below which the estimated command
+delay is not changed."""
 
 
 @positional
 class Lateness:
-    """Statistics of the command delay: modelled rotor speeds and their differences from the measured ones.
+    """Statistics of the command delay: modelled rotor speeds and their differences from
+    the measured ones.
 
     Attributes:
-        modelled: (LONGEST + 1, rotors) speeds of rotors that obey at once, rad/s; row k is of k periods ago.
-        squares: (LONGEST + 1,) forgotten sums of squared differences from the measured speeds, one a delay.
+        modelled: (LONGEST + 1, rotors) speeds of rotors that obey at once, rad/s; row k
+            is of k periods ago.
+        squares: (LONGEST + 1,) forgotten sums of squared differences from the measured
+            speeds, one a delay.
         weight: the same sum of ones. count: measurements. periods: estimated delay.
     """
 
@@ -221,25 +302,36 @@ class Lateness:
 
 
 def first_lateness(speeds: Array) -> Lateness:
-    """Initial state of the estimator of the command delay: no evidence yet, and a delay of zero."""
+    """Initial state of the estimator of the command delay: no evidence yet, and a delay
+    of zero.
+    """
     return Lateness(np.tile(speeds, (LONGEST + 1, 1)), np.zeros(LONGEST + 1))
 
 
-def update_lateness(before: Lateness, modelled: Array, measured: Array, dt: float) -> Lateness:
+def update_lateness(
+    before: Lateness, modelled: Array, measured: Array, dt: float
+) -> Lateness:
     """Statistics and estimate of the command delay after one measurement.
 
     Args:
         before: one period earlier.
-        modelled: (rotors,) speeds now of rotors that obeyed the commands so far at once.
+        modelled: (rotors,) speeds now of rotors that obeyed the commands so far at
+            once.
         measured: (rotors,) speeds.
         dt: s.
     """
     rows = np.vstack([modelled, before.modelled[:-1]])
     decay = np.exp(-dt / MEMORY)
     squares = decay * before.squares + np.mean((rows - measured) ** 2, axis=1)
-    late = Lateness(rows, squares, decay * before.weight + 1.0, before.count + 1, before.periods)
+    late = Lateness(
+        rows, squares, decay * before.weight + 1.0, before.count + 1, before.periods
+    )
     now = squares[late.periods]
     best = int(np.argmin(squares))
-    if late.count < LEAST or not now > NOTICED**2 * late.weight or not squares[best] < CLEAR * now:
+    if (
+        late.count < LEAST
+        or not now > NOTICED**2 * late.weight
+        or not squares[best] < CLEAR * now
+    ):
         return late
     return replace(late, periods=best)

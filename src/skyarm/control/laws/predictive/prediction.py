@@ -1,8 +1,10 @@
 """Prediction of the vehicle's motion under held inputs.
 
-An input of a rotor is the rate of its speed: constant over a stage, so that the prediction is smooth although real
-motors speed up faster than they slow down. The command that makes a rotor turn so is found afterwards.
-Limits of joint torques are bounds of the inputs and no part of the motion: a clip would halve its slope at the limit.
+An input of a rotor is the rate of its speed: constant over a stage, so that the
+prediction is smooth although real motors speed up faster than they slow down. The
+command that makes a rotor turn so is found afterwards. Limits of joint torques are
+bounds of the inputs and no part of the motion: a clip would halve its slope at the
+limit.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ from skyarm.vehicle import Rotor
 
 @immutable
 class StageInputs:
-    """Inputs held over a stage: rates of the rotors' speeds (rad/s^2) and joint torques (N m or N)."""
+    """Inputs held over a stage: rates of the rotors' speeds (rad/s^2) and joint torques
+    (N m or N).
+    """
 
     rotor_accelerations: Scalars
     efforts: Scalars
@@ -41,9 +45,11 @@ def accelerations(
     disturbance: Disturbance,
     dry_rates: Scalars | None = None,
 ) -> tuple[Vec3, Vec3, Scalars]:
-    """Accelerations (dv_W/dt, dw_B/dt, joints) of the model in still air under a disturbance.
+    """Accelerations (dv_W/dt, dw_B/dt, joints) of the model in still air under a
+    disturbance.
 
-    Dry friction of the joints is that at ``dry_rates``; of the state's own rates if they are left out.
+    Dry friction of the joints is that at ``dry_rates``; of the state's own rates if
+    they are left out.
     """
     R = state.rotation
     return acceleration_under(
@@ -62,14 +68,19 @@ def accelerations(
 def base_accelerations(
     model: Model, state: State, joint_accelerations: Scalars, disturbance: Disturbance
 ) -> tuple[Vec3, Vec3]:
-    """Accelerations (dv_W/dt, dw_B/dt) of the base while the joints move with given accelerations."""
+    """Accelerations (dv_W/dt, dw_B/dt) of the base while the joints move with given
+    accelerations.
+    """
     vehicle, R = model.vehicle, state.rotation
     applied = _on_base(model, state, R, disturbance)
     still = Motion(ZERO3, ZERO3)
     moving = state.joints, state.rate, state.joint_rates
     needed, _ = dynamics.inverse_dynamics(vehicle, *moving, still, joint_accelerations)
     pushed = applied - needed
-    whole = [row[:6] for row in dynamics.mass_matrix(vehicle, Mat3.identity(), state.joints)[:6]]
+    whole = [
+        row[:6]
+        for row in dynamics.mass_matrix(vehicle, Mat3.identity(), state.joints)[:6]
+    ]
     x = ldl_solve(whole, [*pushed.force, *pushed.torque])
     return coordinate_acceleration(R, Motion(Vec3(*x[3:]), Vec3(*x[:3])), model.gravity)
 
@@ -79,12 +90,22 @@ def _on_base(model: Model, state: State, R: Mat3, disturbance: Disturbance) -> F
     v_B = R.apply_T(state.velocity)
     applied = Force(disturbance.torque, R.apply_T(disturbance.force))
     for rotor, speed in zip(model.vehicle.rotors, state.rotor_speeds, strict=True):
-        applied = applied + rotor_force(rotor, speed, v_B + state.rate.cross(rotor.position))
+        applied = applied + rotor_force(
+            rotor, speed, v_B + state.rate.cross(rotor.position)
+        )
     return applied
 
 
-def slope_of(state: State, inputs: StageInputs, linear: Vec3, angular: Vec3, joint_accelerations: Scalars) -> State:
-    """Time derivative of the vehicle state, from the state and the accelerations of base and joints."""
+def slope_of(
+    state: State,
+    inputs: StageInputs,
+    linear: Vec3,
+    angular: Vec3,
+    joint_accelerations: Scalars,
+) -> State:
+    """Time derivative of the vehicle state, from the state and the accelerations of
+    base and joints.
+    """
     return State(
         position=state.velocity,
         quaternion=state.quaternion.derivative(state.rate),
@@ -96,14 +117,23 @@ def slope_of(state: State, inputs: StageInputs, linear: Vec3, angular: Vec3, joi
     )
 
 
-def advance(model: Model, state: State, inputs: StageInputs, disturbance: Disturbance, dt: Scalar) -> State:
-    """State after ``dt`` seconds of held inputs: one step of the classical Runge-Kutta method.
+def advance(
+    model: Model,
+    state: State,
+    inputs: StageInputs,
+    disturbance: Disturbance,
+    dt: Scalar,
+) -> State:
+    """State after ``dt`` seconds of held inputs: one step of the classical Runge-Kutta
+    method.
 
     Source: Kutta 1901.
     """
 
     def slope(at: State, _later: Scalar = 0) -> State:
-        return slope_of(at, inputs, *accelerations(model, at, inputs.efforts, disturbance))
+        return slope_of(
+            at, inputs, *accelerations(model, at, inputs.efforts, disturbance)
+        )
 
     return runge_kutta_step(state, slope(state), slope, dt)
 
@@ -116,30 +146,46 @@ def integrate_stage(
     dt: Scalar,
     dry_rates: Scalars | None = None,
 ) -> State:
-    """State after ``dt`` seconds at constant joint accelerations, computed from the initial joint efforts.
+    """State after ``dt`` seconds at constant joint accelerations, computed from the
+    initial joint efforts.
 
-    A drive follows gravity and inertia far more often than a stage is long. Torques held over a stage would let a
-    light link fall and swing by several radians before the next one corrects it, and no plan of a fast arm converges.
-    A plan takes dry friction at the reference's joint rates: of the state's own it is as stiff as tanh is steep.
+    A drive follows gravity and inertia far more often than a stage is long. Torques
+    held over a stage would let a light link fall and swing by several radians before
+    the next one corrects it, and no plan of a fast arm converges. A plan takes dry
+    friction at the reference's joint rates: of the state's own it is as stiff as tanh
+    is steep.
     """
-    linear, angular, joints = accelerations(model, state, inputs.efforts, disturbance, dry_rates)
+    linear, angular, joints = accelerations(
+        model, state, inputs.efforts, disturbance, dry_rates
+    )
 
     def slope(at: State, _later: Scalar) -> State:
-        return slope_of(at, inputs, *base_accelerations(model, at, joints, disturbance), joints)
+        return slope_of(
+            at, inputs, *base_accelerations(model, at, joints, disturbance), joints
+        )
 
-    return runge_kutta_step(state, slope_of(state, inputs, linear, angular, joints), slope, dt)
+    return runge_kutta_step(
+        state, slope_of(state, inputs, linear, angular, joints), slope, dt
+    )
 
 
-def runge_kutta_step(state: State, k1: State, slope: Callable[[State, Scalar], State], dt: Scalar) -> State:
-    """State after one step of the classical Runge-Kutta method with a given first slope.
+def runge_kutta_step(
+    state: State, k1: State, slope: Callable[[State, Scalar], State], dt: Scalar
+) -> State:
+    """State after one step of the classical Runge-Kutta method with a given first
+    slope.
 
-    ``slope`` is a function of the state and of the time (s) since the beginning of the step.
+    ``slope`` is a function of the state and of the time (s) since the beginning of the
+    step.
     """
     half = 0.5 * dt
     k2 = slope(euler_step(state, k1, half), half)
     k3 = slope(euler_step(state, k2, half), half)
     k4 = slope(euler_step(state, k3, dt), dt)
-    mean = ((a + 2.0 * (b + c) + d) * (1.0 / 6.0) for a, b, c, d in zip(*map(leaves, (k1, k2, k3, k4)), strict=True))
+    mean = (
+        (a + 2.0 * (b + c) + d) * (1.0 / 6.0)
+        for a, b, c, d in zip(*map(leaves, (k1, k2, k3, k4)), strict=True)
+    )
     end = euler_step(state, rebuild(k1, mean), dt)
     values = [*end.position, *end.quaternion.normalized(), *leaves(end)[7:]]
     return rebuild(state, iter(values))
@@ -147,12 +193,17 @@ def runge_kutta_step(state: State, k1: State, slope: Callable[[State, Scalar], S
 
 def euler_step(state: State, rate: State, dt: Scalar) -> State:
     """State plus ``dt`` times its time derivative, component by component."""
-    return rebuild(state, iter([x + dt * dx for x, dx in zip(leaves(state), leaves(rate), strict=True)]))
+    return rebuild(
+        state,
+        iter([x + dt * dx for x, dx in zip(leaves(state), leaves(rate), strict=True)]),
+    )
 
 
 @positional
 class Motors:
-    """Motor lags of all rotors per control period: gains for rising and falling speed, and speed limits (rad/s)."""
+    """Motor lags of all rotors per control period: gains for rising and falling speed,
+    and speed limits (rad/s).
+    """
 
     up: Array
     down: Array
@@ -169,7 +220,9 @@ def motors(rotors: Sequence[Rotor], dt: float) -> Motors:
 
 
 def command_for(lags: Motors, speed: Scalar, acceleration: Scalar, dt: Scalar) -> Any:
-    """Commanded speeds (rad/s) that bring lagging rotors to speed + acceleration * dt after ``dt`` seconds."""
+    """Commanded speeds (rad/s) that bring lagging rotors to speed + acceleration * dt
+    after ``dt`` seconds.
+    """
     change = acceleration * dt
     target = speed + divide(change, where(change > 0.0, lags.up, lags.down))
     return maximum(0.0, minimum(target, lags.most))

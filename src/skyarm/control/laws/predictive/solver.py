@@ -1,8 +1,10 @@
-"""Solver of predictive control: linearisation, Riccati recursion and line search, one iteration per call.
+"""Solver of predictive control: linearisation, Riccati recursion and line search, one
+iteration per call.
 
-Every stage and every nudged copy of it is a lane: the prediction that the plant's own compiler turns into machine code
-gives values and differences of a whole horizon in a fraction of a millisecond. A rollout moves the model under a policy
-with steps of several lengths at once, each with its true cost.
+Every stage and every nudged copy of it is a lane: the prediction that the plant's own
+compiler turns into machine code gives values and differences of a whole horizon in a
+fraction of a millisecond. A rollout moves the model under a policy with steps of
+several lengths at once, each with its true cost.
 """
 
 from __future__ import annotations
@@ -48,26 +50,37 @@ class Compiled(Generic[Result]):
     """
 
     def __init__(self, function: Callable[..., Result], *examples: Tree) -> None:
-        def step(carry: Tree, _par: Tree, row: tuple[Tree, ...], _uniforms: Tree) -> tuple[Tree, Result]:
+        def step(
+            carry: Tree, _par: Tree, row: tuple[Tree, ...], _uniforms: Tree
+        ) -> tuple[Tree, Result]:
             return carry, function(*row)
 
-        self.kernel = Kernel(trace_loop(step, (0.0,), (), examples), Lanes(1), logging=True)
+        self.kernel = Kernel(
+            trace_loop(step, (0.0,), (), examples), Lanes(1), logging=True
+        )
 
     def __call__(self, *parts: Array) -> Array:
-        """Evaluate the compiled function on flattened arguments, or on T rows of flattened arguments at once."""
+        """Evaluate the compiled function on flattened arguments, or on T rows of
+        flattened arguments at once.
+        """
         rows = np.concatenate(parts, axis=-1)
-        _, log = self.kernel.run(np.zeros((1, 1)), np.zeros((0, 1)), np.atleast_2d(rows))
+        _, log = self.kernel.run(
+            np.zeros((1, 1)), np.zeros((0, 1)), np.atleast_2d(rows)
+        )
         values = np.ascontiguousarray(log[:, :, 0])
         return values if rows.ndim > 1 else np.asarray(values[0])
 
     def record(self, *parts: Array) -> Result:
-        """Evaluate the compiled function on arrays and return its result as a dataclass of floats."""
+        """Evaluate the compiled function on arrays and return its result as a dataclass
+        of floats.
+        """
         shape: Result = self.kernel.loop.result[1]
         return rebuild(shape, iter(self(*parts).tolist()))
 
 
 NUDGE = 1e-5
-"""Step of the central difference; errors are about 1e-10 of the numbers of order one that states and residuals are."""
+"""Step of the central difference; errors are about 1e-10 of the numbers of order one
+that states and residuals are."""
 
 
 def examples(
@@ -78,9 +91,15 @@ def examples(
     ``contact``: the goal has a contact. ``planned``: it is of a planned state.
     """
     arm = (0.0,) * joints
-    pressed = ContactGoal(normal=ZERO3_DATA, touching=0.0, force=0.0, damping=0.0) if contact else ()
+    pressed = (
+        ContactGoal(normal=ZERO3_DATA, touching=0.0, force=0.0, damping=0.0)
+        if contact
+        else ()
+    )
     level = Quaternion(1.0, 0.0, 0.0, 0.0)
-    whole = PlannedGoal(attitude=level, rate=ZERO3_DATA, rotor_accelerations=(0.0,) * rotors)
+    whole = PlannedGoal(
+        attitude=level, rate=ZERO3_DATA, rotor_accelerations=(0.0,) * rotors
+    )
     goal = StageGoal(
         position=ZERO3_DATA,
         velocity=ZERO3_DATA,
@@ -97,22 +116,38 @@ def examples(
 
 
 class CompiledStages:
-    """Compiled model prediction and cost residuals for all stages of the prediction horizon.
+    """Compiled model prediction and cost residuals for all stages of the prediction
+    horizon.
 
     Args:
-        model: the controller's. weights, mode: cost weights and mode (:mod:`skyarm.control.laws.predictive.cost`).
-        scales: size of a unit of each input; nudges are taken in it. contact: whether goals may request one.
+        model: the controller's. weights, mode: cost weights and mode
+            (:mod:`skyarm.control.laws.predictive.cost`).
+        scales: size of a unit of each input; nudges are taken in it. contact: whether
+            goals may request one.
 
     Attributes:
-        nx, nu: numbers of a state and of the inputs. input_errors: residuals at the end that are costs of inputs.
+        nx, nu: numbers of a state and of the inputs. input_errors: residuals at the end
+            that are costs of inputs.
     """
 
-    def __init__(self, model: Model, weights: Weights, mode: str, scales: Array, contact: bool = False) -> None:
-        shapes = examples(model.vehicle.n, len(model.vehicle.rotors), contact, mode == "plan")
+    def __init__(
+        self,
+        model: Model,
+        weights: Weights,
+        mode: str,
+        scales: Array,
+        contact: bool = False,
+    ) -> None:
+        shapes = examples(
+            model.vehicle.n, len(model.vehicle.rotors), contact, mode == "plan"
+        )
         state, inputs, disturbance, goal = shapes
 
         def stage(
-            x: State, par: tuple[StageInputs, tuple[Scalar], Disturbance, StageGoal], _row: Tree, _uniforms: Tree
+            x: State,
+            par: tuple[StageInputs, tuple[Scalar], Disturbance, StageGoal],
+            _row: Tree,
+            _uniforms: Tree,
         ) -> tuple[State, Scalars]:
             u, dt, d, target = par
             errors = state_residuals(model, weights, x, target, mode)
@@ -128,9 +163,14 @@ class CompiledStages:
         self.scales = np.concatenate([np.ones(self.nx), scales])
         self.scales[self.nx - len(model.vehicle.rotors) : self.nx] = 100.0
         width = self.nx + self.nu
-        self._nudges = np.vstack([np.zeros(width), np.diag(self.scales), -np.diag(self.scales)]) * NUDGE
+        self._nudges = (
+            np.vstack([np.zeros(width), np.diag(self.scales), -np.diag(self.scales)])
+            * NUDGE
+        )
 
-    def derivatives(self, x: Array, u: Array, dt: Array, d: Array, goals: Array) -> tuple[Array, Array, Array, Array]:
+    def derivatives(
+        self, x: Array, u: Array, dt: Array, d: Array, goals: Array
+    ) -> tuple[Array, Array, Array, Array]:
         """Predicted states and residuals at N + 1 stages, with their derivatives.
 
         Args:
@@ -141,12 +181,15 @@ class CompiledStages:
             goals: (N + 1, leaves of a goal).
 
         Returns:
-            x after each stage (N + 1, nx), its derivative (N + 1, nx, nx + nu), residuals (N + 1, nr) and theirs.
+            x after each stage (N + 1, nx), its derivative (N + 1, nx, nx + nu),
+            residuals (N + 1, nr) and theirs.
         """
         count, width = len(x), self.nx + self.nu
         nudged = np.concatenate([x, u], axis=1)[:, None, :] + self._nudges
         copies = nudged.shape[1]
-        constants = np.concatenate([dt[:, None], np.broadcast_to(d, (count, len(d))), goals], axis=1)
+        constants = np.concatenate(
+            [dt[:, None], np.broadcast_to(d, (count, len(d))), goals], axis=1
+        )
         lanes = nudged.reshape(count * copies, width).T
         par = np.vstack([lanes[self.nx :], np.repeat(constants, copies, axis=0).T])
         carry, log = self.kernel.run(lanes[: self.nx], par, np.zeros((1, 0)))
@@ -155,7 +198,9 @@ class CompiledStages:
         return ends[:, 0], self._slopes(ends), errors[:, 0], self._slopes(errors)
 
     def _slopes(self, values: Array) -> Array:
-        """Central-difference derivatives by state and input components, an array (stages, values, components)."""
+        """Central-difference derivatives by state and input components, an array
+        (stages, values, components).
+        """
         width = self.nx + self.nu
         change = values[:, 1 : width + 1] - values[:, width + 1 :]
         return (change / (2.0 * NUDGE * self.scales[:, None])).transpose(0, 2, 1)
@@ -171,42 +216,67 @@ class Bounds:
 
 @positional
 class Motions:
-    """Candidate motions, one per SIMD lane: states (N + 1, nx, lanes), inputs (N, nu, lanes), costs (lanes,)."""
+    """Candidate motions, one per SIMD lane: states (N + 1, nx, lanes), inputs (N, nu,
+    lanes), costs (lanes,).
+    """
 
     x: Array
     u: Array
     cost: Array
 
 
-Row = tuple[State, StageInputs, Scalars, tuple[Scalars, ...], tuple[Scalar, Scalar, Scalar], StageGoal]
-"""State and inputs of the guess, policy k and K, stage length and times for which errors count (s), and goal."""
+Row = tuple[
+    State,
+    StageInputs,
+    Scalars,
+    tuple[Scalars, ...],
+    tuple[Scalar, Scalar, Scalar],
+    StageGoal,
+]
+"""State and inputs of the guess, policy k and K, stage length and times for which
+errors count (s), and goal."""
 
 
 class Rollouts:
     """Rollouts of a policy within input limits, for several step sizes at once.
 
     Args:
-        model: the controller's. weights, mode: cost weights and mode (:mod:`skyarm.control.laws.predictive.cost`).
+        model: the controller's. weights, mode: cost weights and mode
+            (:mod:`skyarm.control.laws.predictive.cost`).
         bounds: limits of the inputs. contact: whether goals may request one.
 
     Source: Tassa, Mansard, Todorov 2014 (limits within the rollout of a policy).
     """
 
-    def __init__(self, model: Model, weights: Weights, mode: str, bounds: Bounds, contact: bool = False) -> None:
-        shapes = examples(model.vehicle.n, len(model.vehicle.rotors), contact, mode == "plan")
+    def __init__(
+        self,
+        model: Model,
+        weights: Weights,
+        mode: str,
+        bounds: Bounds,
+        contact: bool = False,
+    ) -> None:
+        shapes = examples(
+            model.vehicle.n, len(model.vehicle.rotors), contact, mode == "plan"
+        )
         state, inputs, disturbance, goal = shapes
         nx, nu = len(leaves(state)), len(leaves(inputs))
         efforts, speeds = bounds.efforts.tolist(), bounds.speeds.tolist()
 
         def stage(
-            carry: tuple[State, tuple[Scalar]], par: tuple[tuple[Scalar], Disturbance], row: Row, _uniforms: Tree
+            carry: tuple[State, tuple[Scalar]],
+            par: tuple[tuple[Scalar], Disturbance],
+            row: Row,
+            _uniforms: Tree,
         ) -> tuple[tuple[State, tuple[Scalar]], tuple[State, StageInputs]]:
             x, (cost,) = carry
             (a,), d = par
             x_guess, u_guess, k, K, (dt, whole, running), target = row
             change = [b - c for b, c in zip(leaves(x), leaves(x_guess), strict=True)]
             u = [
-                start + a * push + sum(gain * dx for gain, dx in zip(gains, change, strict=True))
+                start
+                + a * push
+                + sum(gain * dx for gain, dx in zip(gains, change, strict=True))
                 for start, push, gains in zip(leaves(u_guess), k, K, strict=True)
             ]
             # no rotor stops, none turns faster than it can
@@ -214,11 +284,23 @@ class Rollouts:
                 maximum(-w / dt, minimum(rate, (most - w) / dt))
                 for rate, w, most in zip(u, x.rotor_speeds, speeds, strict=False)
             ]
-            torques = [maximum(-most, minimum(t, most)) for t, most in zip(u[len(speeds) :], efforts, strict=True)]
-            taken = StageInputs(rotor_accelerations=tuple(rates), efforts=tuple(torques))
-            errors = sum(e * e for e in state_residuals(model, weights, x, target, mode))
-            pushes = sum(e * e for e in input_residuals(model, weights, x, taken, d, target))
-            return (predict_stage(model, x, taken, d, target, dt), (cost + whole * errors + running * pushes,)), (
+            torques = [
+                maximum(-most, minimum(t, most))
+                for t, most in zip(u[len(speeds) :], efforts, strict=True)
+            ]
+            taken = StageInputs(
+                rotor_accelerations=tuple(rates), efforts=tuple(torques)
+            )
+            errors = sum(
+                e * e for e in state_residuals(model, weights, x, target, mode)
+            )
+            pushes = sum(
+                e * e for e in input_residuals(model, weights, x, taken, d, target)
+            )
+            return (
+                predict_stage(model, x, taken, d, target, dt),
+                (cost + whole * errors + running * pushes,),
+            ), (
                 x,
                 taken,
             )
@@ -226,12 +308,23 @@ class Rollouts:
         zero = (0.0,) * nu
         row = (state, inputs, zero, ((0.0,) * nx,) * nu, (0.0, 0.0, 0.0), goal)
         loop = trace_loop(stage, (state, (0.0,)), ((0.0,), disturbance), row)
-        self.kernel, self.nx, self.nu = Kernel(loop, Lanes(host_width()), logging=True), nx, nu
+        self.kernel, self.nx, self.nu = (
+            Kernel(loop, Lanes(host_width()), logging=True),
+            nx,
+            nu,
+        )
 
     def run(
-        self, x: Array, u: Array, feedback: Policy, a: Array, start: Array, given: tuple[Array, Array, Array]
+        self,
+        x: Array,
+        u: Array,
+        feedback: Policy,
+        a: Array,
+        start: Array,
+        given: tuple[Array, Array, Array],
     ) -> Motions:
-        """Roll out a policy about a guessed trajectory from a start state, once per step size.
+        """Roll out a policy about a guessed trajectory from a start state, once per
+        step size.
 
         Args:
             x: (N + 1, nx) states of the guess.
@@ -239,8 +332,8 @@ class Rollouts:
             feedback: its policy.
             a: (lanes,) shares of the policy's feed-forward.
             start: (nx,) the state now.
-            given: (N + 1, 2) lengths of the stages and time for which each state counts, s; leaves of the disturbance;
-                goals (N + 1, leaves of a goal).
+            given: (N + 1, 2) lengths of the stages and time for which each state
+                counts, s; leaves of the disturbance; goals (N + 1, leaves of a goal).
         """
         times, d, goals = given
         count = len(u)
@@ -250,7 +343,10 @@ class Rollouts:
         rows[:count, ends[0] : ends[1]], rows[:count, ends[1] : ends[2]] = u, feedback.k
         rows[:count, ends[2] : ends[3]] = feedback.K.reshape(count, -1)
         # there is no input at the end of the horizon
-        rows[:, ends[3] : ends[3] + 2], rows[:count, ends[3] + 2] = times, times[:count, 1]
+        rows[:, ends[3] : ends[3] + 2], rows[:count, ends[3] + 2] = (
+            times,
+            times[:count, 1],
+        )
         rows[:, ends[3] + 3 :] = goals
         lanes = len(a)
         carry = np.zeros((self.nx + 1, lanes))
@@ -261,7 +357,8 @@ class Rollouts:
 
 
 SMALLEST_WEIGHT = 1e-9
-"""Number added to the inputs' second derivatives: an input without a cost stays unchanged."""
+"""Number added to the inputs' second derivatives: an input without a cost stays
+unchanged."""
 
 HOLD = 1e8
 """Weight of an input that is fixed at its limit, over its own second derivative."""
@@ -269,10 +366,12 @@ HOLD = 1e8
 
 @positional
 class Linear:
-    """Linear-quadratic problem x[k+1] = A x[k] + B u[k] + c with least-squares residuals.
+    """Linear-quadratic problem x[k+1] = A x[k] + B u[k] + c with least-squares
+    residuals.
 
     Attributes:
-        AB: (N, nx, nx + nu). c: (N, nx). J: (N + 1, nr, nx + nu), of which the last counts x alone. r: (N + 1, nr).
+        AB: (N, nx, nx + nu). c: (N, nx). J: (N + 1, nr, nx + nu), of which the last
+            counts x alone. r: (N + 1, nr).
     """
 
     AB: Array
@@ -283,7 +382,9 @@ class Linear:
 
 @positional
 class Policy:
-    """Affine policy u[k] = k[k] + K[k] x[k] of N stages, with the initial cost-to-go x' P x / 2 + p' x."""
+    """Affine policy u[k] = k[k] + K[k] x[k] of N stages, with the initial cost-to-go x'
+    P x / 2 + p' x.
+    """
 
     k: Array
     K: Array
@@ -291,69 +392,99 @@ class Policy:
     p: Array
 
 
-def policy(problem: Linear, held: Array | None = None, at: Array | None = None, *, damping: float = 0.0) -> Policy:
+def policy(
+    problem: Linear,
+    held: Array | None = None,
+    at: Array | None = None,
+    *,
+    damping: float = 0.0,
+) -> Policy:
     """Riccati recursion: the affine policy that minimises the sum of squared residuals.
 
     Args:
         problem: the stages.
         held: (N, nu) True where an input is fixed.
         at: (N, nu) where to.
-        damping: share by which the second derivatives of the inputs are raised: the step is shorter.
+        damping: share by which the second derivatives of the inputs are raised: the
+            step is shorter.
 
-    Source: Mayne 1966; Rawlings, Mayne, Diehl 2017, section 8.8.3 (Gauss-Newton, Riccati recursion).
+    Source: Mayne 1966; Rawlings, Mayne, Diehl 2017, section 8.8.3 (Gauss-Newton,
+    Riccati recursion).
     """
     stages, nx, width = problem.AB.shape
     nu = width - nx
-    # columns in the order inputs, states, one: every stage is then two products and one small system
-    J = np.concatenate([problem.J[:, :, nx:], problem.J[:, :, :nx], problem.r[:, :, None]], axis=2)
-    step = np.concatenate([problem.AB[:, :, nx:], problem.AB[:, :, :nx], problem.c[:, :, None]], axis=2)
+    # columns in the order inputs, states, one: every stage is then two products and one
+    # small system
+    J = np.concatenate(
+        [problem.J[:, :, nx:], problem.J[:, :, :nx], problem.r[:, :, None]], axis=2
+    )
+    step = np.concatenate(
+        [problem.AB[:, :, nx:], problem.AB[:, :, :nx], problem.c[:, :, None]], axis=2
+    )
     own = J.transpose(0, 2, 1)[:, :width] @ J
     P, p = own[stages, nu:, nu:width], own[stages, nu:, width]
     Kk = np.empty((stages, nu, nx + 1))
     nothing = np.zeros((stages, nu))
-    strength, targets = (nothing, nothing) if held is None or at is None else (np.where(held, HOLD, 0.0), at)
+    strength, targets = (
+        (nothing, nothing)
+        if held is None or at is None
+        else (np.where(held, HOLD, 0.0), at)
+    )
     raised = strength + damping
     for i in reversed(range(stages)):
         ahead = P @ step[i]
         ahead[:, width] += p
         M = own[i] + step[i, :, :width].T @ ahead
         inner, cross = M[:nu, :nu], M[:nu, nu:]
-        # a held input weighs more than all else by a factor of its own, whatever its unit
+        # a held input weighs more than all else by a factor of its own, whatever its
+        # unit
         weight = SMALLEST_WEIGHT + raised[i] * inner.diagonal()
         left, right = inner.copy(), cross.copy()
         left.flat[:: nu + 1] += weight
         right[:, nx] -= weight * targets[i] * (strength[i] > 0.0)
         gains = Kk[i] = -np.linalg.solve(left, right)
         # the general form: with held inputs K and k are not the minimiser's
-        to_go = M[nu:, nu:] + gains[:, :nx].T @ (inner @ gains + cross) + M[nu:, :nu] @ gains
+        to_go = (
+            M[nu:, nu:]
+            + gains[:, :nx].T @ (inner @ gains + cross)
+            + M[nu:, :nu] @ gains
+        )
         P, p = 0.5 * (to_go[:, :nx] + to_go[:, :nx].T), to_go[:, nx]
     return Policy(Kk[:, :, nx], Kk[:, :, :nx], P, p)
 
 
-def rollout(problem: Linear, feedback: Policy, first: Array, low: Array, high: Array) -> tuple[Array, Array]:
-    """Linear rollout of a policy with clipped inputs: deviations x (N + 1, nx) and u (N, nu)."""
+def rollout(
+    problem: Linear, feedback: Policy, first: Array, low: Array, high: Array
+) -> tuple[Array, Array]:
+    """Linear rollout of a policy with clipped inputs: deviations x (N + 1, nx) and u
+    (N, nu).
+    """
     stages, nx, width = problem.AB.shape
     x, u = np.empty((stages + 1, nx)), np.empty((stages, width - nx))
     x[0] = first
     for i in range(stages):
-        u[i] = np.minimum(np.maximum(feedback.k[i] + feedback.K[i] @ x[i], low[i]), high[i])
+        u[i] = np.minimum(
+            np.maximum(feedback.k[i] + feedback.K[i] @ x[i], low[i]), high[i]
+        )
         x[i + 1] = problem.AB[i] @ np.concatenate([x[i], u[i]]) + problem.c[i]
     return x, u
 
 
 PASSES = 3
-"""Number of passes in which inputs at their limits are fixed and the others solved again."""
+"""Number of passes in which inputs at their limits are fixed and the others solved
+again."""
 
 SHARES = np.array([1.0, 0.7, 0.45, 0.25, 0.12, 0.05, 0.02, 0.0])
-"""Step sizes of the line search, as fractions of the feed-forward step: all are tried at once, the cheapest motion
-is taken. At 0 the old motion is followed."""
+"""Step sizes of the line search, as fractions of the feed-forward step: all are tried
+at once, the cheapest motion is taken. At 0 the old motion is followed."""
 
 DAMPING = (1e-3, 1e3)
-"""Least and largest Levenberg-Marquardt damping, as fractions of the inputs' own second derivatives. Below it is
-none."""
+"""Least and largest Levenberg-Marquardt damping, as fractions of the inputs' own second
+derivatives. Below it is none."""
 
 GROWTH = 8.0
-"""Factor by which damping grows after a step cut by more than half, and shrinks after an uncut one."""
+"""Factor by which damping grows after a step cut by more than half, and shrinks after
+an uncut one."""
 
 
 class NoPlanError(Exception):
@@ -362,11 +493,14 @@ class NoPlanError(Exception):
 
 @positional
 class MotionPlan:
-    """Planned motion: states (N + 1, nx), inputs (N, nu) and feedback gains (N, nu, nx).
+    """Planned motion: states (N + 1, nx), inputs (N, nu) and feedback gains (N, nu,
+    nx).
 
     Attributes:
-        x, u, K: states, inputs and gains. damping: Levenberg-Marquardt damping of the next step.
-        cost: sum of squared residuals; NaN if not known. share: accepted part of the last step.
+        x, u, K: states, inputs and gains. damping: Levenberg-Marquardt damping of the
+            next step.
+        cost: sum of squared residuals; NaN if not known. share: accepted part of the
+            last step.
     """
 
     x: Array
@@ -379,10 +513,12 @@ class MotionPlan:
 
 @positional
 class Problem:
-    """Optimal control problem for the solver: initial state, disturbance, and references over the horizon.
+    """Optimal control problem for the solver: initial state, disturbance, and
+    references over the horizon.
 
     Attributes:
-        start: (nx,) the state now. disturbance: its leaves. goals: (N + 1, leaves of a goal).
+        start: (nx,) the state now. disturbance: its leaves. goals: (N + 1, leaves of a
+            goal).
     """
 
     start: Array
@@ -391,18 +527,33 @@ class Problem:
 
 
 class Riccati:
-    """Solver that makes one damped Gauss-Newton step per call, by Riccati recursion and line search.
+    """Solver that makes one damped Gauss-Newton step per call, by Riccati recursion and
+    line search.
 
     Args:
-        stages: compiled prediction. rollouts: compiled motions. steps: (N,) lengths of the stages, s.
+        stages: compiled prediction. rollouts: compiled motions. steps: (N,) lengths of
+            the stages, s.
         final: time for which the end counts, s. bounds: limits of the inputs.
 
-    Source: Diehl, Bock, Schloeder 2005 (real-time iteration); Tassa, Mansard, Todorov 2014 (line search by rolling the
-    policy out); Levenberg 1944, Marquardt 1963 (damping, here of the inputs).
+    Source: Diehl, Bock, Schloeder 2005 (real-time iteration); Tassa, Mansard, Todorov
+    2014 (line search by rolling the policy out); Levenberg 1944, Marquardt 1963
+    (damping, here of the inputs).
     """
 
-    def __init__(self, stages: CompiledStages, rollouts: Rollouts, steps: Array, final: float, bounds: Bounds) -> None:
-        self.stages, self.rollouts, self.steps, self.bounds = stages, rollouts, steps, bounds
+    def __init__(
+        self,
+        stages: CompiledStages,
+        rollouts: Rollouts,
+        steps: Array,
+        final: float,
+        bounds: Bounds,
+    ) -> None:
+        self.stages, self.rollouts, self.steps, self.bounds = (
+            stages,
+            rollouts,
+            steps,
+            bounds,
+        )
         counted = np.append(steps, final)
         self._roots = np.sqrt(counted)
         self._times = np.column_stack([np.append(steps, steps[-1]), counted])
@@ -419,18 +570,34 @@ class Riccati:
             except np.linalg.LinAlgError:
                 raise NoPlanError from None
             given = self._times, problem.disturbance, problem.goals
-            tried = self.rollouts.run(guess.x, guess.u, feedback, SHARES, problem.start, given)
+            tried = self.rollouts.run(
+                guess.x, guess.u, feedback, SHARES, problem.start, given
+            )
         cost = np.where(np.isfinite(tried.cost), tried.cost, np.inf)
         best = int(np.argmin(cost))
         if not (np.isfinite(cost[best]) and np.isfinite(feedback.K).all()):
             raise NoPlanError
         share = float(SHARES[best])
-        x, u = np.ascontiguousarray(tried.x[:, :, best]), np.ascontiguousarray(tried.u[:, :, best])
-        return MotionPlan(x, u, feedback.K, next_damping(guess.damping, share), float(cost[best]), share)
+        x, u = (
+            np.ascontiguousarray(tried.x[:, :, best]),
+            np.ascontiguousarray(tried.u[:, :, best]),
+        )
+        return MotionPlan(
+            x,
+            u,
+            feedback.K,
+            next_damping(guess.damping, share),
+            float(cost[best]),
+            share,
+        )
 
     def _policy(self, problem: Problem, guess: MotionPlan) -> Policy:
-        """Policy of the linearised problem, with inputs fixed where they reach their limits."""
-        here = linear_problem(self.stages, problem, guess.x, guess.u, self.steps, self._roots)
+        """Policy of the linearised problem, with inputs fixed where they reach their
+        limits.
+        """
+        here = linear_problem(
+            self.stages, problem, guess.x, guess.u, self.steps, self._roots
+        )
         low, high = self._room(guess, len(self.bounds.speeds))
         first = problem.start - guess.x[0]
         feedback = policy(here, damping=guess.damping)
@@ -442,20 +609,31 @@ class Riccati:
                 break
             # what is at a limit stays there, and the other inputs make the best of it
             fixed |= clipped
-            feedback = policy(here, fixed, np.where(du <= low, low, high), damping=guess.damping)
+            feedback = policy(
+                here, fixed, np.where(du <= low, low, high), damping=guess.damping
+            )
             _, du = rollout(here, feedback, first, low, high)
         return feedback
 
     def _room(self, guess: MotionPlan, rotors: int) -> tuple[Array, Array]:
-        """Smallest and largest change of each input (N, nu) within rotor speed and effort limits."""
+        """Smallest and largest change of each input (N, nu) within rotor speed and
+        effort limits.
+        """
         speeds, dt = guess.x[:-1, -rotors:], self.steps[:, None]
-        efforts = np.broadcast_to(self.bounds.efforts, (len(self.steps), len(self.bounds.efforts)))
-        low, high = np.hstack([-speeds / dt, -efforts]), np.hstack([(self.bounds.speeds - speeds) / dt, efforts])
+        efforts = np.broadcast_to(
+            self.bounds.efforts, (len(self.steps), len(self.bounds.efforts))
+        )
+        low, high = (
+            np.hstack([-speeds / dt, -efforts]),
+            np.hstack([(self.bounds.speeds - speeds) / dt, efforts]),
+        )
         return np.minimum(low - guess.u, 0.0), np.maximum(high - guess.u, 0.0)
 
 
 def next_damping(damping: float, share: float) -> float:
-    """Damping of the next iteration, from the fraction of the last step that the line search took."""
+    """Damping of the next iteration, from the fraction of the last step that the line
+    search took.
+    """
     least, most = DAMPING
     if share < 0.5:
         return min(max(damping * GROWTH, least), most)
@@ -464,10 +642,21 @@ def next_damping(damping: float, share: float) -> float:
     return damping / GROWTH if damping > least else 0.0
 
 
-def linear_problem(stages: CompiledStages, problem: Problem, x: Array, u: Array, steps: Array, roots: Array) -> Linear:
-    """Linear-quadratic problem about a trajectory x (N + 1, nx), u (N, nu), in deviations from that trajectory."""
+def linear_problem(
+    stages: CompiledStages,
+    problem: Problem,
+    x: Array,
+    u: Array,
+    steps: Array,
+    roots: Array,
+) -> Linear:
+    """Linear-quadratic problem about a trajectory x (N + 1, nx), u (N, nu), in
+    deviations from that trajectory.
+    """
     dt, inputs = np.append(steps, steps[-1]), np.vstack([u, u[-1:]])
-    ends, AB, errors, slopes = stages.derivatives(x, inputs, dt, problem.disturbance, problem.goals)
+    ends, AB, errors, slopes = stages.derivatives(
+        x, inputs, dt, problem.disturbance, problem.goals
+    )
     J, r = slopes * roots[:, None, None], errors * roots[:, None]
     # there is no input at the end of the horizon
     J[-1, -stages.input_errors :], r[-1, -stages.input_errors :] = 0.0, 0.0
@@ -475,7 +664,9 @@ def linear_problem(stages: CompiledStages, problem: Problem, x: Array, u: Array,
 
 
 def shift_plan(plan: MotionPlan, steps: Array, dt: float) -> MotionPlan:
-    """Plan advanced by ``dt`` seconds on unchanged stage lengths, with its end held constant."""
+    """Plan advanced by ``dt`` seconds on unchanged stage lengths, with its end held
+    constant.
+    """
     times = np.append(0.0, np.cumsum(steps))
     later = np.minimum(times + dt, times[-1])
     at = np.clip(np.searchsorted(times, later, side="right") - 1, 0, len(steps) - 1)

@@ -1,8 +1,11 @@
-"""Tip contact in the predictive law: contact detection, and contact references over the horizon.
+"""Tip contact in the predictive law: contact detection, and contact references over the
+horizon.
 
-The tip's force comes from the law's own observer. Touch and loss, the ramp of the wanted force, its integral, and the
-shift of the reference along the estimated normal are those of the centroidal law
-(:mod:`skyarm.control.laws.centroidal.contact.interaction`); ramp and shift are foreseen over the horizon.
+The tip's force comes from the law's own observer. Touch and loss, the ramp of the
+wanted force, its integral, and the shift of the reference along the estimated normal
+are those of the centroidal law
+(:mod:`skyarm.control.laws.centroidal.contact.interaction`); ramp and shift are foreseen
+over the horizon.
 """
 
 from __future__ import annotations
@@ -32,28 +35,36 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 
 TOLD = 5
-"""Number of used entries of a desired contact: force, speed, normal. A gripping tip is controlled as a free one."""
+"""Number of used entries of a desired contact: force, speed, normal. A gripping tip is
+controlled as a free one."""
 KEPT = 0.6
-"""Fraction of the observed force across the normal that a pressing plan includes: friction balances the rest.
+"""Fraction of the observed force across the normal that a pressing plan includes:
+friction balances the rest.
 
-A tip that sticks is held by friction with any force that is asked of it: a plan that reckons with all of it pushes
-against its own push, and the arm of six joints swings up.
+A tip that sticks is held by friction with any force that is asked of it: a plan that
+reckons with all of it pushes against its own push, and the arm of six joints swings up.
 """
 
 
 @immutable
 class ContactState:
-    """Tip contact in one control period: flags, and forces (N), displacements (m), speeds (m/s) along the normal.
+    """Tip contact in one control period: flags, and forces (N), displacements (m),
+    speeds (m/s) along the normal.
 
     Attributes:
         normal: (3,) out of the surface, world axes.
-        asked, touching: 1 where contact is requested, and where the surface holds the tip.
-        rising: 1 while the order rises. share: part of the desired force so far. force: desired force as a whole.
+        asked, touching: 1 where contact is requested, and where the surface holds the
+            tip.
+        rising: 1 while the order rises. share: part of the desired force so far. force:
+            desired force as a whole.
         damping: 1/s, of the tip.
-        shift, shift_rate: offset of the reference and its rate. gap: distance of the tip from it.
+        shift, shift_rate: offset of the reference and its rate. gap: distance of the
+            tip from it.
         speed: speed of the tip's approach.
-        free: leaves of the disturbance without the surface's force along the normal while it holds the tip.
-        pressed: leaves of the disturbance with the commanded force in place of the observed one.
+        free: leaves of the disturbance without the surface's force along the normal
+            while it holds the tip.
+        pressed: leaves of the disturbance with the commanded force in place of the
+            observed one.
         tip_force: (3,) of the surface on the tip, estimated, world axes.
     """
 
@@ -77,7 +88,8 @@ class TipContact:
     """Compiled contact detection, and the disturbance without the contact force.
 
     Args:
-        model: the controller's. gains: constants of contact force control. dt: control period, s.
+        model: the controller's. gains: constants of contact force control. dt: control
+            period, s.
     """
 
     def __init__(self, model: Model, gains: InteractionGains, dt: float) -> None:
@@ -95,10 +107,17 @@ class TipContact:
             signals: Sequence[Scalar],
         ) -> tuple[InteractionMemory, ContactState]:
             x, y, z, yaw, *joints = signals
-            desired, at = wanted_of(push), levers(vehicle, now.quaternion.rotation(), now.joints)
+            desired, at = (
+                wanted_of(push),
+                levers(vehicle, now.quaternion.rotation(), now.joints),
+            )
             n, into = desired.normal, -desired.normal.dot(tip_velocity(model, now))
-            after, pressing = interact(gains, memory, desired, observed, at, into, 0.0, dt)
-            arm = axis_rotation(E_Z, yaw).apply(frame_pose(vehicle, vehicle.frame(), tuple(joints)).p)
+            after, pressing = interact(
+                gains, memory, desired, observed, at, into, 0.0, dt
+            )
+            arm = axis_rotation(E_Z, yaw).apply(
+                frame_pose(vehicle, vehicle.frame(), tuple(joints)).p
+            )
             way = now.position + at.R.apply(at.tip) - Vec3(x, y, z) - arm
             after = dataclasses.replace(after, gap=n.dot(way) - after.shift)
             along = n * n.dot(pressing.force)
@@ -113,12 +132,18 @@ class TipContact:
                 touching=where(logical_or(rising > 0.5, after.share > 0.0), 1.0, 0.0),
                 rising=rising,
                 share=after.share,
-                force=where(desired.requests_contact, desired.force + after.integral, left),
+                force=where(
+                    desired.requests_contact, desired.force + after.integral, left
+                ),
                 damping=pressing.damping,
                 shift=after.shift,
                 shift_rate=after.shift_rate,
                 gap=after.gap,
-                speed=where(after.found > 0.0, minimum(desired.speed, gains.again), desired.speed),
+                speed=where(
+                    after.found > 0.0,
+                    minimum(desired.speed, gains.again),
+                    desired.speed,
+                ),
                 free=tuple(leaves(free)),
                 pressed=tuple(leaves(pressed)),
                 tip_force=tuple(after.force),
@@ -127,7 +152,11 @@ class TipContact:
         self.step = Compiled(step, first, *rows)
 
     def at(
-        self, before: InteractionMemory | None, estimate: Array, push: Sequence[Scalar], signals: Array
+        self,
+        before: InteractionMemory | None,
+        estimate: Array,
+        push: Sequence[Scalar],
+        signals: Array,
     ) -> tuple[InteractionMemory, ContactState]:
         """Next state of the contact force controller, and the contact in this period.
 
@@ -138,15 +167,26 @@ class TipContact:
             signals: (4 + joints,) of the reference now.
         """
         memory = np.array(leaves(before or self.first), dtype=float)
-        return self.step.record(memory, estimate, np.array(push[:TOLD], dtype=float), signals)
+        return self.step.record(
+            memory, estimate, np.array(push[:TOLD], dtype=float), signals
+        )
 
 
-def shift_ahead(gains: InteractionGains, touch: ContactState, later: Array) -> tuple[Array, Array, Array]:
-    """Predicted reference offset along the normal (m), with two derivatives, at given times from now.
+def shift_ahead(
+    gains: InteractionGains, touch: ContactState, later: Array
+) -> tuple[Array, Array, Array]:
+    """Predicted reference offset along the normal (m), with two derivatives, at given
+    times from now.
 
-    A tip that comes keeps its speed; what follows the surface, or returns, does so as a critically damped swing.
+    A tip that comes keeps its speed; what follows the surface, or returns, does so as a
+    critically damped swing.
     """
-    s, rate, speed, t = float(touch.shift), float(touch.shift_rate), float(touch.speed), later
+    s, rate, speed, t = (
+        float(touch.shift),
+        float(touch.shift_rate),
+        float(touch.speed),
+        later,
+    )
     if touch.asked and not touch.rising:
         coming = float(gains.coming)
         late = np.exp(-coming * t)
@@ -154,7 +194,11 @@ def shift_ahead(gains: InteractionGains, touch: ContactState, later: Array) -> t
         place = s - speed * t + off * (1.0 - late) / coming
         inside = place > -float(gains.furthest)
         going = np.where(inside, off * late - speed, 0.0)
-        return np.maximum(place, -float(gains.furthest)), going, np.where(inside, -coming * off * late, 0.0)
+        return (
+            np.maximum(place, -float(gains.furthest)),
+            going,
+            np.where(inside, -coming * off * late, 0.0),
+        )
     w = float(gains.follow)
     end = s + float(touch.gap) if touch.rising else 0.0
     away, slope = s - end, rate + w * (s - end)
@@ -167,10 +211,12 @@ def shift_ahead(gains: InteractionGains, touch: ContactState, later: Array) -> t
 
 
 def contact_goals(gains: InteractionGains, touch: ContactState, later: Array) -> Array:
-    """Contact references of the horizon, an array (N + 1, 6) with the fields of ``cost.ContactGoal``.
+    """Contact references of the horizon, an array (N + 1, 6) with the fields of
+    ``cost.ContactGoal``.
 
-    The wanted force goes on rising, or falling after a loss or in a release, as its ramp does. The damping is that of a
-    stage's length: a force that is held over it would turn the tip back by more than its velocity.
+    The wanted force goes on rising, or falling after a loss or in a release, as its
+    ramp does. The damping is that of a stage's length: a force that is held over it
+    would turn the tip back by more than its velocity.
     """
     down = gains.fall if touch.asked else gains.rise
     ramp = float(touch.share) + later / float(gains.rise if touch.rising else -down)
@@ -178,4 +224,6 @@ def contact_goals(gains: InteractionGains, touch: ContactState, later: Array) ->
     steps = np.append(np.diff(later), later[-1] - later[-2])
     damping = (1.0 - np.exp(-float(touch.damping) * steps)) / steps
     touching = np.full_like(later, touch.touching)
-    return np.column_stack([np.tile(np.array(touch.normal), (len(later), 1)), touching, force, damping])
+    return np.column_stack(
+        [np.tile(np.array(touch.normal), (len(later), 1)), touching, force, damping]
+    )

@@ -1,24 +1,39 @@
-"""Geometric control of the centre of inertia on SE(3), in the manner of Guo, Xu, Deng, Liu, Ding 2023.
+"""Geometric control of the centre of inertia on SE(3), in the manner of Guo, Xu, Deng,
+Liu, Ding 2023.
 
-The vehicle is seen as one body of varying shape: its centre of mass p_C = p + R c(q) translates, its locked inertia
-J_C(q) about that point rotates; what the arm's motion adds is avoided by this choice of coordinates, not compensated.
+The vehicle is seen as one body of varying shape: its centre of mass p_C = p + R c(q)
+translates, its locked inertia J_C(q) about that point rotates; what the arm's motion
+adds is avoided by this choice of coordinates, not compensated.
 
-    f = m (g e_z + pdd_C,d) - Kp (p_C - p_C,d) - Kv (v_C - v_C,d),   thrust = f . R e_z,  R_d from f
+    f = m (g e_z + pdd_C,d) - Kp (p_C - p_C,d) - Kv (v_C - v_C,d),
+    thrust = f . R e_z,  R_d from f
     torque about C = J_C alpha_d + w x J_C w;  about the base origin: + c x (thrust e_z)
     p_C,d = p_d + R_z(psi_d) c(q_d), with its first and second derivative
     joints: PD on acceleration through the arm's own inertia, and weight by the true attitude
 
-Assumed (the text at hand is Barakou et al. 2026's summary): the geometric controller of Lee et al. 2010 in these
-coordinates; the reference of the centre by the level pose; joints controlled apart, as servos with weight compensation.
+Assumed (the text at hand is Barakou et al. 2026's summary): the geometric controller of
+Lee et al. 2010 in these coordinates; the reference of the centre by the level pose;
+joints controlled apart, as servos with weight compensation.
 
-Source: Guo et al., Nonlinear Dynamics 111, 2023, as summarised in Barakou et al. 2026, section 1.
+Source: Guo et al., Nonlinear Dynamics 111, 2023, as summarised in Barakou et al. 2026,
+section 1.
 """
 
 from __future__ import annotations
 
 from skyarm.algebra import E_Z, ZERO3, Scalar, Sym3, Vec3, axis_rotation
-from skyarm.control.blocks.center_of_mass import arm_reaction, center_velocity, central_inertia, locked_inertia
-from skyarm.control.blocks.common import arm_alone, inverse_mass, make_command, turn_towards
+from skyarm.control.blocks.center_of_mass import (
+    arm_reaction,
+    center_velocity,
+    central_inertia,
+    locked_inertia,
+)
+from skyarm.control.blocks.common import (
+    arm_alone,
+    inverse_mass,
+    make_command,
+    turn_towards,
+)
 from skyarm.control.controller import Memory
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
@@ -30,7 +45,9 @@ from skyarm.vehicle import Vehicle
 
 
 def center_reference(vehicle: Vehicle, reference: Reference) -> tuple[Vec3, Vec3, Vec3]:
-    """Desired position, velocity and acceleration of the centre of mass, world axes, with the base level."""
+    """Desired position, velocity and acceleration of the centre of mass, world axes,
+    with the base level.
+    """
     q, qd, qdd = reference.joints, reference.joint_rates, reference.joint_accelerations
     R = axis_rotation(E_Z, reference.yaw)
     c, _ = central_inertia(locked_inertia(vehicle, q))
@@ -39,13 +56,24 @@ def center_reference(vehicle: Vehicle, reference: Reference) -> tuple[Vec3, Vec3
     w, a = E_Z * reference.yaw_rate, E_Z * reference.yaw_acceleration
     velocity = R.apply(cd + w.cross(c))
     acceleration = R.apply(cdd + w.cross(cd) * 2.0 + w.cross(w.cross(c)) + a.cross(c))
-    return reference.position + R.apply(c), reference.velocity + velocity, reference.acceleration + acceleration
+    return (
+        reference.position + R.apply(c),
+        reference.velocity + velocity,
+        reference.acceleration + acceleration,
+    )
 
 
 def guo_center_of_inertia(
-    memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
+    memory: Memory,
+    measurement: Measurement,
+    reference: Reference,
+    dt: Scalar,
+    *,
+    par: Parameters,
 ) -> tuple[Memory, Command]:
-    """SE(3) tracking of the centre of mass with the locked inertia; the joints are controlled separately."""
+    """SE(3) tracking of the centre of mass with the locked inertia; the joints are
+    controlled separately.
+    """
     del dt
     vehicle, R, w = par.model.vehicle, measurement.rotation, measurement.rate
     c, J = central_inertia(locked_inertia(vehicle, measurement.joints))
@@ -58,16 +86,20 @@ def guo_center_of_inertia(
     thrust = vehicle.mass * up.dot(R.column(2))
     alpha = turn_towards(par, measurement, reference, R, up)
     torque = _about_origin(J, alpha, w, c, thrust)
-    efforts = arm_alone(par, R, measurement.joints, joint_accelerations(par, measurement, reference))
+    efforts = arm_alone(
+        par, R, measurement.joints, joint_accelerations(par, measurement, reference)
+    )
     command, _ = make_command(par, torque, thrust, efforts)
     return memory, command
 
 
 def _about_origin(J: Sym3, alpha: Vec3, w: Vec3, c: Vec3, thrust: Scalar) -> Vec3:
-    """Rotor torque about the base origin for an angular acceleration about the centre of mass."""
+    """Rotor torque about the base origin for an angular acceleration about the centre
+    of mass.
+    """
     return J.apply(alpha) + w.cross(J.apply(w)) + c.cross(E_Z * thrust)
 
 
 make_guo = law_maker("guo2023", guo_center_of_inertia)
-"""Maker of the centre-of-inertia law after Guo et al. 2023, for any arm. Gains of the centre of mass, of the attitude
-on the base's own inertia."""
+"""Maker of the centre-of-inertia law after Guo et al. 2023, for any arm. Gains of the
+centre of mass, of the attitude on the base's own inertia."""

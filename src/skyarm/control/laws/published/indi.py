@@ -3,19 +3,22 @@
     f = F_f + m (a_c - a_f),   thrust = f . R e_z,   R_d from f
     [T, tau] = [T_f, tau_f] + M(q) increments of [alpha_c - alpha_f, qdd_c - qdd_f] under the thrust increment
 
-a_f is the low-pass of the accelerometer (world axes, less gravity), alpha_f and qdd_f are differences of the low-passed
-gyroscope and joint rates, F_f and T_f are the low-passed thrust vector and torque of the rotor speeds, tau_f that of
-the commanded joint torques: every signal goes through the same second-order Butterworth filter, so that all are late
-alike. What acts besides the rotors is inside a_f, alpha_f and qdd_f and needs no model; M alone scales the increments.
+a_f is the low-pass of the accelerometer (world axes, less gravity), alpha_f and qdd_f
+are differences of the low-passed gyroscope and joint rates, F_f and T_f are the
+low-passed thrust vector and torque of the rotor speeds, tau_f that of the commanded
+joint torques: every signal goes through the same second-order Butterworth filter, so
+that all are late alike. What acts besides the rotors is inside a_f, alpha_f and qdd_f
+and needs no model; M alone scales the increments.
 
-Rotor speeds are measured, or modelled by the first-order lag from the commands (``measured_speeds = False``). Joint
-torques are taken to act at once. Commands are limited before they are remembered, so that nothing winds up.
+Rotor speeds are measured, or modelled by the first-order lag from the commands
+(``measured_speeds = False``). Joint torques are taken to act at once. Commands are
+limited before they are remembered, so that nothing winds up.
 
-Deviations: increments go through the coupled mass matrix of base and arm, and joints are inverted by their rates; both
-publications fly a rigid vehicle.
+Deviations: increments go through the coupled mass matrix of base and arm, and joints
+are inverted by their rates; both publications fly a rigid vehicle.
 
-Source: Smeur, Chu, de Croon, J. Guidance, Control, Dynamics 39, 2016; Tal, Karaman, IEEE Trans. Control Systems
-Technology 29, 2021 (arXiv 1809.04048).
+Source: Smeur, Chu, de Croon, J. Guidance, Control, Dynamics 39, 2016; Tal, Karaman,
+IEEE Trans. Control Systems Technology 29, 2021 (arXiv 1809.04048).
 """
 
 from __future__ import annotations
@@ -33,7 +36,13 @@ from skyarm.control.blocks.common import (
     turn_towards,
     wanted_specific_force,
 )
-from skyarm.control.blocks.filters import Butterworth, Taps, butterworth, filtered_all, settle
+from skyarm.control.blocks.filters import (
+    Butterworth,
+    Taps,
+    butterworth,
+    filtered_all,
+    settle,
+)
 from skyarm.control.blocks.select import choose_each
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
@@ -45,7 +54,8 @@ from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
 NYQUIST_SHARE = 0.45
-"""Largest product of cut-off frequency (Hz) and period (s): the bilinear transform folds at one half."""
+"""Largest product of cut-off frequency (Hz) and period (s): the bilinear transform
+folds at one half."""
 
 
 @immutable
@@ -53,9 +63,10 @@ class IndiParameters(Parameters):
     """Constants of the INDI law in addition to the gains.
 
     Attributes:
-        cutoff: cut-off frequency of every filter, Hz. measured_speeds: False models the rotor speeds by the commands.
-        delay_periods: known age of the measurement, in control periods, by which the commands are late that efforts and
-            modelled rotor speeds follow from.
+        cutoff: cut-off frequency of every filter, Hz. measured_speeds: False models the
+            rotor speeds by the commands.
+        delay_periods: known age of the measurement, in control periods, by which the
+            commands are late that efforts and modelled rotor speeds follow from.
     """
 
     cutoff: Annotated[
@@ -63,43 +74,63 @@ class IndiParameters(Parameters):
         positive(
             "Hz",
             "cut-off frequency of every filter of the law",
-            effect="lower values pass less noise, add lag and reject disturbances later",
+            effect=(
+                "lower values pass less noise, add lag and reject disturbances later"
+            ),
         ),
     ] = 15.0
     measured_speeds: bool = True
-    delay_periods: Annotated[int, Unit("control periods", "known age of the measurement", low=0, high=100)] = 0
+    delay_periods: Annotated[
+        int, Unit("control periods", "known age of the measurement", low=0, high=100)
+    ] = 0
 
 
 @immutable
 class IndiMemory:
-    """Internal state of the INDI law: filter states, filtered rates, last commands and modelled rotor speeds.
+    """Internal state of the INDI law: filter states, filtered rates, last commands and
+    modelled rotor speeds.
 
     Attributes:
         started: 0 before the first measurement.
-        taps: filter states of specific force and thrust vector (world), gyroscope, rotor torque, joint rates, efforts.
+        taps: filter states of specific force and thrust vector (world), gyroscope,
+            rotor torque, joint rates, efforts.
         rate, joint_rates: filtered, one period ago.
         sent: the commands of the periods before, oldest first.
-        speeds: modelled rotor speeds one period ago, rad/s; none where they are measured.
+        speeds: modelled rotor speeds one period ago, rad/s; none where they are
+            measured.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
     taps: tuple[Taps, ...]
     rate: Annotated[Vec3, Unit("rad/s", "filtered angular velocity, base axes")]
     joint_rates: Annotated[Scalars, Unit("rad/s or m/s", "filtered joint rates")]
-    sent: Annotated[tuple[Command, ...], Unit("", "commands of past periods, oldest first")]
-    speeds: Annotated[Scalars, Unit("rad/s", "speeds of the modelled rotors one period ago, unsigned")]
+    sent: Annotated[
+        tuple[Command, ...], Unit("", "commands of past periods, oldest first")
+    ]
+    speeds: Annotated[
+        Scalars, Unit("rad/s", "speeds of the modelled rotors one period ago, unsigned")
+    ]
 
 
 def indi(
-    memory: IndiMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: IndiParameters
+    memory: IndiMemory,
+    measurement: Measurement,
+    reference: Reference,
+    dt: Scalar,
+    *,
+    par: IndiParameters,
 ) -> tuple[IndiMemory, Command]:
-    """Incremental nonlinear dynamic inversion: thrust vector, body torque and joint torques by increments."""
+    """Incremental nonlinear dynamic inversion: thrust vector, body torque and joint
+    torques by increments.
+    """
     vehicle, R, n = par.model.vehicle, measurement.rotation, par.model.vehicle.n
     first = memory.started < 0.5
     speeds = _speeds(memory, measurement, par, first, dt)
     # before the first command the joints are taken to hold the arm
     hold = arm_alone(par, R, measurement.joints, (0,) * n)
-    taps, signals = _filter_signals(memory, measurement, R, speeds, hold, dt, par, first)
+    taps, signals = _filter_signals(
+        memory, measurement, R, speeds, hold, dt, par, first
+    )
     force, thrust, rate, torque = (Vec3(*signals[i : i + 3]) for i in range(0, 12, 3))
     joint_rates, efforts = signals[12 : 12 + n], signals[12 + n :]
     per_period = divide(1.0, dt)
@@ -109,7 +140,10 @@ def indi(
 
     alpha_f = Vec3(*(slope(a, b) for a, b in zip(rate, memory.rate, strict=True)))
     qdd_f = [slope(a, b) for a, b in zip(joint_rates, memory.joint_rates, strict=True)]
-    desired = thrust + (wanted_specific_force(par, measurement, reference) - force) * vehicle.mass
+    desired = (
+        thrust
+        + (wanted_specific_force(par, measurement, reference) - force) * vehicle.mass
+    )
     alpha = turn_towards(par, measurement, reference, R, desired)
     along = desired.dot(R.column(2))
     qdd = joint_accelerations(par, measurement, reference)
@@ -122,22 +156,43 @@ def indi(
         angular=alpha - alpha_f,
         joint_accelerations=[a - b for a, b in zip(qdd, qdd_f, strict=True)],
     )
-    command, _ = make_command(par, torque + more.torque, along, [a + b for a, b in zip(efforts, pull, strict=True)])
-    return IndiMemory(
-        started=1.0,
-        taps=taps,
-        rate=rate,
-        joint_rates=tuple(joint_rates),
-        sent=_command_history(memory, command, Command(rotor_speeds=measurement.rotor_speeds, efforts=hold), first),
-        speeds=() if par.measured_speeds else speeds,
-    ), command
+    command, _ = make_command(
+        par,
+        torque + more.torque,
+        along,
+        [a + b for a, b in zip(efforts, pull, strict=True)],
+    )
+    return (
+        IndiMemory(
+            started=1.0,
+            taps=taps,
+            rate=rate,
+            joint_rates=tuple(joint_rates),
+            sent=_command_history(
+                memory,
+                command,
+                Command(rotor_speeds=measurement.rotor_speeds, efforts=hold),
+                first,
+            ),
+            speeds=() if par.measured_speeds else speeds,
+        ),
+        command,
+    )
 
 
-def _speeds(memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Scalar, dt: Scalar) -> Scalars:
+def _speeds(
+    memory: IndiMemory,
+    measurement: Measurement,
+    par: IndiParameters,
+    first: Scalar,
+    dt: Scalar,
+) -> Scalars:
     """Rotor speeds: measured, or modelled with the measurement's delay."""
     if par.measured_speeds:
         return measurement.rotor_speeds
-    turned = speeds_after(par.model.vehicle.rotors, memory.speeds, memory.sent[0].rotor_speeds, dt)
+    turned = speeds_after(
+        par.model.vehicle.rotors, memory.speeds, memory.sent[0].rotor_speeds, dt
+    )
     return choose_each(first, measurement.rotor_speeds, turned)
 
 
@@ -163,12 +218,19 @@ def _filter_signals(
         *efforts,
     ]
     coefficients = butterworth(minimum(par.cutoff, divide(NYQUIST_SHARE, dt)), dt)
-    taps = tuple(_begun(first, value, old, coefficients) for value, old in zip(signals, memory.taps, strict=True))
+    taps = tuple(
+        _begun(first, value, old, coefficients)
+        for value, old in zip(signals, memory.taps, strict=True)
+    )
     return filtered_all(taps, signals, coefficients)
 
 
-def _command_history(memory: IndiMemory, command: Command, standing: Command, first: Scalar) -> tuple[Command, ...]:
-    """Commands of the last periods, newest last, with the actuators held before the first command."""
+def _command_history(
+    memory: IndiMemory, command: Command, standing: Command, first: Scalar
+) -> tuple[Command, ...]:
+    """Commands of the last periods, newest last, with the actuators held before the
+    first command.
+    """
     past = (
         Command(
             rotor_speeds=choose_each(first, standing.rotor_speeds, old.rotor_speeds),
@@ -181,7 +243,10 @@ def _command_history(memory: IndiMemory, command: Command, standing: Command, fi
 
 def _begun(first: Scalar, value: Scalar, old: Taps, par: Butterworth) -> Taps:
     new = settle(value, par)
-    return Taps(first=where(first, new.first, old.first), second=where(first, new.second, old.second))
+    return Taps(
+        first=where(first, new.first, old.first),
+        second=where(first, new.second, old.second),
+    )
 
 
 def first_memory(par: IndiParameters) -> IndiMemory:

@@ -1,1 +1,3 @@
-"""Optional sideways force of the centroidal law, for rotors that can push across body z."""
+"""Optional sideways force of the centroidal law, for rotors that can push across body
+z.
+"""

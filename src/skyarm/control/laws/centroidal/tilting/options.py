@@ -1,4 +1,6 @@
-"""Sideways-force options of the centroidal law, and the constants made from these options."""
+"""Sideways-force options of the centroidal law, and the constants made from these
+options.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +14,13 @@ OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
     "sideways": (0.0, 0.0, 1.0),
     "attitude": ((0.0, 0.0), -1.0, 1.0),
 }
-"""Default value and range of each sideways-force option; the defaults disable sideways force."""
+"""Default value and range of each sideways-force option; the defaults disable sideways
+force."""
 
 
 def sideways_part(gains: LawOptions) -> SidewaysGains | None:
-    """Constants of the sideways force from the law's options; None if the law has no sideways force.
+    """Constants of the sideways force from the law's options; None if the law has no
+    sideways force.
 
     Raises:
         ControllerError: an attitude without it.
@@ -25,5 +29,8 @@ def sideways_part(gains: LawOptions) -> SidewaysGains | None:
     if gains["sideways"]:
         return SidewaysGains(share=gains["sideways"], attitude=attitude)
     if attitude is not None:
-        raise ControllerError(f"controller.attitude = {shown(attitude)}: must be level without the option sideways")
+        raise ControllerError(
+            f"controller.attitude = {shown(attitude)}: must be level without the option"
+            " sideways"
+        )
     return None
