@@ -32,7 +32,7 @@ LAWS = (ROOT / "docs" / "results_laws.md").read_text(encoding="utf-8")
 PAPER = (ROOT / "docs" / "the_paper.md").read_text(encoding="utf-8")
 
 DOCS = "\n".join(
-    page.read_text(encoding="utf-8") for page in sorted((ROOT / "docs").glob("*.md"))
+    page.read_text(encoding="utf-8") for page in sorted((ROOT / "docs").rglob("*.md"))
 )
 """All pages: a table is found by its mark, wherever it stands."""
 

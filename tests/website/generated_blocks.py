@@ -798,7 +798,7 @@ def pages() -> list[Path]:
     """Pages with a block."""
     return [
         path
-        for path in sorted(DOCS.glob("*.md"))
+        for path in sorted(DOCS.rglob("*.md"))
         if "<!-- generated: " in path.read_text("utf-8")
     ]
 

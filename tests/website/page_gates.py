@@ -288,7 +288,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("pages", nargs="*", type=Path)
     given = parser.parse_args()
-    for page in given.pages or [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]:
+    for page in given.pages or [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]:
         found = faults(page)
         print(f"{page}: {len(found)} faults")
         for fault in found if given.pages else ():

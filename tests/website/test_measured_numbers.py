@@ -35,11 +35,15 @@ from measured_numbers import (
     with_tables,
 )
 
-PAGES = {path.name: path.read_text("utf-8") for path in sorted(DOCS.glob("*.md"))}
+PAGES = {
+    path.relative_to(DOCS).as_posix(): path.read_text("utf-8")
+    for path in sorted(DOCS.rglob("*.md"))
+}
 RESULTS = [
     name
     for name in PAGES
-    if name.startswith("results_") or name in {"performance.md", "the_paper.md"}
+    if name.startswith(("results_", "data/"))
+    or name in {"performance.md", "the_paper.md"}
 ]
 HERE = [each for each in entries().values() if not each.elsewhere]
 MARKS = {"site": pytest.mark.site, "thorough": pytest.mark.thorough}
