@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
+import yaml
 
 # the tests' own modules, when this is run as a program
 sys.path.append(str(Path(__file__).resolve().parents[1]))
@@ -748,6 +749,27 @@ def checks_block(part: str) -> str:
     return table(("question", "may end as", "what is computed", "usual remedy"), rows)
 
 
+def menu_block() -> str:
+    """Menu of the site as a list, for readers of the pages as they lie."""
+    menu = yaml.safe_load((DOCS.parent / "mkdocs.yml").read_text("utf-8"))["nav"]
+    return "\n".join(["", *_menu_lines(menu[1:], ""), ""]) + "\n"
+
+
+def _menu_lines(entries: list[Any], indent: str) -> list[str]:
+    """Lines of a nested list of a menu's entries that are pages of this folder."""
+    lines: list[str] = []
+    for entry in entries:
+        name, inside = (
+            next(iter(entry.items())) if isinstance(entry, dict) else ("", entry)
+        )
+        if not isinstance(inside, str):
+            below = _menu_lines(inside, f"{indent}  ")
+            lines += [f"{indent}* {name}", *below] if below else []
+        elif (DOCS / inside).is_file():
+            lines.append(f"{indent}* [{name or 'Overview'}]({inside})")
+    return lines
+
+
 KINDS: dict[str, Callable[..., str]] = {
     "law": law_block,
     "gains": gains_block,
@@ -768,6 +790,7 @@ KINDS: dict[str, Callable[..., str]] = {
     "methods": methods_block,
     "python": python_block,
     "checks": checks_block,
+    "menu": menu_block,
 }
 """Kind of a block -> function of its words that returns the table."""
 

@@ -29,6 +29,9 @@ REPOSITORY = {
 LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\[\]]*\])*\]\()([^()\s]+)(\))")
 """``[words](target)`` and ``![words](target)``."""
 
+MENU = re.compile(r"<details>\n<summary>All pages</summary>\n.*?</details>\n", re.S)
+"""List of all pages on the home page, which the site has as its menu."""
+
 FENCE = re.compile(r"^( *)(`{3,}|~{3,}).*?^\1\2[ \t]*$", re.M | re.S)
 """A fenced block, which is shown as it stands."""
 
@@ -201,6 +204,7 @@ def staged_text(text: str, page: Path, name: str, recordings: Path | None) -> st
         # the link was already turned to the site's name, which a drawing inside docs
         # shares with its file
         text = with_drawings(text, DOCS / name)
+    text = MENU.sub("", text)
     return with_mathml(with_recordings(with_admonitions(text), name, recordings))
 
 
