@@ -57,7 +57,7 @@ def test_a_log_shows_the_table_that_run_prints_and_a_figure(
         line.rstrip() for line in capsys.readouterr().out.splitlines()
     ]
     assert words_of(log)[0] == "case1: completed, 0.05 s"
-    assert any(re.match(r"base, m( +[\d.e-]+){3}$", line) for line in words_of(log))
+    assert any(re.match(r"base, mm( +[\d.e-]+){3}$", line) for line in words_of(log))
     assert PICTURE.search(log._repr_html_())
 
 

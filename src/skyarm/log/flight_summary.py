@@ -26,14 +26,14 @@ from skyarm.records.text_tables import shown_number
 from skyarm.view.pages import Facts, Line, heading, table_of
 
 LABELS = {
-    "tip": "tip, m",
-    "position": "base, m",
-    "joints": "joints, rad or m",
-    "tip_to_path": "tip to its path, m",
-    "base_to_path": "base to its path, m",
-    "lag": "governor's lag, s",
+    "tip": ("tip, mm", 1e3),
+    "position": ("base, mm", 1e3),
+    "joints": ("joints, rad or m", 1.0),
+    "tip_to_path": ("tip to its path, mm", 1e3),
+    "base_to_path": ("base to its path, mm", 1e3),
+    "lag": ("governor's lag, s", 1.0),
 }
-"""Error -> its row in the table, in this order."""
+"""Error -> its row in the table, in this order, and the factor of its unit."""
 
 COMMANDS = ("rotor_jitter", "rotor_saturation")
 """Metrics of the rotor commands over the window of the errors."""
@@ -299,13 +299,13 @@ def summary(log: Log, values: Facts) -> list[Line]:
     errors = values["errors_continuous"] | values.get("governor", {})
     rows = [
         (
-            LABELS[what],
+            label,
             *(
-                "-" if value is None else shown_number(value, 4)
+                "-" if value is None else shown_number(factor * value, 4)
                 for value in errors[what].values()
             ),
         )
-        for what in LABELS
+        for what, (label, factor) in LABELS.items()
         if what in errors
     ]
     lines.append(
