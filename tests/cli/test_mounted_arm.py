@@ -109,13 +109,16 @@ def test_show_prints_the_notes_of_a_file(here):
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "your_vehicle.md").read_text("utf-8")
+MOUNTED = (ROOT / "docs" / "mount_an_arm.md").read_text("utf-8")
 PICKER = (ROOT / "examples" / "picker.urdf").read_text("utf-8")
 
 
 @pytest.fixture(scope="module")
 def shown():
-    """Blocks of the page on arms: title or language -> text."""
-    fences = re.findall(r"```(\w+)(?: title=\"(\S+)\")?\n(.*?)```", PAGE, re.DOTALL)
+    """Blocks of the pages on vehicles and arms: title or language -> text."""
+    fences = re.findall(
+        r"```(\w+)(?: title=\"(\S+)\")?\n(.*?)```", PAGE + MOUNTED, re.DOTALL
+    )
     return {title or language: text for language, title, text in fences}
 
 
@@ -167,7 +170,7 @@ def test_the_whole_file_and_the_parts_shown_are_those_of_a_new_vehicle(here, sho
     assert skyarm("new", "vehicle", "my_copter").code == 0
     written = (here / "my_copter.toml").read_text("utf-8")
     assert shown["my_copter.toml"] == written
-    parts = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    parts = re.findall(r"```toml\n(.*?)```", PAGE + MOUNTED, re.DOTALL)
     *of_the_file, servo = parts
     assert len(of_the_file) == 2
     assert all(part.rstrip() in written for part in of_the_file)

@@ -66,6 +66,7 @@ TABLES = {
     ("tuning.md", "toml"): "tests/studies/tune/test_files_of_gains_shown.py",
     ("sweeps.md", "toml"): "tests/test_docs_pictures.py",
     ("your_vehicle.md", "toml"): "tests/cli/test_mounted_arm.py",
+    ("mount_an_arm.md", "toml"): "tests/cli/test_mounted_arm.py",
 }
 """Page and language of tables without a name -> the file of tests that reads them."""
 
