@@ -569,7 +569,8 @@ def test_the_table_of_predictions_has_a_row_for_each_horizon_and_predictor():
     rows = prediction_csv(held_out()).splitlines()
     assert (
         rows[0]
-        == "horizon_s,predictor,predictions,position_m,velocity_m_s,attitude_rad,rate_rad_s"
+        == "horizon_s,predictor,predictions,position_m,velocity_m_s,attitude_rad,"
+        "rate_rad_s"
     )
     assert len(rows) == 1 + 3 * 4
     assert rows[1] == "0.1,identified,7,0.02,0.2,0.02,0.5"
