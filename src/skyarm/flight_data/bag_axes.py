@@ -61,7 +61,8 @@ class MessageAxes:
         """Source of a quantity in the axes of its messages; None, with a note, where
         these are not known.
         """
-        topic, table = source.topic, self.tables[source.topic]
+        topic = source.topic
+        table = self.tables[source.topic]
         parent, child = self.frames[topic]
         if self.kinds[topic].startswith(PX4):
             return self._of_px4(name, source, table)

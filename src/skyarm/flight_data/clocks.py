@@ -191,7 +191,8 @@ def clock_offset(
     for first, name in PAIRS:
         needed = {name, "quaternion"}  # positions and velocities need an attitude
         if first in flight and needed <= set(second) and name == (stream or name):
-            pair, time = _Pair(flight, first, second, name), second[name].time
+            pair = _Pair(flight, first, second, name)
+            time = second[name].time
             search = partial(
                 _offset, pair, first, name, 0.5 * float(time[0] + time[-1])
             )
@@ -303,10 +304,8 @@ def align_poses(flight: FlightData) -> tuple[FlightData, ClockOffset | None]:
             flight, offset = straight, other
     if offset is None:
         return flight, None
-    late, drifted = (
-        abs(offset.offset),
-        0.5 * abs(offset.drift) * flight["quaternion"].duration,
-    )
+    late = abs(offset.offset)
+    drifted = 0.5 * abs(offset.drift) * flight["quaternion"].duration
     if late <= max(offset.offset_error, NEGLIGIBLE) and (
         abs(offset.drift) <= offset.drift_error or drifted <= NEGLIGIBLE
     ):
@@ -412,22 +411,27 @@ class _Pair:
                 f"{other.name}: {name}: {other[name].time.size} rows: must be of a"
                 " longer flight"
             )
-        steps, order = np.diff(time), 2 if name == "position" else 1
+        steps = np.diff(time)
+        order = 2 if name == "position" else 1
         self.width = float(np.median(steps))
         usual = np.abs(steps - self.width) < UNEVEN * self.width
         for begin, end in other.jumps:
             usual &= (time[1:] <= begin) | (time[:-1] >= end)
         even = np.convolve(usual, np.ones(order), "valid") == order
-        self.reference, self.integrals = flight[first].time, [flight[first].values]
+        self.reference = flight[first].time
+        self.integrals = [flight[first].values]
         for _ in range(order):
             slopes = (
                 rotations_between(values[:-1], values[1:])
                 if name == "quaternion"
                 else np.diff(values, axis=0)
             )
-            values, time = slopes / np.diff(time)[:, None], middle(time)
+            values = slopes / np.diff(time)[:, None]
+            time = middle(time)
             self.integrals.append(integral_of(self.reference, self.integrals[-1]))
-        self.time, self.values, self.order = time[even], values[even], order
+        self.time = time[even]
+        self.values = values[even]
+        self.order = order
         if min(self.reference.size, self.time.size) < FEWEST:
             raise ValueError(f"clock of {name}: must be of a longer flight")
         if name != "quaternion":
@@ -486,7 +490,8 @@ def _clip(values: Array) -> Array:
     """Clip a signal to some robust standard deviations about its median, and subtract
     its mean.
     """
-    limit, usual = CLIPPED * _scale(values), np.median(values, axis=0)
+    limit = CLIPPED * _scale(values)
+    usual = np.median(values, axis=0)
     clipped = np.clip(values, usual - limit, usual + limit)
     return np.asarray(clipped - clipped.mean(axis=0))
 
@@ -506,7 +511,8 @@ def _best_offset(pair: _Pair, widest: float) -> tuple[float, float | None]:
     step = pair.width / FINER
     grid = np.arange(pair.reference[0], pair.reference[-1], step)
     place = np.rint((pair.time - pair.time[0]) / step).astype(int)
-    a, b = len(grid), int(place[-1]) + 1
+    a = len(grid)
+    b = int(place[-1]) + 1
     given, values = _clip(pair.means(grid)[0]), _clip(pair.values)
     seen = np.zeros((b, values.shape[1]))
     np.add.at(seen, place, values)
@@ -569,15 +575,14 @@ def _refine(
     for _ in range(ITERATIONS):
         when = pair.time + estimate[0] + estimate[1] * (pair.time - middle)
         inside = rows & pair.is_inside(when)
-        time, given = pair.time[inside] - middle, pair.values[inside]
+        time = pair.time[inside] - middle
+        given = pair.values[inside]
         fitted, slope = pair.means(when[inside])
         usual = _is_usual(np.hstack([fitted, slope, given]))
-        time, given, fitted, slope = (
-            time[usual],
-            given[usual],
-            fitted[usual],
-            slope[usual],
-        )
+        time = time[usual]
+        given = given[usual]
+        fitted = fitted[usual]
+        slope = slope[usual]
         count, axes = fitted.shape
         moved = slope[:, :, None] * time[:, None, None] ** np.arange(free)
         biases = np.broadcast_to(np.eye(axes), (count, axes, axes))

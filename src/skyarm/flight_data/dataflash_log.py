@@ -237,7 +237,8 @@ def _with_attitude_of_unit(
         or not any(trims)
     ):
         return flight
-    channel, turn = flight["quaternion"], to_our_attitude(*of_euler_angles(*trims))
+    channel = flight["quaternion"]
+    turn = to_our_attitude(*of_euler_angles(*trims))
     values = np.stack([*(Quaternion(*channel.values.T) * turn)], axis=1)
     words = (
         "quaternion: is turned back by the trims AHRS_TRIM_X, Y, Z, to the axes of the"
@@ -339,13 +340,11 @@ def _of_primary_lane(
                     if topic.startswith(each.topic.rstrip("1")) and units[topic] == unit
                 ]
             elif re.match("[XN]K|EKF", each.topic):
-                word, digit = (
-                    each.topic.rstrip("1"),
-                    1 + (1 if "KQ" in each.topic else 5) * lane,
-                )
+                stem = each.topic.rstrip("1")
+                digit = 1 + (1 if "KQ" in each.topic else 5) * lane
                 topics = [
                     *(
-                        {f"{each.topic}[{lane}]", f"{word}{digit}"} & set(tables)
+                        {f"{each.topic}[{lane}]", f"{stem}{digit}"} & set(tables)
                         if lane
                         else ()
                     )
@@ -402,7 +401,8 @@ def _rows(data: bytes, notes: list[str]) -> Messages:
     Raises:
         ValueError: one line: no type is defined.
     """
-    sizes, types = {DEFINITION: SIZE}, dict[bytes, Definition]()
+    sizes = {DEFINITION: SIZE}
+    types = dict[bytes, Definition]()
     pieces: dict[bytes, list[bytes]] = {}
     place = lost = 0
     while place < len(data):
@@ -574,5 +574,8 @@ def _motor_outputs(
 
 
 DATAFLASH = FlightFormat(
-    read_dataflash, suffixes=("bin", "px4log", "tlog"), begins=(MAGIC,), several=True
+    read_dataflash,
+    suffixes=("bin", "px4log", "tlog"),
+    begins=(MAGIC,),
+    several=True,
 )

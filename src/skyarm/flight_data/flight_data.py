@@ -114,7 +114,8 @@ class FlightData:
                 raise ValueError(
                     f"channel = {shown(name)}: {must_be_one_of(QUANTITIES, name)}"
                 )
-            width, count = QUANTITIES[name].width, channel.values.shape[1]
+            width = QUANTITIES[name].width
+            count = channel.values.shape[1]
             if count != width if width else count == 0:
                 raise ValueError(
                     f"channel {name}: has {count} columns: must be"
@@ -311,7 +312,8 @@ def load_flight(
         ValueError: one line: no such file or format, a damaged file, or a mapping that
             does not fit.
     """
-    (name, number), at = split_path(path), f"flight = {shown(os.fspath(path))}"
+    name, number = split_path(path)
+    at = f"flight = {shown(os.fspath(path))}"
     file = Path(name)
     if not os.path.isdir(file):
         require_file(file, at)
@@ -385,8 +387,10 @@ def format_name(path: PathLike) -> str:
     Raises:
         ValueError: one line: an empty file, or a format that is not known.
     """
-    file, at = Path(split_path(path)[0]), f"flight = {shown(os.fspath(path))}"
-    folder, head = file.is_dir(), b""
+    file = Path(split_path(path)[0])
+    at = f"flight = {shown(os.fspath(path))}"
+    folder = file.is_dir()
+    head = b""
     if not folder:
         with file.open("rb") as stream:
             head = stream.read(64)

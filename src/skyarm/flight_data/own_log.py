@@ -151,10 +151,8 @@ def measured_flight(log: Log, path: Path) -> FlightData:
         for key in ("scenario", "status", "digest")
         if key in log.info
     }
-    gravity, delay = (
-        log.info.get("plant_gravity"),
-        written_at(log.info, "delays.command"),
-    )
+    gravity = log.info.get("plant_gravity")
+    delay = written_at(log.info, "delays.command")
     given = {
         "gravity": gravity,
         "command_delay": delay,

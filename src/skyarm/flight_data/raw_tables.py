@@ -8,7 +8,7 @@ import re
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import takewhile
+from itertools import chain, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -360,7 +360,8 @@ def _time_unit(
     """
     steps, dates = list[float](), list[float]()
     for signal in columns.signals.values():
-        table, column = _holding(tables, signal), signal.time or columns.time
+        table = _holding(tables, signal)
+        column = signal.time or columns.time
         if table is not None and column and table.has(column, *signal.columns):
             rows = np.stack([table.numbers(each) for each in (column, *signal.columns)])
             time = rows[0, np.isfinite(rows).all(axis=0)]
@@ -370,7 +371,9 @@ def _time_unit(
                 dates.append(float(np.median(time)))
     if not steps:
         return columns.time_unit or "s"
-    step, date, unit = min(steps), dates[0], columns.time_unit
+    step = min(steps)
+    date = dates[0]
+    unit = columns.time_unit
     # seconds are what is meant if nothing is said: slow ones are doubted, too, and not
     # taken for milliseconds
     least = dict.fromkeys(TIMES, SLOWEST) | ({} if unit else {"s": SLOWER})
@@ -580,7 +583,8 @@ def rising_rows(time: Array) -> npt.NDArray[np.intp]:
         if place:
             before[row] = last[place - 1]
         tails[place : place + 1], last[place : place + 1] = [stamp], [row]
-    rows, row = list[int](), last[-1]
+    rows = list[int]()
+    row = last[-1]
     while row >= 0:
         rows.append(row)
         row = int(before[row])
@@ -595,15 +599,9 @@ def _unused_names(
         read = {id(_holding(tables, signal)) for signal in signals.values()}
         names = [name for name, each in tables.items() if id(each) not in read]
     else:
-        columns = {
-            each.removeprefix("-")
-            for one in signals.values()
-            for each in (time, one.time, *one.columns)
-        }
-        names = [
-            name
-            for each in tables.values()
-            for name in each.columns
-            if name not in columns
-        ]
+        columns = {time}
+        for each in signals.values():
+            columns |= {each.time, *(name.removeprefix("-") for name in each.columns)}
+        there = chain.from_iterable(each.columns for each in tables.values())
+        names = [name for name in there if name not in columns]
     return tuple(names[:UNUSED])

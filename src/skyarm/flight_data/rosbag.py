@@ -359,7 +359,8 @@ def _mounts(reader: AnyReader) -> dict[str, tuple[Vec3, Quaternion]]:
             (data for _, _, data in reader.messages(connections=[connection])), b""
         )
         name = reader.deserialize(data, IMU).header.frame_id if data else ""  # type: ignore[attr-defined]
-        mount, left = (ZERO3, Quaternion(1.0, 0.0, 0.0, 0.0)), dict(links)
+        mount = (ZERO3, Quaternion(1.0, 0.0, 0.0, 0.0))
+        left = dict(links)
         while name in left:  # each once, that no circle is followed
             name, place, turn = left.pop(name)
             mount = place + turn.rotation().apply(mount[0]), turn * mount[1]
@@ -428,7 +429,8 @@ def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, SupportsFloat]]
         for each in getattr(message, "__dataclass_fields__", ())
         if not each.startswith("__")
     ):
-        value, at = getattr(message, name), f"{place}{name}"
+        value = getattr(message, name)
+        at = f"{place}{name}"
         if isinstance(value, (bool, int, float, np.number)):
             yield at, value
         elif isinstance(value, np.ndarray):
@@ -553,11 +555,11 @@ def _of_vehicle(
     """
     own = vehicles[place] if vehicles else frozenset[str]()
     others = frozenset[str]().union(*vehicles) - own
-    words = {topic: frozenset(topic.split("/")) for topic in kinds}
-    of_this = {each - own for each in words.values() if own & each}
+    parts = {topic: frozenset(topic.split("/")) for topic in kinds}
+    of_this = {each - own for each in parts.values() if own & each}
     return {
         topic: kinds[topic]
-        for topic, each in words.items()
+        for topic, each in parts.items()
         if not others & each and each not in of_this
     }
 
@@ -574,11 +576,9 @@ def _usual(
         (each for each in tables if kinds.get(each) in ranks),
         key=lambda each: ranks.index(kinds[each]),
     ):
-        table, kind, measured = (
-            tables[topic],
-            kinds[topic],
-            NOT_MEASURED.search(topic) is None,
-        )
+        table = tables[topic]
+        kind = kinds[topic]
+        measured = NOT_MEASURED.search(topic) is None
         for name, signals in TYPES.get(kind, {}).items() if measured else ():
             # of PX4 a source without any number is noted, as that of an estimate that
             # failed

@@ -55,8 +55,8 @@ def read_table(path: Path, columns: Columns | None) -> FlightData:
     ):
         require_file(path.parent / name, f"file = {shown(name)}")
         here = {
-            word: each
-            for word, each in columns.signals.items()
+            quantity: each
+            for quantity, each in columns.signals.items()
             if (each.file or path.name) == name
         }
         of_file: list[str] = []

@@ -139,8 +139,8 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
         "ver_sw_branch": "branch",
     }
     facts |= {
-        word: log.msg_info_dict[key]
-        for key, word in names.items()
+        fact: log.msg_info_dict[key]
+        for key, fact in names.items()
         if key in log.msg_info_dict
     }
     facts |= _place(parameters)
@@ -243,7 +243,8 @@ def _limits(
             float(DSHOT),
             True,
         )
-    found, stated = list[float](), True
+    found = list[float]()
+    stated = True
     for which, usual in zip(("MIN", "MAX"), LIMITS[bank], strict=True):
         every = [
             f"{bank}_{which}{channel + 1}",
@@ -277,7 +278,8 @@ def _rotor_commands(
             " are; a columns.toml may do so."
         )
         return ()
-    signals, has_motors = list[QuantitySource](), MOTORS in tables
+    signals = list[QuantitySource]()
+    has_motors = MOTORS in tables
     if parameters.get("CA_R_REV", 0.0) or (
         has_motors and is_reversible(tables[MOTORS])
     ):
@@ -331,7 +333,8 @@ def _rotor_speeds(
     """Sources of the speeds that the motor controllers report, in the order of the
     motors that they drive.
     """
-    table, order = tables.get("esc_status"), {k: k for k in range(count)}
+    table = tables.get("esc_status")
+    order = {k: k for k in range(count)}
     if table is None:
         return ()
     functions = [f"esc[{k}].actuator_function" for k in range(MOST_ROTORS)]
@@ -390,7 +393,9 @@ def _shares(
         k: (PWM[1], at) for k, at in enumerate(order)
     }
     columns: dict[str, Array] = {}
-    assumed, is_sure, time = False, True, np.zeros(0)
+    assumed = False
+    is_sure = True
+    time = np.zeros(0)
     for motor in range(count):
         bank, channel = channels.get(motor, (PWM[1], MOST_ROTORS * 2))
         low, high, stated = _limits(parameters, bank, channel)

@@ -100,7 +100,8 @@ def flight_facts(flight: FlightData) -> Facts:
     """Facts of a measured flight as plain data: format, duration, channels, notes and
     clock.
     """
-    channels, parts = [], parts_of(flight)
+    channels = []
+    parts = parts_of(flight)
     listed = {
         name: words
         for name, words in flight.facts.items()

@@ -117,12 +117,14 @@ def predict_held_out(
     Raises:
         ValueError: one line: no flight is long enough for a prediction.
     """
-    flights, seen = distinct_flights(flights), distinct_flights(seen) if seen else []
+    flights = distinct_flights(flights)
+    seen = distinct_flights(seen) if seen else []
     step = clock_step([*flights, *seen], start)
     step = SHORTEST / math.ceil(SHORTEST / step - 1e-9)
     posed = [i for i, each in enumerate(flights) if not no_poses(each)]
     learnt = [each for each in seen if posed and not no_poses(each)]
-    every, count = [*flights, *learnt], len(flights)
+    every = [*flights, *learnt]
+    count = len(flights)
     clocks = [
         on_clock(
             each,
@@ -164,7 +166,8 @@ def predict_held_out(
 
     # all predictors from the same instants on, of those that have a past if there are
     # any
-    ahead, past = posed or range(count), None
+    ahead = posed or range(count)
+    past = None
     begun = begins(ahead, max(PASTS) if learnt else 0.0, APART)
     of_fit = thin_places(begins(range(count, len(every)), max(PASTS), APART), LEARNT)
     windows = identified.windows(begun)
@@ -280,7 +283,9 @@ def ends_of(
     The arguments are those of :meth:`OpenLoopPredictor.ahead`.
     Predictions that leave what is usable before their end are none.
     """
-    windows, step, left = errors.windows, errors.windows.step, loop.left(errors.windows)
+    windows = errors.windows
+    step = errors.windows.step
+    left = loop.left(errors.windows)
     ends = [round(each / step) for each in horizons]
     last = max((k for k in ends if (left >= k).any()), default=0)
     flown = {
@@ -318,7 +323,8 @@ def errors_of(ends: Ends, shares: Array) -> HorizonErrors:
     weights (2, 3) or (4, 2, 3).
     """
     predicted = (ends.off * shares[..., None, :]).sum(axis=1)
-    left, turn = ends.measured - predicted, PARTS.index("attitude")
+    left = ends.measured - predicted
+    turn = PARTS.index("attitude")
     left[turn] = rotations_between(
         *(_attitudes(each[turn]) for each in (predicted, ends.measured))
     )
@@ -421,7 +427,8 @@ def learn_from_past(
         errors: errors of windows in the flights of the fit.
         horizons: s.
     """
-    chosen, least = list[PastWeight](), (True, math.inf)
+    chosen = list[PastWeight]()
+    least = (True, math.inf)
     without = [
         errors_of(each, WHOLE)
         for each in ends_of(loop, errors, horizons, loop.begins(errors.windows))
@@ -455,10 +462,8 @@ def learn_from_past(
                 ),
             )
             if score < least:
-                chosen, least = (
-                    [PastWeight(seconds, noise, spread, smoothed, memory, shares)],
-                    score,
-                )
+                chosen = [PastWeight(seconds, noise, spread, smoothed, memory, shares)]
+                least = score
     return chosen[0]
 
 
@@ -481,7 +486,9 @@ def noises_of(before: WindowErrors, begins: BaseStates) -> tuple[Array, Array]:
     A row that no window has keeps what differences of its samples tell; flights without
     windows take the noise of the others.
     """
-    states, spread, noise = window_states(begins), before.push, first_noise(before)
+    states = window_states(begins)
+    spread = before.push
+    noise = first_noise(before)
     for turn in range(ROUNDS):
         errors, there, normal, reduced, states = _turn(before, states, noise, spread)
         noise = new_noise(before, errors, there, noise, normal, reduced.inverse)
@@ -562,7 +569,8 @@ def one_step_errors(
     each_of = np.split(whole, np.cumsum([len(each) for each in places])[:-1])
     places = [each[long] for each, long in zip(places, each_of, strict=True)]
     errors = loop.windows(places, 2 * count * loop.flights[0].step)
-    windows, begins = errors.windows, loop.begins(errors.windows)
+    windows = errors.windows
+    begins = loop.begins(errors.windows)
     residuals, there = errors.errors_at(NONE, window_states(begins))
     column = errors.rows.index(("accelerometer", 0))
     counted, left = there[:, :, column], residuals[:, :, column : column + 3]

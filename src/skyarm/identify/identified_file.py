@@ -147,10 +147,8 @@ def read_surroundings(
         )
     values = dict[str, float]()
     for each in dataclasses.fields(IdentifiedSurroundings):
-        value, name = (
-            table.get(each.name, each.default),
-            f"{file}: surroundings.{each.name}",
-        )
+        value = table.get(each.name, each.default)
+        name = f"{file}: surroundings.{each.name}"
         if not isinstance(each.default, tuple):
             values[each.name] = number(value, name)
         elif isinstance(value, (list, tuple)) and len(value) == len(each.default):

@@ -163,24 +163,21 @@ def scale_of(
     """
     place = {each.name: i for i, each in enumerate(unknowns)}
     shown = [each for each in reported if any(part in place for part in each.parts)]
-    values, starts, positive = (
-        np.zeros(len(shown)),
-        np.zeros(len(shown)),
-        np.zeros(len(shown), dtype=bool),
-    )
+    values = np.zeros(len(shown))
+    starts = np.zeros(len(shown))
+    positive = np.zeros(len(shown), dtype=bool)
     rows = np.zeros((len(shown), len(unknowns)))
     for k, each in enumerate(shown):
         for name in each.parts:
             if name not in place:
-                values[k], starts[k] = values[k] + known[name], starts[k] + known[name]
+                values[k] += known[name]
+                starts[k] += known[name]
                 continue
             unknown = unknowns[place[name]]
             value = unknown.value(float(found.values[place[name]]))
-            values[k], starts[k], positive[k] = (
-                values[k] + value,
-                starts[k] + unknown.start,
-                unknown.positive,
-            )
+            values[k] += value
+            starts[k] += unknown.start
+            positive[k] = unknown.positive
             rows[k, place[name]] = value if unknown.positive else 1.0
         if positive[k]:
             rows[k] /= values[k]
@@ -278,10 +275,8 @@ def disagreement(
     noise = after / variances_of(scale.rows, found.curvature)
     variance = np.stack(variances) * noise
     weights = np.where(1.0 - variance / scale.before >= SHOWN, 1.0 / variance, 0.0)
-    total, freedom = (
-        np.maximum(weights.sum(axis=0), 1e-300),
-        (weights > 0.0).sum(axis=0) - 1,
-    )
+    total = np.maximum(weights.sum(axis=0), 1e-300)
+    freedom = (weights > 0.0).sum(axis=0) - 1
     mean = (weights * off).sum(axis=0) / total
     square = (weights * (np.stack(off) - mean) ** 2).sum(axis=0) / np.maximum(
         freedom, 1
@@ -412,11 +407,10 @@ def at_starts(
         shown: values that the table prints, by their places.
         found: numbers before they were conditioned.
     """
-    place, printed = {name: i for i, name in enumerate(searched)}, shown or {}
-    sums, totals = (
-        np.zeros((len(scale.reported), len(searched))),
-        np.zeros(len(scale.reported)),
-    )
+    place = {name: i for i, name in enumerate(searched)}
+    printed = shown or {}
+    sums = np.zeros((len(scale.reported), len(searched)))
+    totals = np.zeros(len(scale.reported))
     for k, each in enumerate(scale.reported):
         given = sum(plain[part] for part in each.parts if part not in place)
         whole = (
@@ -429,19 +423,15 @@ def at_starts(
     if sums.shape[0] != sums.shape[1]:
         return dict(plain)
     solved = dict(zip(searched, np.linalg.solve(sums, totals).tolist(), strict=True))
-    rising = {
-        part
-        for k, each in enumerate(scale.reported)
-        if scale.positive[k]
-        for part in each.parts
-    }
+    rising = set[str]()
+    for k, each in enumerate(scale.reported):
+        if scale.positive[k]:
+            rising.update(each.parts)
     impossible = {name for name in rising & set(solved) if solved[name] <= 0.0}
     if impossible and found is None:
         return dict(plain)
-    together = [
-        part
-        for each in scale.reported
-        if impossible & {*each.parts}
-        for part in each.parts
-    ]
+    together = list[str]()
+    for each in scale.reported:
+        if impossible & {*each.parts}:
+            together += each.parts
     return {**plain, **solved, **{name: (found or plain)[name] for name in together}}

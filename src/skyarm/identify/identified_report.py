@@ -151,7 +151,8 @@ class IdentifiedReport:
         """All parameters as plain data; null for a value that the flights do not
         identify.
         """
-        identified, unknown = self.found, dict.fromkeys(("value", "low", "high"))
+        identified = self.found
+        unknown = dict.fromkeys(("value", "low", "high"))
         return {
             "start": self.start.name,
             "flights": [

@@ -175,10 +175,8 @@ def flights(
             " drawing say"
         )
     start, given = known_numbers(load_vehicle(vehicle), known or ())
-    felt, sections = (
-        (None if gravity is None else require_gravity(gravity, "--gravity")),
-        _sections(begin, end),
-    )
+    felt = None if gravity is None else require_gravity(gravity, "--gravity")
+    sections = _sections(begin, end)
     folder = None if out is None else Path(out)
     with taken_back(out):
         with bar(f"identify {start.name}") as advance:
@@ -200,7 +198,8 @@ def flights(
                 warn=lambda fault: say(f"warning: {fault.words}"),
                 progress=advance,
             )
-            identified, document = report.found, report.document()
+            identified = report.found
+            document = report.document()
             contents = {
                 VEHICLE: report.vehicle_file().encode(),
                 NUMBERS: json_text(document).encode(),
@@ -268,19 +267,17 @@ def lags(
     require_readable(log, "flight")
     require_file(log, f"flight = {shown(log)}")
     with taken_back(out and Path(out).parent):
-        written, name = (
-            (None if out is None else output_file(out, "--out", ".toml", force=force)),
-            Path(log).name,
+        written = (
+            None if out is None else output_file(out, "--out", ".toml", force=force)
         )
+        name = Path(log).name
         whole = load_log(log)
         with errors_as(ValueError, f"flight = {shown(log)}: "):
             require_one_vehicle(whole)
         flight = _part(whole, begin, end)
         felt = None if gravity is None else require_gravity(gravity, "--gravity")
-        (model, felt), stated = (
-            nominal_model(flight, vehicle, felt),
-            stated_delays(flight),
-        )
+        model, felt = nominal_model(flight, vehicle, felt)
+        stated = stated_delays(flight)
         with bar(f"{name}: delays and lags"):
             loops = loop_lags(flight, model, felt)
         tables = lag_tables(loops, measured=stated["measurement"] or 0.0)
@@ -309,7 +306,8 @@ def _limit(name: str) -> Any:
     """Command-line option for a flight limit, with unit, meaning and default from its
     record; angles in degrees.
     """
-    unit, usual = units(DesignLimits)[name], getattr(USUAL, name)
+    unit = units(DesignLimits)[name]
+    usual = getattr(USUAL, name)
     of, usual = (
         ("deg", math.degrees(usual)) if unit.unit == "rad" else (unit.unit, usual)
     )
@@ -367,12 +365,12 @@ SUBCOMMANDS: Mapping[str, Callable[..., None]] = {
 """Subcommand -> its function."""
 
 OPTIONS = {
-    word: {
+    command: {
         name: each.replace(kind=inspect.Parameter.KEYWORD_ONLY)
         for name, each in inspect.signature(function, eval_str=True).parameters.items()
         if each.default is not each.empty
     }
-    for word, function in SUBCOMMANDS.items()
+    for command, function in SUBCOMMANDS.items()
 }
 """Subcommand -> parameters of its options, all of which are optional."""
 
@@ -435,16 +433,16 @@ identify.__dict__["__signature__"] = inspect.Signature(
 )
 
 
-def _of(word: str, options: Mapping[str, Any]) -> dict[str, Any]:
+def _of(command: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """Select the options of a subcommand from those of all subcommands."""
-    return {name: options[name] for name in OPTIONS[word]}
+    return {name: options[name] for name in OPTIONS[command]}
 
 
-def _beyond(word: str, other: str) -> list[str]:
+def _beyond(command: str, other: str) -> list[str]:
     """Names of the options of a subcommand that another one lacks."""
     return [
         f"--{name.replace('_', '-')}"
-        for name in OPTIONS[word]
+        for name in OPTIONS[command]
         if name not in OPTIONS[other]
     ]
 
@@ -496,7 +494,7 @@ def _within(value: float, option: str, low: float, high: float) -> float:
 
 
 def known_numbers(
-    start: Vehicle, words: Sequence[str]
+    start: Vehicle, texts: Sequence[str]
 ) -> tuple[Vehicle, dict[str, float]]:
     """Parse known parameters such as ``mass=0.034``; returns the start vehicle with its
     total mass, and the others.
@@ -508,7 +506,7 @@ def known_numbers(
         ValueError: one line with the option, the value and what is allowed.
     """
     given = dict[str, float]()
-    for each in words:
+    for each in texts:
         name, equals, text = (part.strip() for part in each.partition("="))
         if not (name and equals and text):
             raise ValueError(

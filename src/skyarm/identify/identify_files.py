@@ -61,11 +61,9 @@ class FlightFiles:
                     f"--held-out = {shown(each)}: must not be among the flights of"
                     " the fit"
                 )
-        every, flights, clocks = (
-            [*self.fit, *self.held_out],
-            list[FlightData](),
-            dict[str, ClockOffset](),
-        )
+        every = [*self.fit, *self.held_out]
+        flights = list[FlightData]()
+        clocks = dict[str, ClockOffset]()
         for i, file in enumerate(every):
             progress(i, len(every), f"read {Path(file).name}")
             flight, clock = align_poses(

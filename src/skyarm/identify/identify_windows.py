@@ -190,8 +190,16 @@ class WindowSearch:
             )
         if before is not None:
             return before.over(windows)
-        parts = self.unknowns, self.known, self.driven, self.servoed
-        return WindowErrors(windows, self.start, *parts, self.gravity, finer)
+        return WindowErrors(
+            windows,
+            self.start,
+            self.unknowns,
+            self.known,
+            self.driven,
+            self.servoed,
+            self.gravity,
+            finer,
+        )
 
     def scale(self, fit: WindowFit) -> Scale:
         """Linearise the reported parameters about an estimate."""
@@ -318,11 +326,9 @@ def identify_by_windows(
         lasting=search.slow,
         progress=progress,
     )
-    start, unknowns, windows = (
-        with_servos(start, search.servoed),
-        search.unknowns,
-        errors.windows,
-    )
+    start = with_servos(start, search.servoed)
+    unknowns = search.unknowns
+    windows = errors.windows
     scale, unseen = search.scale(fit), search.hidden_lags()
     free, correlation = identified_numbers(
         fit, scale, search.sample, [each.name for each in search.flights]
@@ -421,7 +427,8 @@ def distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
     """
     if not flights:
         raise ValueError("flights: must be one or more")
-    names, distinct = [each.name for each in flights], list[FlightData]()
+    names = [each.name for each in flights]
+    distinct = list[FlightData]()
     for i, flight in enumerate(flights):
         name = (
             flight.name if names.count(flight.name) == 1 else f"{flight.name} ({i + 1})"
@@ -485,7 +492,8 @@ def explained_shares(
     """Fraction of each sensor axis' variance that the model explains, and standard
     deviation of its errors.
     """
-    names, windows = {"gyro": "rate", "accelerometer": "specific_force"}, errors.windows
+    names = {"gyro": "rate", "accelerometer": "specific_force"}
+    windows = errors.windows
     white = first_noise(errors)[windows.owners] ** 2
     at = windows.begins + np.arange(windows.length)[:, None]
     explained, deviation = dict[str, float](), dict[str, float]()
@@ -497,10 +505,8 @@ def explained_shares(
         else:
             continue
         there = fit.counted[:, :, i].astype(float)
-        noise, left = (
-            float((there * white[:, i]).sum()),
-            float((there * fit.errors[:, :, i] ** 2).sum()),
-        )
+        noise = float((there * white[:, i]).sum())
+        left = float((there * fit.errors[:, :, i] ** 2).sum())
         bends = float(
             (
                 _without_lines(errors.samples[sensor].values[at, column], there) ** 2

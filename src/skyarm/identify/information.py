@@ -94,7 +94,8 @@ def expected_numbers(
     positive = {
         each.name for each in scale.reported if logarithmic.intersection(each.parts)
     }
-    numbers, unseen = [], search.hidden_lags()
+    numbers = []
+    unseen = search.hidden_lags()
     for each in identified_numbers(fit, scale, search.sample)[0]:
         share = 0.5 * math.log(each.high / each.low) if each.name in positive else 0.0
         numbers.append(

@@ -376,11 +376,10 @@ def _ground(
     """Yield a fault if a flight never took off, was too short, or its commanded thrust
     does not match the weight.
     """
-    name, weight = (
-        (COMMANDS[1] if COMMANDS[1] in flight else COMMANDS[0]),
-        GRAVITY * float(start.mass),
-    )
-    speeds, gyro = commanded_speeds(flight, start), flight["gyro"]
+    name = COMMANDS[1] if COMMANDS[1] in flight else COMMANDS[0]
+    weight = GRAVITY * float(start.mass)
+    speeds = commanded_speeds(flight, start)
+    gyro = flight["gyro"]
     rows = (
         np.concatenate([speeds.section(*each).values for each in spans])
         if spans
@@ -454,7 +453,8 @@ def channel_gaps(name: str, channel: Channel) -> list[tuple[float, float]]:
     """Gaps between the samples of a channel: start and length (s)."""
     if channel.time.size < FEWEST_SAMPLES:
         return []
-    steps, is_held = np.diff(channel.time), QUANTITIES[name].held
+    steps = np.diff(channel.time)
+    is_held = QUANTITIES[name].held
     most = max(
         HELD_GAP if is_held else SENSOR_GAP,
         (20.0 if is_held else 5.0) * float(np.median(steps)),
@@ -639,10 +639,8 @@ def _rests(channel: Channel, whole: Mask) -> Mask:
     """Mask (N - 1,) of repeated rows before and after which no joint jumps: of joints
     at rest on coarse encoders.
     """
-    step, at_rest = (
-        np.abs(np.diff(channel.values, axis=0)),
-        np.zeros(whole.size, dtype=bool),
-    )
+    step = np.abs(np.diff(channel.values, axis=0))
+    at_rest = np.zeros(whole.size, dtype=bool)
     least = np.min(step, axis=0, initial=np.inf, where=step > 0.0)
     for begin, end in runs_of(whole):
         at_rest[begin:end] = np.all(

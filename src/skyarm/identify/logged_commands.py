@@ -209,9 +209,9 @@ def flying_spans(commands: Channel, start: Vehicle) -> list[tuple[float, float]]
     step = 0.02
     time = np.arange(commands.time[0], commands.time[-1], step)
     speeds = commands.values[np.searchsorted(commands.time, time, side="right") - 1]
-    flies = _moving_mean(
-        lift(start, speeds), round(SETTLING / step) | 1
-    ) > AIRBORNE * GRAVITY * float(start.mass)
+    width = round(SETTLING / step) | 1
+    weight = GRAVITY * float(start.mass)
+    flies = _moving_mean(lift(start, speeds), width) > AIRBORNE * weight
     spans = [
         (float(time[a]) + SETTLING, float(time[b - 1]) - SETTLING)
         for a, b in runs_of(flies)

@@ -52,14 +52,14 @@ class Estimated:
     high: float
 
     @classmethod
-    def of(cls, value: float, half: float, *, least: float = 0.0) -> Estimated:
-        """Create an estimate with a symmetric confidence interval, cut at the least
-        possible value.
+    def of(cls, value: float, half: float) -> Estimated:
+        """Create an estimate of a time with a symmetric confidence interval, cut at 0,
+        the least possible value.
         """
         return cls(
-            value=max(least, value),
-            low=max(least, value - half),
-            high=max(least, value + half),
+            value=max(0.0, value),
+            low=max(0.0, value - half),
+            high=max(0.0, value + half),
         )
 
 
@@ -225,7 +225,8 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
                 explained=0.0,
                 reason=reason,
             )
-        return _lag(name, searched[name], *fitted, period)
+        errors, fit = fitted
+        return _lag(name, searched[name], errors, fit, period)
 
     of_rotors = lag(ROTORS)
     factor = of_rotors.up.value / believed[0], of_rotors.down.value / believed[1]
@@ -335,10 +336,8 @@ def _fit(
     )
     first = fit_windows(errors, np.array([each.begin for each in unknowns]))
     # the speeds of slow rotors follow from more of the past
-    slow, part = (
-        vehicle_with(start, errors.numbers(first.values)),
-        min(BLOCK, max(FIRST, flight.duration / PARTS)),
-    )
+    slow = vehicle_with(start, errors.numbers(first.values))
+    part = min(BLOCK, max(FIRST, flight.duration / PARTS))
     errors = errors.over(ClockedWindows([clocked], slow, min(WHOLE, part)))
     return errors, fit_windows(errors, first.values, noise=first.noise, block=part)
 
@@ -376,7 +375,8 @@ def _lag(
         [f"rate.{axis}" for axis in "xyz"] if name == ROTORS else [f"{name}.position"]
     )
     group_shares = [shares[each] for each in rates if each in shares]
-    explained, reason = sum(group_shares) / max(len(group_shares), 1), ""
+    explained = sum(group_shares) / max(len(group_shares), 1)
+    reason = ""
     if not np.isfinite(halves).all():
         reason = "the commands do not show in the motion"
     elif delay > LONGEST or max(taus) > SLOWEST:

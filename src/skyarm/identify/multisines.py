@@ -149,10 +149,8 @@ def axes_of(vehicle: Vehicle, box: float, height: float) -> Axes:
         height: m, of its centre.
     """
     joints = [_range(joint, vehicle.n) for joint in vehicle.joints]
-    half, rest = (
-        0.5 * box,
-        np.array([0.0, 0.0, height, 0.0, *(each[0] for each in joints)]),
-    )
+    half = 0.5 * box
+    rest = np.array([0.0, 0.0, height, 0.0, *(each[0] for each in joints)])
     low = np.array(
         [-half, -half, height - half, -HEADING, *(each[1] for each in joints)]
     )

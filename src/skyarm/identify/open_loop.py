@@ -82,12 +82,7 @@ class BaseStates:
 
     def at(self, rows: IntArray) -> BaseStates:
         """States of the base at selected instants."""
-        return BaseStates(
-            self.position[rows],
-            self.quaternion[rows],
-            self.velocity[rows],
-            self.rate[rows],
-        )
+        return BaseStates(*(getattr(self, name)[rows] for name in FIELDS))
 
     def at_even_rates(self, seconds: float) -> BaseStates:
         """States of the base extrapolated by some time (s) with constant velocity and
@@ -147,7 +142,8 @@ def measured_states(
             if has_position
             else integral_of(time, velocity)
         )
-    gyro, bias = flight["gyro"], np.array(about.gyro_bias)
+    gyro = flight["gyro"]
+    bias = np.array(about.gyro_bias)
     rate = measured_at(gyro, time, max(clocked.step, AVERAGED)) - bias
     rate_before = values_at(smooth_motion(gyro, TURN, 2, past=True)[0], time) - bias
     motion = np.zeros((3, clocked.size, 0))
@@ -272,8 +268,8 @@ class OpenLoopPredictor:
             replace(each, name=f"{i}: {each.name}") for i, each in enumerate(clocked)
         ]
         every = [
-            measured_states(*each, about, vehicle.n)
-            for each in zip(flights, clocked, strict=True)
+            measured_states(flight, clock, about, vehicle.n)
+            for flight, clock in zip(flights, clocked, strict=True)
         ]
         self.measured, self.known = (
             BaseStates(
@@ -342,12 +338,11 @@ class OpenLoopPredictor:
             pushes: s, after the begins -> (W, 6) force (N) and torque (N m) that the
                 commands do not explain, base axes; none by default.
         """
-        lanes, step = errors.lanes(NONE, window_states(begins)), errors.windows.step
-        inputs, own_torque, k = (
-            lanes.flights.inputs,
-            lanes.flights.inputs["torque"].copy(),
-            0,
-        )
+        lanes = errors.lanes(NONE, window_states(begins))
+        step = errors.windows.step
+        inputs = lanes.flights.inputs
+        own_torque = lanes.flights.inputs["torque"].copy()
+        k = 0
         try:
             while True:
                 yield BaseStates(
@@ -462,7 +457,8 @@ class OpenLoopFlight:
         loop, step = self._loop, self._clocked.step
         steps = max(1, round(horizon / step))
         errors = loop.windows([places_of(self._clocked, self._vehicle, steps)])
-        windows, begins = errors.windows, loop.begins(errors.windows)
+        windows = errors.windows
+        begins = loop.begins(errors.windows)
         flown = list(islice(loop.ahead(errors, begins), steps + 1))
         still = [begins.at_even_rates(k * step) for k in range(steps + 1)]
         # the last one ends with its part

@@ -236,7 +236,9 @@ def _of_rotors(vehicle: Vehicle, curve: bool) -> list[Unknown]:
 
 
 def _of_drag(vehicle: Vehicle, arm: float) -> list[Unknown]:
-    rotor, count, mass = vehicle.rotors[0], len(vehicle.rotors), float(vehicle.mass)
+    rotor = vehicle.rotors[0]
+    count = len(vehicle.rotors)
+    mass = float(vehicle.mass)
     at_hover = math.sqrt(GRAVITY * mass / (count * float(rotor.thrust_coefficient)))
     hub = max(WIND * mass / (count * at_hover), float(rotor.drag_coefficient))
     unknowns = [
@@ -263,11 +265,10 @@ def _of_link(link: Link, moves: bool) -> list[Unknown]:
     if any(float(getattr(body.inertia, each.name)) for each in fields(Sym3)):
         unknowns.append(_above(f"{name}.inertia", "times", 1.0, 0.4))
     if moves:
-        (angle, unit), weight = (
-            joint.units,
-            GRAVITY * float(body.mass) * (reach if joint.turns else 1.0),
-        )
-        dry, swing = DRY * weight, math.sqrt(9.81 / reach) if joint.turns else 1.0
+        angle, unit = joint.units
+        weight = GRAVITY * float(body.mass) * (reach if joint.turns else 1.0)
+        dry = DRY * weight
+        swing = math.sqrt(9.81 / reach) if joint.turns else 1.0
         unknowns += [
             _loss(
                 f"{name}.joint.damping", f"{unit} s/{angle}", joint.damping, dry / swing
@@ -300,7 +301,8 @@ def _of_servo(vehicle: Vehicle, joint: int) -> list[Unknown]:
     """Unknown parameters of a position servo, whose damping includes that of the
     joint.
     """
-    servo, link = servo_of(vehicle, joint), vehicle.links[joint]
+    servo = servo_of(vehicle, joint)
+    link = vehicle.links[joint]
     assert servo is not None
     name, (angle, effort) = f"drives.{link.joint.name}", link.joint.units
     # sticking within a hundredth of a radian is much for a servo that has none on
@@ -362,11 +364,15 @@ def require_searched(known: Mapping[str, float], every: Sequence[Unknown]) -> No
     positive = {each.name: each.positive for each in every}
     for name, value in known.items():
         if name not in positive:
-            words = {
+            stated = {
                 f"base.second_moment.{axis}": f"base.inertia.{axis}{axis}"
                 for axis in "xyz"
             }
-            allowed = ["mass", "voltage", *(words.get(each, each) for each in positive)]
+            allowed = [
+                "mass",
+                "voltage",
+                *(stated.get(each, each) for each in positive),
+            ]
             raise ValueError(f"known.{name}: {must_be_one_of(allowed, name)}")
         number(
             value,

@@ -213,6 +213,24 @@ class Reduced:
     inverse: Array
 
 
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Context or decorator that limits BLAS to one thread.
+
+    For small matrices further threads only wait, and the bits of a product may depend
+    on their number.
+    """
+    try:
+        from threadpoolctl import threadpool_limits
+    except (
+        ImportError
+    ) as error:  # pragma: no cover  (the library is there when this is tested)
+        raise missing_extra("identify") from error
+    with threadpool_limits(1, user_api="blas"):
+        yield
+
+
+@one_thread()
 def fit_windows(
     errors: WindowErrors,
     begin: Array,
@@ -240,40 +258,6 @@ def fit_windows(
         progress: called with one line a turn of the search.
     """
     student_quantile()  # whose absence is no news for after the search
-    with one_thread():
-        return _search(errors, begin, noise, spread, block, turns, lasting, progress)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Context or decorator that limits BLAS to one thread.
-
-    For small matrices further threads only wait, and the bits of a product may depend
-    on their number.
-    """
-    try:
-        from threadpoolctl import threadpool_limits
-    except (
-        ImportError
-    ) as error:  # pragma: no cover  (the library is there when this is tested)
-        raise missing_extra("identify") from error
-    with threadpool_limits(1, user_api="blas"):
-        yield
-
-
-def _search(
-    errors: WindowErrors,
-    values: Array,
-    noise: Array | None,
-    spread: Array | None,
-    block: float,
-    turns: int,
-    lasting: bool,
-    progress: Callable[[str], None] | None,
-) -> WindowFit:
-    """Gauss-Newton search for parameters and noise; the arguments are those of
-    :func:`fit_windows`.
-    """
     start, prior = (
         np.array([getattr(each, name) for each in errors.unknowns])
         for name in ("begin", "spread")
@@ -281,10 +265,13 @@ def _search(
     least = np.array(
         [-math.inf if each.positive else each.least for each in errors.unknowns]
     )
+    values = begin
     noise = first_noise(errors) if noise is None else noise
     spread = errors.push if spread is None else spread
     errors.take_samples(values)
-    states, settled, memory = errors.first_states(), False, None
+    states = errors.first_states()
+    settled = False
+    memory = None
     for turn in range(turns):
         errors.take_samples(values)
         residuals, there, normal = errors.normal(values, states, noise, memory=memory)
@@ -298,10 +285,8 @@ def _search(
         before = cost.at(errors.innovations(residuals, there, memory), values, states)
         for _ in range(TRIES):
             change = length * step
-            moved, free = (
-                values + change,
-                states.moved_by(-length * reduced.shift - reduced.slopes @ change),
-            )
+            moved = values + change
+            free = states.moved_by(-length * reduced.shift - reduced.slopes @ change)
             left, _ = errors.errors_at(moved, free)
             after = cost.at(errors.innovations(left, there, memory), moved, free)
             if math.isfinite(after) and after < before * (1.0 + 1e-9):
@@ -494,14 +479,14 @@ def new_memory(errors: WindowErrors, found: Array, there: Mask, noise: Array) ->
     ones they would be taken for more than they tell, and outweigh what is known of the
     numbers and of the unexplained wrench.
     """
-    owners, time, memory = errors.windows.owners, errors.times(), np.zeros_like(noise)
+    owners = errors.windows.owners
+    time = errors.times()
+    memory = np.zeros_like(noise)
     sizes = np.clip(np.where(there, found / noise[owners], 0.0), -OUTLIER, OUTLIER)
     for i, j in np.ndindex(*noise.shape):
-        (windows, steps), own = (
-            np.nonzero(there[:, :, j].T & (owners == i)[:, None]),
-            np.s_[:, :, j],
-        )
-        rows, when = sizes[own][steps, windows], time[own][steps, windows]
+        windows, steps = np.nonzero(there[:, :, j].T & (owners == i)[:, None])
+        rows = sizes[steps, windows, j]
+        when = time[steps, windows, j]
         follow = np.diff(windows) == 0
         square = float(np.mean(rows**2)) if follow.any() else 0.0
         if square > 0.0:

@@ -10,7 +10,7 @@ coasts.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -159,7 +159,8 @@ def on_clock(
     Raises:
         ValueError: one line: a quantity is missing or does not fit the vehicle.
     """
-    gyro, speeds = flight["gyro"], commanded_speeds(flight, start)
+    gyro = flight["gyro"]
+    speeds = commanded_speeds(flight, start)
     _require_columns(flight, start, speeds, sensors or SENSORS)
     begin, size = float(gyro.time[0]), int((gyro.time[-1] - gyro.time[0]) / step + 1e-6)
     edges = begin + step * np.arange(size + 1, dtype=float)
@@ -258,7 +259,8 @@ def samples_on(channel: Channel, edges: Array) -> SensorSamples:
     """Average the samples of a measured channel in each step of a clock with evenly
     spaced step edges (s).
     """
-    step, size = float(edges[1] - edges[0]), len(edges) - 1
+    step = float(edges[1] - edges[0])
+    size = len(edges) - 1
     place = np.ceil((channel.time - edges[0]) / step - 1e-6).astype(int) - 1
     inside = (place >= 0) & (place < size)
     place, time, rows = place[inside], channel.time[inside], channel.values[inside]
@@ -295,6 +297,17 @@ class Held:
     before: Array
     after: Array
     late: Array
+
+    @classmethod
+    def join(
+        cls, every: Sequence[Held], joining: Callable[[Sequence[Array]], Array]
+    ) -> Held:
+        """Combine commands by a function of arrays, such as ``np.concatenate``."""
+        return cls(
+            joining([each.before for each in every]),
+            joining([each.after for each in every]),
+            joining([each.late for each in every]),
+        )
 
 
 def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) -> Held:
@@ -351,12 +364,11 @@ def lagging(held: Held, lag: float, step: float, flat: bool = False) -> Held:
     from scipy.signal import lfilter
 
     early = held.late[:, None]
-    share, left = early / step, math.exp(-step / lag)
+    share = early / step
+    left = math.exp(-step / lag)
     first, last = np.exp(-early / lag), np.exp((early - step) / lag)
-    gained, begin = (
-        held.before * (1.0 - first) * last + held.after * (1.0 - last),
-        held.before[:1],
-    )
+    gained = held.before * (1.0 - first) * last + held.after * (1.0 - last)
+    begin = held.before[:1]
     ends = lfilter([1.0], [1.0, -left], gained, axis=0, zi=left * begin)[0]
     asked = share * held.before + (1.0 - share) * held.after
     mean = asked - lag / step * np.diff(ends, axis=0, prepend=begin)
@@ -412,7 +424,8 @@ class ClockedWindows:
         most: int = 0,
         places: Sequence[IntArray] | None = None,
     ) -> None:
-        self.flights, self.step = list(flights), flights[0].step
+        self.flights = list(flights)
+        self.step = flights[0].step
         self.length = max(1, round(seconds / self.step))
         past = RUN_IN * float(time_constants(start.rotors).max(initial=0.0)) / self.step
         # in a short flight rather from a part of the past than no window
@@ -436,7 +449,8 @@ class ClockedWindows:
 
     def _places(self, flight: Clocked) -> list[int]:
         """First steps of the windows of a flight, back to back within usable parts."""
-        places, k = list[int](), self.run_in
+        places = list[int]()
+        k = self.run_in
         while k + self.length <= flight.size:
             bad = np.flatnonzero(~flight.usable[k : k + self.length])
             if bad.size:
@@ -450,7 +464,8 @@ class ClockedWindows:
         """Step indices (W,) that lie k steps after the starts of windows, limited to
         their flights.
         """
-        first, last = self.firsts[self.owners], self.firsts[self.owners + 1] - 1
+        first = self.firsts[self.owners]
+        last = self.firsts[self.owners + 1] - 1
         return np.asarray(np.clip(self.begins + k, first, last), dtype=np.int64)
 
     def samples(
@@ -526,12 +541,7 @@ class ClockedWindows:
             if lag
             else rows
         )
-        return Held(
-            *(
-                np.concatenate([getattr(each, field) for each in rows])
-                for field in ("before", "after", "late")
-            )
-        )
+        return Held.join(rows, np.concatenate)
 
     def thrusts(self, sag: float, drift: float, *own: float) -> Array:
         """Thrust factor (steps,) from a power of the voltage, a drift since take-off
@@ -560,14 +570,12 @@ class ClockedWindows:
             for name in names
         }
         every = with_changes(rotors[0][0], False, **columns)
-        before, after, late = (
-            np.stack([getattr(each, name) for each in held])
-            for name in ("before", "after", "late")
-        )
+        stacked = Held.join(held, np.stack)
+        before, after = stacked.before, stacked.after
         speeds = before[:, self.before(-self.run_in)]
         for k in range(-self.run_in, 0):
             at = self.before(k)
-            begun = late[:, at, None]
+            begun = stacked.late[:, at, None]
             speeds = np.asarray(speed_after(every, speeds, before[:, at], begun))
             speeds = np.asarray(
                 speed_after(every, speeds, after[:, at], self.step - begun)
@@ -621,10 +629,8 @@ class ClockedWindows:
             chosen = there[max(first, middle - half) : min(last, middle + half + 1)]
             if not chosen.size:
                 continue
-            off, data = (
-                (chosen + rows.share[chosen] - begin) * self.step,
-                rows.values[chosen],
-            )
+            off = (chosen + rows.share[chosen] - begin) * self.step
+            data = rows.values[chosen]
             if data.shape[1] == 4:
                 data = continuous(data)
             powers = np.vander(off, min(3, len(chosen)), increasing=True)

@@ -262,10 +262,8 @@ def measure(
     def many(values: Sequence[Scalar], sigma: Scalar) -> Scalars:
         return tuple(add(value, mul(sigma, next(draws))) for value in values)
 
-    position, velocity = (
-        state.position + vector(par.position),
-        state.velocity + vector(par.velocity),
-    )
+    position = state.position + vector(par.position)
+    velocity = state.velocity + vector(par.velocity)
     turn = vector(par.attitude)
     tilted = (
         state.quaternion

@@ -186,7 +186,8 @@ class Imu(ChannelSensor):
         """Angular rate and specific force: name, error model and true components of
         each.
         """
-        rate, R_BS = state.rate, mount_rotation(self.rpy)
+        rate = state.rate
+        R_BS = mount_rotation(self.rpy)
         if R_BS is not None:
             rate, specific_force = R_BS.apply_T(rate), R_BS.apply_T(specific_force)
         return self.channels(gyro=rate, accelerometer=map(data, specific_force))

@@ -268,10 +268,8 @@ def level_attitude(specific_force: Vec3, heading: Scalar) -> Quaternion:
     heading (rad).
     """
     f = specific_force
-    roll, pitch = (
-        0.5 * atan2(f.y, f.z),
-        0.5 * atan2(neg(f.x), sqrt(f.y * f.y + f.z * f.z)),
-    )
+    roll = 0.5 * atan2(f.y, f.z)
+    pitch = 0.5 * atan2(neg(f.x), sqrt(f.y * f.y + f.z * f.z))
     yaw = 0.5 * heading
     level = Quaternion(cos(yaw), 0.0, 0.0, sin(yaw)) * Quaternion(
         cos(pitch), 0.0, sin(pitch), 0.0

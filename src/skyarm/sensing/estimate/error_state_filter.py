@@ -140,10 +140,8 @@ class ErrorStateFilter(FilterNumbers):
         the present state estimate.
         """
         started = memory.started > 0.5
-        imu, encoders = (
-            self.in_base_axes(only(ImuReading, readings)),
-            only(EncoderReading, readings),
-        )
+        imu = self.in_base_axes(only(ImuReading, readings))
+        encoders = only(EncoderReading, readings)
         arrived = [only(kind, readings) for kind in AIDS[self.aiding]]
         before = tuple(blend(started, old, imu) for old in memory.inertial)
         belief = blend(
@@ -211,9 +209,15 @@ class ErrorStateFilter(FilterNumbers):
             if command.tilts
             else self.vehicle
         )
-        moving = joints.joints, joints.rates
         force = modelled_force(
-            leaning, velocity, rate, *moving, (old, speeds), command.efforts, self.lever
+            leaning,
+            velocity,
+            rate,
+            joints.joints,
+            joints.rates,
+            (old, speeds),
+            command.efforts,
+            self.lever,
         )
         queue = tuple(blend(started, each, force) for each in memory.modelled[1:])
         return replace(memory, rotor_speeds=speeds, modelled=(*queue, force))
@@ -222,7 +226,8 @@ class ErrorStateFilter(FilterNumbers):
         """Predict estimate and covariance over one inertial reading, to the filter's
         delayed instant.
         """
-        reading, belief = memory.inertial[0], memory.belief
+        reading = memory.inertial[0]
+        belief = memory.belief
         dt = reading.time - before.time
         R = belief.quaternion.rotation()
         given = memory.modelled[0] if self.uses_model else None
@@ -260,15 +265,11 @@ class ErrorStateFilter(FilterNumbers):
             belief, updated, test_value = _apply_innovations(
                 belief, P, rows, due, allowed
             )
-            passed, failed = (
-                logical_and(due, test_value < allowed),
-                logical_and(due, logical_not(test_value < allowed)),
-            )
+            passed = logical_and(due, test_value < allowed)
+            failed = logical_and(due, logical_not(test_value < allowed))
             P = scaled_covariance(updated, where(failed, self.inflation, 1.0))
-            taken, refused = (
-                taken + where(passed, 1.0, 0.0),
-                refused + where(failed, 1.0, 0.0),
-            )
+            taken = taken + where(passed, 1.0, 0.0)
+            refused = refused + where(failed, 1.0, 0.0)
             surprise = where(due, test_value, surprise)
         return replace(
             memory,

@@ -128,7 +128,8 @@ def in_turn(queue: Sequence[Aid], after: Scalar, until: Scalar) -> tuple[Scalar,
     """Find the reading in a queue whose time stamp is in (after, until]; returns a flag
     and the reading.
     """
-    reading, any_due = queue[0], due_between(queue[0].time, after, until)
+    reading = queue[0]
+    any_due = due_between(queue[0].time, after, until)
     for each in queue[1:]:
         due = due_between(each.time, after, until)
         any_due, reading = logical_or(any_due, due), blend(due, each, reading)
@@ -425,7 +426,8 @@ class FilterNumbers(Estimator):
             vehicle.name, {each.name: each.drive for each in vehicle.drives}
         )
         lag = self.delay_periods / rate
-        aids, imu = AIDS[self.aiding], ""
+        aids = AIDS[self.aiding]
+        imu = ""
         for kind in (ImuReading, *aids, *((EncoderReading,) if vehicle.n else ())):
             names = [name for name, sensor in sensors.items() if reads(sensor, kind)]
             if len(names) != 1:
@@ -434,7 +436,8 @@ class FilterNumbers(Estimator):
                     f"estimator: needs one sensor of kind {word!r} ([sensors.NAME] with"
                     f" kind = {word!r}); there are {len(names)} of kind {word!r}"
                 )
-            imu, sensor = imu or names[0], sensors[names[0]]
+            imu = imu or names[0]
+            sensor = sensors[names[0]]
             if kind in aids and sensor.latency > lag + 1e-9:
                 raise ValueError(
                     f"estimator.delay_periods: lags {lag:g} s, must be at least"
