@@ -105,6 +105,7 @@ class MessageAxes:
             for topic, each in self.tables.items()
             if topic in self.kinds
         ]
+        # these messages are in north, east, down by their definition
         others = {
             "px4_msgs/msg/VehicleLocalPosition",
             "px4_msgs/msg/VehicleAttitude",

@@ -152,6 +152,7 @@ def _sources(
         else math.degrees(head["gyroScale"] * 1e6)
     )
     scale /= HIGH_RESOLUTION if head.get("blackbox_high_resolution") else 1.0
+    # the gyro before its filters is not late, so it goes before all others
     rates = _entries(rows, "gyroUnfilt")
     debug = _entries(rows, "debug")[:3]
     if (
@@ -214,6 +215,8 @@ def _sources(
         )
     if speeds := _entries(rows, "eRPM"):
         sources["rotor_speeds"] = QuantitySource(
+            # logged are hundreds of electrical turns a minute, poles / 2 of which are
+            # one turn
             columns=speeds,
             unit="rpm",
             scale=200.0 / head["motor_poles"],
@@ -224,6 +227,8 @@ def _sources(
             head["firmwareType"]
             or re.fullmatch("[0-9a-f]*", head.get("Firmware revision", ""))
         )
+        # hundredths of a volt since 4.0, tenths before, and counts of the converter
+        # before 3.1
         volts = 0.01 if version >= (4, 0) else 0.1
         if old:
             volts = 0.33 / 4095 * head["vbatscale"]

@@ -258,6 +258,8 @@ def _with_filters(flight: FlightData, parameters: Mapping[str, float]) -> Flight
     }
     notes = [
         f"{name}: is filtered at {FILTERS[name]} = {cut:g} Hz,"
+        # a Butterworth filter of second order delays low frequencies by sqrt(2) / (2 pi
+        # f)
         f" {1e3 * math.sqrt(0.5) / (math.pi * cut):.2g} ms late; log raw IMU"
         " (LOG_BITMASK)."
         for name, cut in cuts.items()
@@ -321,7 +323,9 @@ def _of_primary_lane(
         ((name, each) for name, each in filters if each.size), ("XKF4", np.zeros(1))
     )
     numbers, counts = np.unique(primary, return_counts=True)
+    # a log is read of one lane: the one that flew for most of it
     lane = int(numbers[counts.argmax()])
+    # XKF is written by the filter EKF3, NKF by EKF2
     mask = int(parameters.get(f"EK{3 if name.startswith('X') else 2}_IMU_MASK", 0.0))
     unit = (
         [*(bit for bit in range(8) if mask >> bit & 1), *range(8)][lane]
@@ -341,6 +345,8 @@ def _of_primary_lane(
                 ]
             elif re.match("[XN]K|EKF", each.topic):
                 stem = each.topic.rstrip("1")
+                # before messages had instances, lane 1 wrote NKF6 to NKF10 for NKF1 to
+                # 5, and NKQ2
                 digit = 1 + (1 if "KQ" in each.topic else 5) * lane
                 topics = [
                     *(
@@ -408,6 +414,8 @@ def _rows(data: bytes, notes: list[str]) -> Messages:
     while place < len(data):
         head = data[place : place + len(DEFINITION)]
         end = place + sizes.get(head, 0)
+        # a message counts only if another follows it, so that no shifted row is made up
+        # of lost bytes
         if end == place or (end != len(data) and not data.startswith(MAGIC, end)):
             # -1 is the end of the data
             end = data.find(MAGIC, place + 1) % (len(data) + 1)
@@ -551,6 +559,7 @@ def _motor_outputs(
     else by equal least outputs.
     """
     every = [name for name in outputs.columns if re.fullmatch(r"C(h)?\d+", name)]
+    # later entries win, so outputs run backwards: the first one of a function counts
     driven = {
         parameters.get(f"SERVO{k + 1}_FUNCTION", 0.0): name
         for k, name in reversed([*enumerate(every)])
@@ -574,6 +583,7 @@ def _motor_outputs(
 
 
 DATAFLASH = FlightFormat(
+    # tlog is telemetry, which is named only to be refused with its cure
     read_dataflash,
     suffixes=("bin", "px4log", "tlog"),
     begins=(MAGIC,),

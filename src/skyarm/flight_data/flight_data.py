@@ -74,6 +74,7 @@ class Channel:
 
     def section(self, start: float, end: float) -> Channel:
         """Return the samples from ``start`` to ``end`` (s), both included."""
+        # searchsorted leaves the end out: the next double includes it
         chosen = slice(
             *np.searchsorted(self.time, [start, np.nextafter(end, np.inf)]).tolist()
         )
@@ -251,6 +252,7 @@ def split_path(path: PathLike) -> tuple[str, int]:
     """
     text = os.fspath(path)
     match = (
+        # a file whose own name ends so is meant itself
         None if os.path.exists(text) else re.fullmatch(r"(.+)#(\d+)", text, re.DOTALL)
     )
     return (match[1], int(match[2])) if match else (text, 0)
@@ -277,6 +279,7 @@ def choose_log(
         ValueError: one line: a number that no flight has.
     """
     number = columns.log if columns else 0
+    # a file of one flight has a first one, too
     if number > max(1, len(every)):
         raise ValueError(
             f"flight #{number}: must be 1 to {max(1, len(every))}, the flights of this"
@@ -396,9 +399,11 @@ def format_name(path: PathLike) -> str:
             head = stream.read(64)
     formats = {
         name: _checked(name, find("flight_format", name))
+        # later registrations first, so that a user's format goes before those that ship
         for name in reversed(names("flight_format"))
     }
     suffix = BAG_FOLDER if folder else file.suffix.removeprefix(".").lower()
+    # first bytes decide before a suffix, which says less of what a file holds
     begun = [
         name
         for name, each in formats.items()

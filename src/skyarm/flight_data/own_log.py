@@ -97,6 +97,7 @@ def measured_flight(log: Log, path: Path) -> FlightData:
     measured: dict[str, Channel] = {}
     place: dict[str, float] = {}
     for name, source in sources_of(log.info).items():
+        # an estimate is no measurement, and knows the model that is to be found
         if name == ESTIMATE or name.startswith(COMPONENTS):
             continue
         for field, quantity in FIELDS.items():
@@ -180,6 +181,7 @@ def require_one_vehicle(log: Log) -> None:
     Raises:
         ValueError: one line with their names and how the log of one is written.
     """
+    # arrays of one vehicle have no names of vehicles, and one vehicle is identified
     if len(log.agents) > 1:
         cure = f"skyarm export LOG --vehicle {next(iter(log.agents))} -o NEW.npz"
         raise ValueError(
@@ -203,6 +205,7 @@ def _reading(log: Log, name: str, field: str, source: Source, array: Array) -> C
     measurement.
     """
     stamps = log.received.get(f"{name}.time")
+    # rows before the delay has passed repeat the first reading
     rows = np.arange(
         source.late if stamps is None else 0,
         log.time.size,

@@ -85,6 +85,7 @@ def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:
     )
     begin, end = turned[:-step], turned[step:]
     inside = (
+        # pairs with a gap of attitudes between them say nothing of a span of 2 ms
         (begin > time[0]) & (end < time[-1] - late.max()) & (end - begin < 5.0 * APART)
     )
     if inside.sum() < 10:
@@ -103,6 +104,7 @@ def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:
         ]
         return float((turn - np.stack(sums, axis=1)).std())
 
+    # the middles are PX4's own rule, so the stamps must be clearly better
     if error(late) > CLEARLY * error(np.zeros(len(time))):
         return motion
     columns = dict(motion.columns)

@@ -41,6 +41,7 @@ length."""
 UNUSED = 200
 """Largest number of unused columns that a flight lists."""
 
+# sources are listed by quality, so a little jitter of rates is no reason to change
 FASTER = 1.2
 """Ratio of rates above which a source replaces one of higher priority."""
 
@@ -269,6 +270,7 @@ def _channel(
     """
     table = _table(f"{columns.file}: {name}", signal, tables)
     time = _time(name, signal, table, columns if name in columns.signals else Columns())
+    # cells without numbers are NaN, and are counted below
     with np.errstate(all="ignore"):
         given = np.stack([table.numbers(each) for each in signal.columns], axis=1)
         values = _in_si(name, signal, given * signal.scale)
@@ -286,6 +288,7 @@ def _channel(
         )
     time, values = time[rising], values[rising]
     if name == "quaternion" and time.size:
+        # q and -q are one attitude: one sign throughout, with w at the start above 0
         values = continuous(unit_rows(values)) * (-1.0 if values[0, 0] < 0.0 else 1.0)
     channel = Channel(
         time=time, values=values, source=signal.source, names=signal.names
@@ -327,6 +330,7 @@ def _rows_due(rows: npt.NDArray[np.intp], time: Array, count: int) -> int:
     if step := _usual_step(np.diff(time)):
         lost = np.clip(np.round(np.diff(time) / step) - 1.0, 0.0, between)
         return rows.size + int(lost.sum())
+    # the ceiling of the quotient
     return -(-count // (round(_usual_step(between + 1)) or 1))
 
 
@@ -462,6 +466,7 @@ def _in_si(name: str, signal: QuantitySource, given: Array) -> Array:
     values = given * quantity.units[signal.unit or quantity.unit]
     if name == "rotor_commands":
         values = (values - signal.low) / (signal.high - signal.low)
+    # FRD and NED become our axes by the same change of signs, of y and z
     turned = signal.frame == "FRD" if signal.frame else signal.world == "NED"
     return np.stack([*to_our_axes(*values.T)], axis=1) if turned else values
 
@@ -496,6 +501,7 @@ def shares_of(
 ) -> RawTable:
     """Outputs to rotors as shares of their range, at least 0."""
     columns = {
+        # an output below its range stops the motor and does not push backwards
         f"output {name}": np.maximum(0.0, (outputs.numbers(name) - low) / (high - low))
         for name in names
     }
@@ -553,6 +559,7 @@ def alike_outputs(
     ]
     alike = [
         *takewhile(
+            # an output that never moves drives no rotor, so the least is below the most
             lambda name: (
                 ends[names.index(name)][0] == ends[0][0] < ends[names.index(name)][1]
             ),
@@ -576,6 +583,7 @@ def rising_rows(time: Array) -> npt.NDArray[np.intp]:
     """Indices of the longest subsequence of strictly increasing times."""
     if (np.diff(time) > 0.0).all():
         return np.arange(time.size)
+    # patience sorting: tails[k] is the least end of a rising run of k + 1 rows
     tails, last = list[float](), list[int]()
     before = np.full(time.size, -1, dtype=np.intp)
     for row, stamp in enumerate(time.tolist()):
@@ -596,6 +604,7 @@ def _unused_names(
 ) -> tuple[str, ...]:
     """Unused topics of a file; for tables without topic names, its unused columns."""
     if any(signal.topic for signal in signals.values()):
+        # by identity: tables are records of arrays, which have no truth of equality
         read = {id(_holding(tables, signal)) for signal in signals.values()}
         names = [name for name, each in tables.items() if id(each) not in read]
     else:

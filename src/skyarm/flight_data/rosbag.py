@@ -196,6 +196,8 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
         for topic, each in tables.items()
         if read.get(topic, "").startswith(PX4)
     }:
+        # PX4's clock counts from its start: the message that waited least links it to
+        # the bag's
         delays = [
             np.min(each.received - each.time)
             for each in of_px4.values()
@@ -243,6 +245,7 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
     flight = flight_of(
         path, tables, usual, columns, origin=origin * NANO, facts=facts, notes=notes
     )
+    # rate and force are of one unit: both are turned to base axes, or none
     turned = {"gyro", "accelerometer", "quaternion"} - {*own}
     return _in_base_axes(
         flight, {} if len(turned & {"gyro", "accelerometer"}) < 2 else mounts, turned
@@ -284,6 +287,7 @@ def _decode(
             if known := [each for each in chosen if each.topic not in unknown]:
                 _read(reader, known, rows, notes)
                 mounts = _mounts(reader)
+    # the caller says of a file that it cannot be read
     except OSError:
         raise
     except Exception as error:
@@ -594,6 +598,7 @@ def _usual(
             axes.notes.append(
                 BOTH_WAYS if is_reversible(table) else OF_THRUST.format(topic)
             )
+            # signals with a sign are no shares of a range from 0 to 1
             if is_reversible(table):
                 continue
             tables[topic] = table = _motor_shares(table)

@@ -165,6 +165,7 @@ def numbers_of_rows(
     Raises:
         ValueError: one line: a column without any number.
     """
+    # eight bytes a number: lists of floats take four times as much, and logs are long
     numbers, first_wrong = array("d"), dict[str, str]()
     count = short = wrong = decimal = 0
     point = "." if separator == "," else ","
@@ -217,6 +218,7 @@ def _unix_time(cell: str) -> float:
     if it is none.
     """
     try:
+        # a minus in front is a sign; behind the first letter it is one of a date
         date = datetime.fromisoformat(cell if "-" in cell[1:] else f"1970-01-01T{cell}")
     except ValueError:
         return math.nan

@@ -104,6 +104,7 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
         raise ValueError(
             f"pyulog: is missing; a log of PX4 {needs_extra('flights')}"
         ) from None
+    # pyulog does not return from some damaged files, so it gets the intact messages
     log = ULog(io.BytesIO(whole.found))
     start = int(log.start_timestamp)
     tables = {
@@ -216,6 +217,7 @@ def _motor_channels(parameters: Parameters) -> dict[int, tuple[str, int]]:
     """Output bank and channel of each motor, from PX4's output-function parameters; the
     first if there are several.
     """
+    # later entries of the dict below win, so channels run backwards
     places = [(bank, channel) for bank in LIMITS for channel in reversed(range(16))]
     motors = [
         int(parameters.get(f"{bank}_FUNC{channel + 1}", 0.0)) - FIRST_MOTOR
@@ -397,6 +399,7 @@ def _shares(
     is_sure = True
     time = np.zeros(0)
     for motor in range(count):
+        # a motor without a channel gets one that no table has
         bank, channel = channels.get(motor, (PWM[1], MOST_ROTORS * 2))
         low, high, stated = _limits(parameters, bank, channel)
         table = _outputs(tables, bank, f"output[{channel}]", low, high, notes)
@@ -413,6 +416,7 @@ def _shares(
         share = np.maximum(
             0.0, (table.numbers(f"output[{channel}]") - low) / (high - low)
         )
+        # outputs of another bank are taken as they were held at the first one's times
         time = time if columns else table.time
         if table.time is not time:
             share = share[np.maximum(np.searchsorted(table.time, time, "right") - 1, 0)]

@@ -130,6 +130,7 @@ class WholeMessages:
         end = self._end_of(place)
         if not place + 3 < end <= len(data) or data[place + 2] not in LETTERS:
             return 0
+        # a row is as long as its topic's format, else the bytes are no message
         is_row = data[place + 2] == ord("D")
         return (
             0

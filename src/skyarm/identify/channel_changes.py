@@ -278,6 +278,7 @@ def _of_axes(flight: FlightData) -> Iterator[ChannelChange]:
         if not moved:
             continue
         words = _axes_words(mapping)
+        # faults of wiring: axes that are exchanged, one sign, or a turn about an axis
         usual = (
             (mapping >= 0.0).all()
             or moved == 1
@@ -285,6 +286,7 @@ def _of_axes(flight: FlightData) -> Iterator[ChannelChange]:
         )
         if usual:
             yield _map_columns("gyro", words, MAP, ("gyro",), mapping)
+        # in flight the force is up on the mean, so a mapping that turns it away is none
         if (mapping @ mean)[2] > 0.5 * np.linalg.norm(mean):
             yield _map_columns(
                 "accelerometer",
@@ -408,6 +410,7 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[ChannelC
         *_exchanges(plain),
         *turned,
         mirrored,
+        # of six rotors there are 720 orders, each of which costs a search
         *(permutations(plain) if len(plain) <= 4 else ()),
     ]
     for order in dict.fromkeys(every):

@@ -199,6 +199,7 @@ def information_of(flight: FlightData, measured: MeasuredNoise) -> Array:
     errors = dataclasses.replace(search, flights=[clocked]).errors(
         search.whole, before=measured.plant
     )
+    # the readings are noise-free, so the first states need no fit
     states = errors.first_states()
     # what the required flight leaves out says nothing against its readings
     _, _, normal = errors.normal(search.begin, states, measured.noise, outlier=math.inf)
@@ -295,6 +296,7 @@ def design_segments(
         whole = np.sum([one.information for one in each], axis=0)
         return volume_gain(whole, measured.prior, measured.in_vehicle)
 
+    # more than are taken, so that there is a choice at all
     free = max(count + 2, candidates // 3)
     pool: list[Candidate] = []
     for i in range(free):
@@ -318,6 +320,7 @@ def design_segments(
         )
         if trial is None:
             continue
+        # an exchange must gain, so the best of the replaced ones decides
         gains = [gain([*taken[:k], trial, *taken[k + 1 :]]) for k in range(count)]
         if max(gains) > best:
             best, k = max(gains), int(np.argmax(gains))

@@ -107,6 +107,7 @@ def flight_facts(flight: FlightData) -> Facts:
         for name, words in flight.facts.items()
         if name.startswith("flight #")
     }
+    # a format that tells its flights apart knows better than pauses do
     if not listed and len(parts) > 1:
         listed = {
             f"flight #{k + 1}": f"{begin:.4g} to {end:.4g} s"

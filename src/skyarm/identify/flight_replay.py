@@ -36,6 +36,7 @@ def replay_of(
     beside = Path(vehicle).parent / NUMBERS
     if Path(vehicle).is_file() and beside.is_file():
         of, about_it, volts = read_surroundings(beside, flown.name)
+        # delays and offsets belong to the vehicle with which they were found
         if of == model.name:
             about, full = about_it, volts
             tell(f"delays and offsets: {beside}")

@@ -120,6 +120,7 @@ def predict_held_out(
     flights = distinct_flights(flights)
     seen = distinct_flights(seen) if seen else []
     step = clock_step([*flights, *seen], start)
+    # every horizon is then a whole number of steps
     step = SHORTEST / math.ceil(SHORTEST / step - 1e-9)
     posed = [i for i, each in enumerate(flights) if not no_poses(each)]
     learnt = [each for each in seen if posed and not no_poses(each)]
@@ -149,6 +150,7 @@ def predict_held_out(
     at_start = OpenLoopPredictor(
         start, before, flights, clocks[:count], options.gravity
     )
+    # all predictors begin at the same instants, where the slower rotors are known, too
     slower = max(
         (found.vehicle, start),
         key=lambda each: float(time_constants(each.rotors).max(initial=0.0)),
@@ -301,6 +303,7 @@ def ends_of(
         measured = loop.measured_at(windows, np.minimum(k, left))
         every = (flown.get(k, still), still, measured)
         *off, there = (_difference(steady, each.at(rows)) for each in every)
+        # of a horizon that no part is long enough for there are no rows
         predictions.append(Ends(horizon, np.stack(off, axis=1), there))
     return predictions
 
@@ -457,6 +460,7 @@ def learn_from_past(
             score = (
                 not all(good),
                 sum(
+                    # logarithms weigh a tenth of either error alike, whatever its unit
                     math.log(max(each.position * each.attitude, 1e-300))
                     for each, _ in far
                 ),
@@ -496,6 +500,7 @@ def noises_of(before: WindowErrors, begins: BaseStates) -> tuple[Array, Array]:
             spread = new_spread(before, states, spread, reduced.inverse)
     own = np.isin(np.arange(len(noise)), before.windows.owners)
     measured = there.any(axis=(0, 1))
+    # flights to predict may have no window: their sensors are those of the fit
     noise[np.ix_(~own, measured)] = noise[np.ix_(own, measured)].min(axis=0)
     return noise, spread
 
@@ -544,6 +549,7 @@ def fading(
             flight.
         memory: s.
     """
+    # a mean whose weights fade with the time before, made window by window
     lasting, counts = wrench.copy(), np.ones((len(wrench), 1))
     for j in range(1, len(wrench)):
         if windows.owners[j] == windows.owners[j - 1]:
@@ -565,6 +571,7 @@ def one_step_errors(
     and spread of measured ones.
     """
     count = loop.averaged
+    # a sample's mean is of the period before it: of two periods one is flown whole
     whole = loop.left(loop.windows(places).windows) >= 2 * count
     each_of = np.split(whole, np.cumsum([len(each) for each in places])[:-1])
     places = [each[long] for each, long in zip(places, each_of, strict=True)]

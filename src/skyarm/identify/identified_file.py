@@ -59,6 +59,8 @@ def identified_file(
             sources[
                 field.replace("rotors.", "rotor_defaults.", 1) if shared else field
             ] = at
+    # the base has what the links leave of the total mass, which no row of the table
+    # says
     if float(found.vehicle.base.mass) != float(start.base.mass):
         comments["base.mass"] = "what the links leave of the total mass, which is given"
     for name in known:

@@ -208,6 +208,7 @@ def identified_numbers(
     # data blur, as before
     halves = np.minimum(found.half_widths(scale.rows) * wider, NORMAL * np.sqrt(before))
     shares = 1.0 - (halves / NORMAL) ** 2 / before
+    # whatever the fit says: a sensor that averages in silence is off by half a sample
     sampling = np.array(
         [0.5 * sample * (each.name == ACCELEROMETER) for each in scale.reported]
     )

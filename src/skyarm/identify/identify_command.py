@@ -206,6 +206,7 @@ def flights(
             }
             if identified.held_out is not None:
                 contents[TABLE] = prediction_csv(identified.held_out).encode()
+                # without poses there is neither position nor attitude to draw
                 if folder is not None and identified.held_out.has_poses:
                     contents[FIGURE] = prediction_png(identified.held_out)
         tell_report(report.lines())
@@ -414,6 +415,7 @@ def identify(
         raise ValueError(
             "FLIGHT: is missing: must be one log or more, or --design VEHICLE"
         )
+    # as before there were subcommands: one log of our own alone gives its lags
     if only_lags or (
         options["vehicle"] is None and len(files) == 1 and _is_own_log(Path(files[0]))
     ):
@@ -428,6 +430,8 @@ def identify(
 
 
 *_own, _options = inspect.signature(identify, eval_str=True).parameters.values()
+# Typer reads options from the signature, and declaring those of three commands anew
+# would be a second list
 identify.__dict__["__signature__"] = inspect.Signature(
     [*_own, *(OPTIONS["design"] | OPTIONS["lags"] | OPTIONS["flights"]).values()]
 )

@@ -69,6 +69,7 @@ class FlightFiles:
             flight, clock = align_poses(
                 joints_in_order(load_flight(file, self.columns), start)
             )
+            # the second computer's file is of the first flight, the only one with it
             if not i and self.join is not None:
                 flight, clock = join_flights(
                     flight, joints_in_order(load_flight(self.join), start)
@@ -148,6 +149,7 @@ def identify_files(
     counted = [
         each for each, counts in zip(fitted, identified.counted, strict=True) if counts
     ]
+    # so that the report says how the commands were taken
     counted = [as_samples(each) for each in counted] if identified.sampled else counted
     return IdentifiedReport(
         found=identified,

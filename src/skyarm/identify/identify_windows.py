@@ -275,11 +275,14 @@ def first_fits(
     some = search.errors(search.whole, SOME, short)
     fit_again = partial(fit_windows, lasting=search.slow, progress=progress)
     fit = fit_again(some, near.values, noise=near.noise, spread=near.spread)
+    # dry friction alone bends within rates that steps may jump over
     while (
         any(each.name.endswith(".coulomb") for each in search.unknowns)
         and some.replay.substeps < FINEST
     ):
         finer = search.errors(search.whole, SOME, finer=2 * some.replay.substeps)
+        # on the same samples, or placing them anew would pass for an effect of the
+        # steps
         finer.samples, finer.taken = some.samples, some.taken
         moved = (finer.errors_at(fit.values, fit.states)[0] - fit.errors) / fit.noise[
             some.windows.owners
@@ -313,6 +316,7 @@ def identify_by_windows(
     search = search_of(flights, start, options)
     some, near = first_fits(search, progress)
     if act_early(search, near, flights):
+        # goes one deep, because samples do not act early a second time
         sampled = [as_samples(each) for each in flights]
         return replace(
             identify_by_windows(sampled, start, options, progress), sampled=True
@@ -352,6 +356,7 @@ def identify_by_windows(
             for out, each in zip(excluded, numbers, strict=True)
         ]
     )
+    # -inf: put back before all others, whatever the fit says of them
     shares[[each.name in unseen - {"delay"} for each in numbers]] = -math.inf
     # of a number of the vehicle and one around it that look alike, it is the vehicle
     # that stays as it was

@@ -88,6 +88,7 @@ def expected_numbers(
     search = search_of(flights, start)
     some, near = first_fits(search)
     whole = ClockedWindows(search.flights, search.start, search.whole)
+    # some windows tell of all: information grows with their number
     fit = near.of_more(whole.count / some.windows.count)
     logarithmic = {each.name for each in search.unknowns if each.positive}
     scale = search.scale(fit)

@@ -199,6 +199,7 @@ def find_faults(
             explain: some ten seconds.
     """
     faults = check_log(flight, start)
+    # a channel that is missing or in another unit would let no model fit
     if not any(each.severity == REFUSED for each in faults):
         faults += faults_of(
             flight.file,
@@ -554,6 +555,7 @@ class Leavings:
             return None
         try:
             step = clock_step([flight], self._start)
+            # a first search only ranks changes, so longer steps do
             step *= 1 if most >= LAST[0] else max(1, math.floor(COARSE / step + 1e-6))
             driven, servoed = moved_joints([flight], self._start)
             start = with_servos(self._start, servoed)
@@ -575,6 +577,7 @@ class Leavings:
             )
             every += unknowns_of_sensors([flight])
             kind = (round(step, 9), *driven, *servoed, *(each.name for each in every))
+            # flights with the same unknowns and step fly on one compiled plant
             if kind in self._plants:
                 errors = self._plants[kind].over(windows)
             else:
@@ -582,6 +585,7 @@ class Leavings:
                     windows, start, every, {}, driven, servoed, flight.gravity
                 )
                 self._plants[kind] = errors
+        # a change may leave a flight that no window fits: it is no candidate then
         except (ValueError, np.linalg.LinAlgError):
             return None
         adrift = Left(dict.fromkeys(errors.rows, math.inf))

@@ -55,6 +55,7 @@ def _solid(vehicle: Vehicle) -> Vehicle:
     def whole(body: Body) -> Body:
         if not body.planar:
             return body
+        # a planar law's model has one moment of inertia, and no body to be flown
         most = max(float(getattr(body.inertia, axis)) for axis in ("xx", "yy", "zz"))
         return replace(body, inertia=Sym3(most, most, most), planar=False)
 

@@ -135,6 +135,7 @@ def _faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:
         )
     for check in (_lost_rows, _spikes, _missing, _sizes):
         yield from (faults := list(check(flight, start)))
+        # a channel that is missing or in another unit would alarm all checks behind it
         if check is not _lost_rows and any(
             severity == REFUSED for severity, *_ in faults
         ):
@@ -397,6 +398,7 @@ def _ground(
         "position" in flight
         and float(np.ptp(flight["position"].values, axis=0).max()) < RESTING
     )
+    # a calm flight rests like one on the ground, but for its climb
     climbed = (
         "position" in flight
         and float(np.ptp(flight["position"].values[:, 2])) > CLIMBED
@@ -422,6 +424,7 @@ def _ground(
             f"lift {share:.3g} times the weight of '{start.name}'"
             f" ({float(start.mass):.3g} kg) in the air"
         )
+        # thrust goes with the square of the speed, and so with that of its unit
         looks = [
             unit for unit, scale in SPEED_UNITS.items() if 0.6 < share / scale**2 < 1.6
         ]
@@ -567,6 +570,7 @@ def _still(name: str, channel: Channel, aloft: Mask) -> Iterator[Found]:
     """Yield a fault if a channel freezes in flight, holds repeated or interpolated
     samples, or saturates.
     """
+    # commands may rest, so they have limits of their own
     command = name in (*COMMANDS, "joint_efforts")
     if not (command or name in NEVER_STILL) or channel.time.size < (
         FEWEST_SAMPLES if command else MANY
@@ -574,6 +578,8 @@ def _still(name: str, channel: Channel, aloft: Mask) -> Iterator[Found]:
         return
     same = (channel.values[1:] == channel.values[:-1]) & aloft[:, None]
     whole = same.all(axis=1)
+    # an arm at rest on a coarse encoder repeats one value, too: only a frozen one jumps
+    # when it comes back
     if name == "joint_positions":
         whole &= ~_rests(channel, whole)
     share = float(whole.sum()) / max(1, int(aloft.sum()))

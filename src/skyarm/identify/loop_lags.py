@@ -183,6 +183,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
     drives = {name: MountedDrive(name=name, drive=flown[name]) for name in servos}
     drives |= {each.name: each for each in vehicle.drives}
     start = replace(without_tilts(vehicle), drives=tuple(drives.values()))
+    # a drive that takes setpoints is a loop of its own, whose lag is no torque's
     names = vehicle.joint_names
     searched = {
         name: _delay_and_lags(
@@ -270,6 +271,7 @@ def _control_period(log: Log, vehicle: Vehicle) -> float:
     period = float(np.median(steps))
     if not period > 0.0 or np.abs(steps - period).max() > UNEVEN * period:
         raise ValueError("time: must be evenly spaced, one row a control period")
+    # the middle of two attitudes of opposite signs is near 0
     if lengths(middle(log.quaternion)).min() < 0.5:
         raise ValueError("quaternion: must be of unit length and without jumps")
     return period
@@ -279,6 +281,7 @@ def _vary(commands: Array) -> bool:
     """True if logged commands, a row per control period, vary enough to identify the
     actuators' lag.
     """
+    # of a ramp the steps are all alike: only their change shows a lag
     return bool(
         np.std(np.diff(commands, axis=0)) > STIRRING * np.sqrt(np.mean(commands**2))
     )
@@ -367,6 +370,7 @@ def _lag(
     rows[0, place] = [1.0, *(swing**2 / (len(taus) * tau) for tau in taus)]
     rows[range(1, len(rows)), place] = [1.0, *taus]
     halves = fit.half_widths(rows)
+    # errors of the model do not shrink with the number of windows, so they come on top
     halves = np.hypot(halves, INSTANT * period + SHARE * (abs(delay) + swing))
     numbers = zip((delay + swing, delay, *taus), halves.tolist(), strict=True)
     together, alone, up, *more = (Estimated.of(value, half) for value, half in numbers)

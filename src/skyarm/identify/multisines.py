@@ -178,6 +178,7 @@ def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segm
     ends = np.sort(
         slow + (fast - slow)[:, None] * draw.uniform(size=(count, 2)), axis=1
     )
+    # one sine in each part of the band, on a logarithmic scale, so that none coincide
     share = (np.arange(SINES) + draw.uniform(size=(count, SINES))) / SINES
     frequencies = np.exp(ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * share)
     steepness = STEEPEST * draw.uniform(size=(count, 1))
@@ -192,6 +193,7 @@ def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segm
     room = 0.5 * (axes.high - axes.low)
     size = room * draw.uniform(0.1, 1.0, size=count)
     offsets = middle + (room - size) * draw.uniform(-1.0, 1.0, size=count)
+    # the base swings about its rest, as the box lies about that
     offsets[:BASE_AXES] = 0.0
     return within(replace(segment, offsets=offsets), axes, size)
 
@@ -217,6 +219,7 @@ def within(segment: Segment, axes: Axes, size: Array | None) -> Segment:
     """Scale a multisine segment to given amplitudes (axes,), if any, and into the
     ranges of all axes.
     """
+    # twenty instants in a period of the fastest sine
     times = np.arange(0.0, segment.duration, 0.02)
     sines = (
         2.0 * math.pi * segment.frequencies[:, :, None] * times
@@ -233,6 +236,7 @@ def within(segment: Segment, axes: Axes, size: Array | None) -> Segment:
     # rests, in this and in what follows it
     offsets = np.clip(segment.offsets, axes.low - axes.rest, axes.high - axes.rest)
     room = np.minimum(axes.high - axes.rest - offsets, offsets + axes.rest - axes.low)
+    # the divisor may be 0: an axis at rest has no peak
     factor = np.minimum(factor, np.maximum(room, 0.0) / np.maximum(peak, 1e-300))
     return replace(
         segment, amplitudes=segment.amplitudes * factor[:, None], offsets=offsets

@@ -145,6 +145,7 @@ def measured_states(
     gyro = flight["gyro"]
     bias = np.array(about.gyro_bias)
     rate = measured_at(gyro, time, max(clocked.step, AVERAGED)) - bias
+    # a prediction begins with what was known then: the past alone
     rate_before = values_at(smooth_motion(gyro, TURN, 2, past=True)[0], time) - bias
     motion = np.zeros((3, clocked.size, 0))
     if joints:
@@ -192,6 +193,7 @@ def slopes_of(
     powers = np.vander(
         np.arange(-before, after + 1, dtype=float), degree + 1, increasing=True
     )
+    # odd reflection goes on with value and slope beyond both ends
     longer = np.pad(rows, ((before, after), (0, 0)), mode="reflect", reflect_type="odd")
     value, slope = (
         np.stack(
@@ -222,6 +224,8 @@ def smooth_motion(
     least = degree if past else degree // 2
     size = max(least, round(seconds * measured.rate / (1 if past else 2)))
     bends = np.median(np.abs(np.diff(measured.values, degree + 1, axis=0)), axis=0)
+    # of white noise the variance of a difference grows by the sum of squared binomial
+    # coefficients
     noise = 1.4826 * bends / math.sqrt(math.comb(2 * degree + 2, degree + 1))
     while True:
         value, slope = slopes_of(measured, size, 0 if past else size, degree)
@@ -311,6 +315,7 @@ class OpenLoopPredictor:
     def left(self, windows: ClockedWindows) -> IntArray:
         """Numbers (W,) of consecutive usable steps from the starts of windows."""
         bad = np.concatenate([~each.usable for each in self.flights])
+        # a window also ends with its flight
         ends = np.union1d(np.flatnonzero(bad), windows.firsts[1:])
         return np.asarray(ends[np.searchsorted(ends, windows.begins)] - windows.begins)
 
@@ -354,6 +359,7 @@ class OpenLoopPredictor:
                 lanes.advance(k)
                 k += 1
         finally:
+            # threads of the lanes end with whoever stops reading
             lanes.close()
 
 

@@ -217,6 +217,7 @@ def _far_numbers(identified: Identified) -> Iterator[Found]:
                     finding,
                     "check the channels' units, and mass and numbers of the vehicle",
                 )
+    # a mass scales them all alike, so it is looked for in their ratios' logarithms
     logs = np.log([ratios[name] for name in FIRM_NUMBERS if name in ratios])
     # one number that is far off is no mass
     alike = (
@@ -246,6 +247,7 @@ def _by_geometry(identified: Identified, start: Vehicle) -> Iterator[Found]:
     for name in (name for name in numbers if name.startswith("base.com.")):
         each = numbers[name]
         off = abs(numbers[name].value - numbers[name].start)
+        # an interval that holds the start says nothing against it
         if off > ASIDE * arm and not each.low <= each.start <= each.high:
             finding = (
                 f"is {1e3 * each.value:.3g} mm, {off / arm:.2g} of the rotors' distance"
@@ -299,6 +301,7 @@ def _beyond_commands(
     full = float(start.rotors[0].max_speed)
     if not any(each.name == FULL and each.is_known for each in identified.numbers):
         return
+    # a quantile, because a single row may be a spike
     every = [commanded_speeds(each, start).values for each in flights]
     most = max((float(np.quantile(each, 0.999)) for each in every), default=full) / full
     if most < HIGHEST:

@@ -163,6 +163,7 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
     resisting = [
         friction(joint, x, x) for joint, x in zip(vehicle.joints, qd, strict=True)
     ]
+    # rotors push one way: below 0 the design counts the rotor as too slow
     pushes = np.maximum(shares.sum(axis=0), 0.0)
     return RequiredFlight(
         period=period,
@@ -189,6 +190,7 @@ def _smooth(rows: Array, period: float) -> Array:
     ends.
     """
     half = max(1, round(0.5 * BLUR / period))
+    # the window's ends are 0 and would widen it by nothing
     window = np.hanning(2 * half + 3)[1:-1]
     padded = np.concatenate(
         [np.repeat(rows[:1], half, axis=0), rows, np.repeat(rows[-1:], half, axis=0)]

@@ -106,11 +106,15 @@ def explained_rotation(
         inside & (grid > gyro.time[0] + period) & (grid < gyro.time[-1] - period)
     ]
     if time.size < FEWEST:
+        # too short to judge: nothing is accused
         return 1.0
     mean = means_of(gyro.time, gyro.values[:, :2])
+    # rates half a period on each side, so that their difference is the mean
+    # acceleration
     turned = mean(time + 0.5 * period, time + period) - mean(
         time - period, time - 0.5 * period
     )
+    # delay and lag are not known, so the best shift counts
     best = 0.0
     for late in np.arange(0.0, LATEST, 0.5 * GRID):
         both = np.hstack([turned, columns_at(time - late, grid, torques)])

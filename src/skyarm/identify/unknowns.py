@@ -177,8 +177,11 @@ def unknowns_of(
         unknowns += _of_link(link, moves)
     for i, moves in enumerate(servoed):
         unknowns += _of_servo(vehicle, i) if moves else []
+    # a positive number that starts at 0 has no logarithm to search
     unknowns = [each for each in unknowns if not each.positive or each.start > 0.0]
     around = _of_surroundings(arm, GRAVITY * float(vehicle.mass), voltage, any(driven))
+    # servos that average a setpoint over its period, and those that obey at once,
+    # differ by 0.6 ms of dead time; the share is searched so that intervals cover both
     around += [_any("setpoint_hold", "", 0.5, 0.5)] if any(servoed) else []
     around += (
         []
@@ -240,6 +243,7 @@ def _of_drag(vehicle: Vehicle, arm: float) -> list[Unknown]:
     count = len(vehicle.rotors)
     mass = float(vehicle.mass)
     at_hover = math.sqrt(GRAVITY * mass / (count * float(rotor.thrust_coefficient)))
+    # a start without hub drag must leave room for some
     hub = max(WIND * mass / (count * at_hover), float(rotor.drag_coefficient))
     unknowns = [
         _any(
@@ -419,6 +423,7 @@ def second_moments(base: Body) -> tuple[float, float, float]:
     two are moments of inertia.
     """
     xx, yy, zz = (float(getattr(base.inertia, axis)) for axis in ("xx", "yy", "zz"))
+    # a flat body has a moment of 0 along its normal, which has no logarithm
     least = max(0.01 * (xx + yy + zz), 1e-12)
     x, y, z = second_moments_of(xx, yy, zz)
     return max(x, least), max(y, least), max(z, least)

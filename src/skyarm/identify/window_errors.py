@@ -283,11 +283,13 @@ class WindowErrors:
         periods = [
             0.0 if each is None else 1.0 / (each.rate * windows.step) for each in felt
         ]
+        # an accelerometer that is slower than the clock gives means over its period
         self.averaged: IntArray = np.array([max(1, round(each)) for each in periods])
         weight = self._gravity * float(start.mass)
         arm = max(
             math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors
         )
+        # a wrench scales with the vehicle: weight, and weight at the rotors' distance
         self.push = weight * np.array([PUSH] * 3 + [TWIST * arm] * 3)
         carried = [
             CARRIED * weight * (arm if joint.turns else 1.0) for joint in start.joints
@@ -306,6 +308,7 @@ class WindowErrors:
             name: value for name, value in self.known.items() if name not in inside
         }
 
+        # unchecked, because a search passes through what no vehicle is
         def vehicle_of(given: Numbers) -> Vehicle:
             return vehicle_with(start, {**fixed, **given})
 
@@ -340,6 +343,8 @@ class WindowErrors:
                     for a, b in zip(before.quaternion, after.quaternion, strict=True)
                 )
             )
+            # the mean over the step, as a sensor averages; gravity is what the base
+            # does not feel
             gained = (velocity(after) - velocity(before)) * (1.0 / step) + Vec3(
                 0.0, 0.0, gravity
             )
@@ -434,6 +439,7 @@ class WindowErrors:
         """Residuals of other windows with the same clock step, on the same compiled
         plant.
         """
+        # the compiled plant is shared, as windows are no part of it
         errors = copy.copy(self)
         errors._take_windows(windows)
         return errors
@@ -557,6 +563,7 @@ class WindowErrors:
                 part[:] = (now - share * before[:, rows]) / np.sqrt(1.0 - share**2)
                 before[has, rows] = now[has]
             size_of = np.abs(part[:, :, -1]) * scale[:, rows]
+            # the root of Huber's weight, since the equations are made of squares
             part *= (
                 np.sqrt(np.minimum(1.0, outlier / np.maximum(size_of, 1e-300)))
                 * scale[:, rows]
@@ -608,9 +615,11 @@ class WindowErrors:
             SMALL * (self.push[column] if name == "wrench" else 1.0)
             for name, column in self.free
         ]
+        # the motion does not depend on where it is: the slope of a position is known
         directions = [
             (i, size) for i, size in enumerate(sizes) if self.free[i][0] != "position"
         ]
+        # these act on readings alone, or as the wrench does, whose slopes are at hand
         without = (*BIAS.values(), TRIM, *DELAY.values())
         for j, each in enumerate(self.unknowns):
             if not each.name.startswith(without):
@@ -627,6 +636,7 @@ class WindowErrors:
         residuals.
         """
         x = len(self.free)
+        # a shift of the start shifts all positions alike
         if name == "position":
             part[:, range(3), range(3)] = -1.0
         for j, number in enumerate(self.names, x):
@@ -635,6 +645,7 @@ class WindowErrors:
             elif number == DELAY.get(name):
                 part[:, :, j] = slope.T
             elif number.startswith(TRIM):
+                # a constant torque acts as the window's own does
                 part[:, :, j] = part[:, :, self.wrench[3 + "xyz".index(number[-1])]]
 
     def _readings(
@@ -666,6 +677,8 @@ class WindowErrors:
                 now["accelerometer"][..., own] = np.mean(
                     [each[..., own] for each in forces[-count:]], axis=0
                 )
+            # a mean force has no value before the first step, so nothing is
+            # interpolated
             if not k:
                 before["accelerometer"] = now["accelerometer"]
             for name, samples in self.samples.items():
@@ -715,6 +728,7 @@ def _error(
         step: s.
     """
     share, measured = samples.share[at], samples.values[at].T[:, None]
+    # of samples at the ends of steps nothing is interpolated
     whole = (share[samples.there[at]] > 1.0 - 1e-9).all()
     flown = now if whole else before + share * (now - before)
     if name != "quaternion":
@@ -769,6 +783,7 @@ class WindowLanes:
             if name != "integrals" and rows.size:
                 self.flights.state[name][:] = rows.T
             elif errors.integrals:
+                # a servo's memory is its goal, its integral and its rounding
                 self.flights.memories[[3 * j + 1 for j in errors.integrals]] = rows.T
         trim = np.stack([self._number(f"{TRIM}{axis}") for axis in "xyz"])
         self.flights.inputs["force"][:] = moved.beside[:, :3].T
@@ -794,6 +809,7 @@ class WindowLanes:
         errors = self._errors
         start = self._errors.start
         delays = self._number("delay")
+        # commands are put on the clock once for each delay, not for each lane
         keys, which = _distinct(delays)
         speeds = [windows.commands("speeds", *key) for key in keys]
         self._speeds = Held.join(speeds, np.stack), which
@@ -852,6 +868,7 @@ class WindowLanes:
         assert servo is not None
         name = f"drives.{self._errors.start.links[joint].joint.name}.speed_limit"
         most = self._number(name, float(servo.speed_limit)) * windows.step
+        # without a limit the goal is the setpoint itself
         if not np.isfinite(most).any():
             return setpoints[:, windows.before(-1)].ravel()
         goals = np.empty_like(setpoints)

@@ -289,8 +289,10 @@ def fit_windows(
             free = states.moved_by(-length * reduced.shift - reduced.slopes @ change)
             left, _ = errors.errors_at(moved, free)
             after = cost.at(errors.innovations(left, there, memory), moved, free)
+            # 1e-9: at rest the cost moves by its rounding alone, which is no rise
             if math.isfinite(after) and after < before * (1.0 + 1e-9):
                 break
+            # the linear model holds near the estimate, so a shorter step is tried
             length *= SHORTER
         else:  # no step lowers the cost
             change, moved, free, left = 0.0 * change, values, states, residuals
@@ -436,6 +438,8 @@ def first_noise(errors: WindowErrors) -> Array:
                 # a rotation is twice a quaternion's x, y, z
                 factor, shift = (2.0, 1) if name == "quaternion" else (1.0, 0)
                 bends = np.diff(flight.channels[name].values[:, column + shift], 3)
+                # third differences hold no smooth motion; of white noise they have 20
+                # times the variance (1 + 9 + 9 + 1)
                 white = (
                     factor * 1.4826 * float(np.median(np.abs(bends))) / math.sqrt(20.0)
                 )
@@ -457,6 +461,7 @@ def new_noise(
     owners = errors.windows.owners
     taken = np.einsum("wxy,rwxy->wr", inverse, normal.of_rows)
     z = np.abs(found / noise[owners]) * there
+    # an outlier weighs by its size alone, as in the cost (Huber)
     square, count = (np.minimum(z, OUTLIER) * z).sum(axis=0), there.sum(axis=0)
     least, rows = np.array([LEAST[name] for name, _ in errors.rows]), list[Array]()
     for i, before in enumerate(noise):
@@ -511,6 +516,7 @@ def new_spread(
     """
     wrench = states.beside[:, :6]
     uncertain = inverse[:, errors.wrench, errors.wrench]
+    # effective number of windows that tell the wrench (MacKay), not 0 where none does
     effective = np.maximum(
         (1.0 - uncertain / spread**2).sum(axis=0), 1e-3 * len(wrench)
     )
@@ -573,6 +579,7 @@ def at_least(total: Array, before: Array) -> Array:
     if not size.size or not size.all():  # of a number of which nothing was known
         return total
     shares, axes = np.linalg.eigh(total / np.outer(size, size))
+    # in exact numbers no share is below 1, as data add to what was known
     if shares[0] >= 0.5:
         return total
     root = size[:, None] * axes * np.sqrt(np.clip(shares, 1.0, SHARPEST))
@@ -595,6 +602,7 @@ def blocks_covariance(total: Array, parts: Array, scores: Array) -> Array:
     """
     root = np.linalg.inv(np.linalg.cholesky(total))
     followed, axes = np.linalg.eigh(root @ parts @ root.T)
+    # the mean of the scores is what the prior pulls, which no block has alone
     turned = np.einsum("bpk,pq,bq->bk", axes, root, scores - scores.mean(axis=0))
     moves = (
         np.einsum(
@@ -609,6 +617,7 @@ def blocks_of(windows: ClockedWindows, seconds: float = BLOCK) -> list[IntArray]
     """Indices of the windows in each block of time of a flight."""
     size = max(1, round(seconds / windows.step))
     keys = (
+        # no flight has so many blocks, so that those of two flights have no common key
         windows.owners * 10**9
         + (windows.begins - windows.firsts[windows.owners]) // size
     )

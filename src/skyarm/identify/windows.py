@@ -131,6 +131,8 @@ def clock_step(flights: Sequence[FlightData], start: Vehicle) -> float:
         1.0 / max(each["gyro"].rate, commanded_speeds(each, start).rate)
         for each in flights
     )
+    # rounded, because the stamps' last bits would else decide on which side of a whole
+    # number of steps a period lies
     usual = max(round(usual, 7), SHORTEST)
     return usual / math.ceil(usual / LONGEST - 1e-6)
 
@@ -162,6 +164,7 @@ def on_clock(
     gyro = flight["gyro"]
     speeds = commanded_speeds(flight, start)
     _require_columns(flight, start, speeds, sensors or SENSORS)
+    # 1e-6: a flight of whole steps must not lose the last one to rounding
     begin, size = float(gyro.time[0]), int((gyro.time[-1] - gyro.time[0]) / step + 1e-6)
     edges = begin + step * np.arange(size + 1, dtype=float)
     if sampling_period(speeds) or are_samples(flight):
@@ -171,6 +174,7 @@ def on_clock(
             values=smooth_commands(speeds, middles),
             source=speeds.source,
         )
+    # a rotor does not follow a command beyond its range
     limits = highest_speeds(start.rotors)
     least = [float(rotor.min_speed) for rotor in start.rotors]
     speeds = Channel(
@@ -204,6 +208,7 @@ def on_clock(
     for name in NEEDED:
         if name in channels:
             usable &= _without_gaps(flight[name], edges)
+    # a pose that its estimator resets jumps, and the vehicle does not
     for first, last in flight.jumps:
         usable &= (edges[1:] <= first) | (edges[:-1] >= last)
     voltage = np.ones(size)
@@ -226,6 +231,7 @@ def on_clock(
             flight["joint_commands"] if start.n and "joint_commands" in flight else None
         ),
         voltage=voltage,
+        # since the take-off, not the section: the battery falls from there on
         since=edges[:-1] - (aloft[0][0] if aloft else begin),
         usable=usable,
     )
@@ -261,6 +267,7 @@ def samples_on(channel: Channel, edges: Array) -> SensorSamples:
     """
     step = float(edges[1] - edges[0])
     size = len(edges) - 1
+    # a sample on an edge, but for rounding, ends the step before it
     place = np.ceil((channel.time - edges[0]) / step - 1e-6).astype(int) - 1
     inside = (place >= 0) & (place < size)
     place, time, rows = place[inside], channel.time[inside], channel.values[inside]
@@ -272,6 +279,7 @@ def samples_on(channel: Channel, edges: Array) -> SensorSamples:
         [np.bincount(place, column, size) / least for column in rows.T], axis=1
     )
     if values.shape[1] == 4:
+        # rows without a sample are not compared, but must be attitudes
         values[count == 0] = [1.0, 0.0, 0.0, 0.0]
         values = unit_rows(values)
     share = np.bincount(place, (time - edges[place]) / step, size) / least
@@ -337,6 +345,7 @@ def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) 
         first = np.minimum(first, last - width)
         mean = (integral(last) - integral(first)) / (last - first)[:, None]
         return Held(mean, mean, np.zeros(len(first)))
+    # a command on an edge, but for rounding, is no switch within the step
     little = 1e-6 * (edges[1:] - edges[:-1])
     sample = np.searchsorted(time, first + little, "right") - 1
     after = np.minimum(sample + 1, len(time) - 1)
@@ -619,7 +628,10 @@ class ClockedWindows:
         there = np.flatnonzero(rows.there)
         time = (there + rows.share[there]) * self.step
         usual = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+        # a parabola needs three samples: two to each side give five
         half = max(2, round(AROUND / usual))
+        # a sensor of few samples leaves value and slope at zero, where the search
+        # begins
         terms = np.zeros((2, self.count, rows.values.shape[1]))
         for i, (begin, owner) in enumerate(zip(self.begins, self.owners, strict=True)):
             first, last = np.searchsorted(there, self.firsts[owner : owner + 2])

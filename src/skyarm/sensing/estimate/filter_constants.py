@@ -51,6 +51,7 @@ TURNING = 100.0
 densities its error, 0.005 rad/s^2 sqrt(bandwidth^3 / 2), moves the specific force at a
 lever arm of 0.1 m by less than the accelerometer's own noise."""
 
+# zeros of floats are data: as ints they would be structure that never changes
 _ORIGIN = Vec3(0.0, 0.0, 0.0)
 _LEVEL = Quaternion(1.0, 0.0, 0.0, 0.0)
 
@@ -140,6 +141,7 @@ def due_between(time: Scalar, after: Scalar, until: Scalar) -> Scalar:
     """True if a time (s) is after ``after`` and at most ``until``, with a tolerance of
     10 us.
     """
+    # 10 us: far below a control period, and far above the rounding of a time
     return logical_and(time > after + 1e-5, time < until + 1e-5)
 
 
@@ -428,6 +430,8 @@ class FilterNumbers(Estimator):
         lag = self.delay_periods / rate
         aids = AIDS[self.aiding]
         imu = ""
+        # the inertial unit first, since the others are compared with its rate and
+        # latency
         for kind in (ImuReading, *aids, *((EncoderReading,) if vehicle.n else ())):
             names = [name for name, sensor in sensors.items() if reads(sensor, kind)]
             if len(names) != 1:
@@ -438,6 +442,7 @@ class FilterNumbers(Estimator):
                 )
             imu = imu or names[0]
             sensor = sensors[names[0]]
+            # 1e-9 s: lag and latency are products of periods, which round
             if kind in aids and sensor.latency > lag + 1e-9:
                 raise ValueError(
                     f"estimator.delay_periods: lags {lag:g} s, must be at least"
@@ -515,6 +520,7 @@ class FilterNumbers(Estimator):
         (third order in dt).
         """
         added: list[Scalar] = [0] * 3
+        # with a modelled force the accelerometer corrects, and its noise counts there
         noise = 0 if self.uses_model else self.accelerometer * self.accelerometer
         for density in (
             noise,
