@@ -194,10 +194,11 @@ def _place(
 
 def _gravity(flights: Sequence[FlightData]) -> float:
     """Gravity (m/s^2) stated by the flights; the standard value if none states it."""
-    stated = {each.name: each.gravity for each in flights if "gravity" in each.facts}
-    if len(set(stated.values())) > 1:
-        listed = ", ".join(f"{name} {value:g}" for name, value in stated.items())
+    # no mapping by name: two flights may have one
+    stated = [each for each in flights if "gravity" in each.facts]
+    if len({each.gravity for each in stated}) > 1:
+        listed = ", ".join(f"{each.name} {each.gravity:g}" for each in stated)
         raise ValueError(
             f"--gravity: is missing: the flights state several, m/s^2: {listed}"
         )
-    return next(iter(stated.values()), GRAVITY)
+    return stated[0].gravity if stated else GRAVITY
