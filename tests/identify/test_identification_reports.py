@@ -179,6 +179,8 @@ def test_the_model_of_lags_is_the_vehicle_that_is_named_or_that_of_the_log_s_law
         9.81,
     )
     assert nominal_model(log, "tilted_hexarotor", 1.62)[1] == 1.62
+    log.info["plant_gravity"] = 3.7
+    assert nominal_model(log, "tilted_hexarotor", None)[1] == 3.7
     with pytest.raises(
         ValueError,
         match=r"^--vehicle: is missing; the log does not say which vehicle flew",

@@ -37,7 +37,8 @@ def nominal_model(
         ValueError: one line: neither a vehicle nor a log that holds its scenario.
     """
     if vehicle is not None:
-        return load_vehicle(vehicle), GRAVITY if gravity is None else gravity
+        flown = float(log.info.get("plant_gravity", GRAVITY))
+        return load_vehicle(vehicle), flown if gravity is None else gravity
     if not log.info.get("scenario_record"):
         raise ValueError(
             "--vehicle: is missing; the log does not say which vehicle flew (with"
