@@ -21,6 +21,7 @@ import typer
 from skyarm.cli.arguments import Force, name_completion, out_option, require_left_out
 from skyarm.cli.lines import NOT_COMPLETED, say
 from skyarm.cli.output import bar, give, json_text, plain, tell, tell_report
+from skyarm.flight_data.flight_data import split_path
 from skyarm.flight_data.own_log import is_own_mcap, require_one_vehicle
 from skyarm.identify.design import SEGMENT, DesignLimits
 from skyarm.identify.design_report import design_facts, design_lines
@@ -167,8 +168,9 @@ def flights(
     if join is not None and len(files) > 1:
         raise ValueError(f"flights = {len(files)}: must be one with --join")
     for flight in (*files, *(held_out or ()), *(() if join is None else (join,))):
-        if not Path(flight).is_dir():
-            require_file(flight, f"flight = {shown(flight)}")
+        file, _ = split_path(flight)
+        if not Path(file).is_dir():
+            require_file(file, f"flight = {shown(flight)}")
     if vehicle is None:
         raise ValueError(
             "--vehicle: is missing: must be the vehicle as its data sheet and"
