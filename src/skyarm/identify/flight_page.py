@@ -276,11 +276,12 @@ def show_flight(
             flight = joints_in_order(flight, start)
             faults = find_faults(flight, start)
     give(facts)
+    mapped = "" if columns is None else f" --columns {quote(columns)}"
     for part in flight_sheet(facts):
         tell(part, "")
     if start is None:
         if NEEDED not in facts["missing"].values():
-            tell(f"next: skyarm show {quote(name)} --vehicle VEHICLE")
+            tell(f"next: skyarm show {quote(name)}{mapped} --vehicle VEHICLE")
         return None
     for fault in faults:
         tell(fault_line(fault), "")
@@ -292,7 +293,7 @@ def show_flight(
         tell(heading(f"excitation of {start.name}: expected 95 % intervals"), "")
         tell("\n".join(excitation_lines(numbers)), "")
         tell(
-            f"next: skyarm identify flights {quote(name)} --vehicle"
+            f"next: skyarm identify flights {quote(name)}{mapped} --vehicle"
             f" {quote(vehicle or '')} --known mass=KG"
         )
     else:
