@@ -126,6 +126,7 @@ def _overloading(vehicle: Vehicle, flight: RequiredFlight) -> list[int]:
         above, 1.0, np.where(below, -1.0, 0.0)
     )
     worst = off.max(axis=(1, 2))
+    # a component nearly as bad as the worst is reduced with it, or it would be the next
     return [k for k, each in enumerate(worst.tolist()) if each >= 0.7 * worst.max()]
 
 

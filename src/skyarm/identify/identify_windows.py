@@ -347,13 +347,10 @@ def identify_by_windows(
         replace(each, reason=NOT_SHOWN) if each.name in unseen else each
         for each in numbers
     ]
-    excluded = [
-        a.is_known and not b.is_known for a, b in zip(free, numbers, strict=True)
-    ]
     shares = np.array(
         [
-            0.0 if out else each.data_share
-            for out, each in zip(excluded, numbers, strict=True)
+            0.0 if before.is_known and not now.is_known else now.data_share
+            for before, now in zip(free, numbers, strict=True)
         ]
     )
     # -inf: put back before all others, whatever the fit says of them
@@ -379,6 +376,8 @@ def identify_by_windows(
         errors.numbers(fit.values),
     )
     explained, deviation = explained_shares(errors, fit)
+    names = [each.name for each in scale.reported]
+    costs = costs_of_absent(errors, fit, scale.rows) if fit.settled else {}
     return Identified(
         numbers=tuple(numbers),
         correlation=correlation,
@@ -391,14 +390,8 @@ def identify_by_windows(
         searched=plain,
         period=search.sample,
         absent={
-            channel: dict(
-                zip(
-                    [each.name for each in scale.reported], ratios.tolist(), strict=True
-                )
-            )
-            for channel, ratios in (
-                costs_of_absent(errors, fit, scale.rows) if fit.settled else {}
-            ).items()
+            channel: dict(zip(names, ratios.tolist(), strict=True))
+            for channel, ratios in costs.items()
         },
         counted=tuple(
             bool((windows.owners == i).any()) for i in range(len(search.flights))

@@ -458,6 +458,7 @@ def channel_gaps(name: str, channel: Channel) -> list[tuple[float, float]]:
         return []
     steps = np.diff(channel.time)
     is_held = QUANTITIES[name].held
+    # a command stays until the next one, so its rows may be farther apart
     most = max(
         HELD_GAP if is_held else SENSOR_GAP,
         (20.0 if is_held else 5.0) * float(np.median(steps)),

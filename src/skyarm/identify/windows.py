@@ -526,30 +526,17 @@ class ClockedWindows:
                 more.
             lag: s, time constant with which what acts follows them.
         """
-        parts = [(each, getattr(each, name)) for each in self.flights]
-        width = max(
-            (channel.values.shape[1] for _, channel in parts if channel is not None),
-            default=0,
-        )
-        rows = [
-            (
-                held_over(
-                    channel, each.edges, delay, hold / channel.rate if hold else 0.0
-                )
-                if channel is not None
-                else Held(
-                    np.zeros((each.size, width)),
-                    np.zeros((each.size, width)),
-                    np.zeros(each.size),
-                )
-            )
-            for each, channel in parts
-        ]
-        rows = (
-            [lagging(each, lag, self.step, hold > 0.0) for each in rows]
-            if lag
-            else rows
-        )
+        logged = [getattr(each, name) for each in self.flights]
+        width = max((each.values.shape[1] for each in logged if each), default=0)
+        rows = list[Held]()
+        for flight, channel in zip(self.flights, logged, strict=True):
+            if channel is None:
+                none = np.zeros((flight.size, width))
+                held = Held(none, none, np.zeros(flight.size))
+            else:
+                over = hold / channel.rate if hold else 0.0
+                held = held_over(channel, flight.edges, delay, over)
+            rows.append(lagging(held, lag, self.step, hold > 0.0) if lag else held)
         return Held.join(rows, np.concatenate)
 
     def thrusts(self, sag: float, drift: float, *own: float) -> Array:
