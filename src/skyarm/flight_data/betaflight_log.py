@@ -78,6 +78,7 @@ def read_betaflight(path: Path, columns: Columns | None) -> FlightData:
             f"betaflight-chirp-core: is missing; a log of Betaflight {cure}"
         ) from None
     notes = list[str]()
+    # without a session all bytes are parsed, so that the error says what is wrong
     logs = split_sessions(data) or [(0, len(data))]
     sizes = [end - begin for begin, end in logs]
     place, listed = choose_log(

@@ -162,6 +162,7 @@ def read_dataflash(path: Path, columns: Columns | None) -> FlightData:
             " newer version; or it is cut off"
         )
     numbers = rows.get("PARM", {}).get("Value", np.zeros(0)).astype(float)
+    # of a parameter that changes in flight the last value counts
     values = dict(zip(_texts(rows, "PARM", "Name"), numbers.tolist(), strict=False))
     firmware = next(iter(_texts(rows, "MSG", "Message")), "unknown")
     facts: dict[str, str | float] = {
@@ -196,6 +197,7 @@ def read_dataflash(path: Path, columns: Columns | None) -> FlightData:
         if "accelerometer" in flight
         else ""
     )
+    # INS_POS1 is the place of unit 0
     at = to_our_axes(
         *(
             values.get(f"INS_POS{units.get(source, 0) + 1}_{axis}", 0.0)
@@ -384,6 +386,7 @@ def _mask_invalid(
             re.sub(r"\d", lambda digit: f"{int(digit[0]) + 3}", topic, count=1)
         )
         if status is not None and status.has("SS") and status.time.size:
+            # each row has the last status before it
             place = np.maximum(
                 np.searchsorted(status.time, tables[topic].time, "right") - 1, 0
             )
@@ -517,6 +520,7 @@ def _shares(
     throttle = f"RC{parameters.get('RCMAP_THROTTLE', 3.0):g}"
     motors = next((each for each in LIMITS if f"{each}_MAX" in parameters), LIMITS[0])
     pairs = [(f"{each}_MIN", f"{each}_MAX") for each in (motors, throttle)]
+    # a copter whose own range is 0 takes that of the throttle's channel (AP_Motors)
     limits = [
         (parameters.get(low, 0.0), parameters.get(high, 0.0)) for low, high in pairs
     ]

@@ -171,6 +171,7 @@ def flight_of(
         raise ValueError(
             f"channels = none: must hold a quantity or more; there is {listed}"
         )
+    # time 0 is the first sample that is read, of whichever channel
     begin = min(float(each.time[0]) for each in channels.values())
     return FlightData(
         name=path.stem,
@@ -204,6 +205,7 @@ def _fastest(
         ):
             continue
         span = float(np.nanmax(table.time) - np.nanmin(table.time))
+        # over the whole span, so that gaps count against a source
         own = table.time.size / span if span > 0.0 else 0.0
         own = min(own, ENOUGH) if FILTERED.fullmatch(signal.topic) else own
         if best is None or own > FASTER * rate:

@@ -174,6 +174,7 @@ def numbers_of_rows(
         if not any(filled):
             continue
         row = [math.nan] * len(places)
+        # a cell too few or too many shifts those behind it, so none of the row counts
         if len(filled) < width or any(filled[width:]):
             short += 1
             filled = []

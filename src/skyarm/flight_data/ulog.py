@@ -248,11 +248,13 @@ def _limits(
     found = list[float]()
     stated = True
     for which, usual in zip(("MIN", "MAX"), LIMITS[bank], strict=True):
+        # older versions of PX4 state one range for all main outputs
         every = [
             f"{bank}_{which}{channel + 1}",
             f"{bank}_{which}",
             *([f"PWM_{which}"] if bank == PWM[1] else []),
         ]
+        # -1 and 0 stand for what the next parameter states
         given = next(
             (parameters[name] for name in every if parameters.get(name, -1.0) > 0.0),
             None,

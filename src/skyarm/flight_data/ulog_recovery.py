@@ -175,6 +175,7 @@ class WholeMessages:
             if readable:
                 self.rows[number] = size
             return readable
+        # behind the first topic a parameter is a change in flight, which is not read
         if letter == b"P":
             return (
                 PARAMETER.match(body) is not None

@@ -180,6 +180,7 @@ def scale_of(
             positive[k] = unknown.positive
             rows[k, place[name]] = value if unknown.positive else 1.0
         if positive[k]:
+            # slopes of the logarithm, by which positive numbers are reported
             rows[k] /= values[k]
     spreads = np.array([each.spread for each in unknowns])
     return Scale(shown, values, starts, positive, rows, rows**2 @ spreads**2)
@@ -421,6 +422,7 @@ def at_starts(
         )
         totals[k] = printed.get(k, whole) - given
         sums[k, [place[part] for part in each.parts if part in place]] = 1.0
+    # not as many reported as searched numbers: none follow from the others alone
     if sums.shape[0] != sums.shape[1]:
         return dict(plain)
     solved = dict(zip(searched, np.linalg.solve(sums, totals).tolist(), strict=True))

@@ -204,6 +204,7 @@ def _rotor(
 def _link(link: Link, numbers: Mapping[str, Scalar], checked: bool) -> Link:
     """Link with identified parameters."""
     name, body = f"links.{link.name}", link.body
+    # one factor on all moments, as the shape of a link is that of its drawing
     scale = numbers.get(f"{name}.inertia", 1.0)
     moved = with_changes(
         body,

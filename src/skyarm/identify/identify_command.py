@@ -269,6 +269,7 @@ def lags(
     """
     require_readable(log, "flight")
     require_file(log, f"flight = {shown(log)}")
+    # a folder that was made for a file goes again if no file is written
     with taken_back(out and Path(out).parent):
         written = (
             None if out is None else output_file(out, "--out", ".toml", force=force)
@@ -348,6 +349,7 @@ def design(
             None if out is None else output_file(out, "--out", ".toml", force=force)
         )
         folder = Path() if written is None else Path(written).parent
+        # a path in a scenario file starts at the folder of that file
         name = model if model in list_vehicles() else os.path.relpath(model, folder)
         with bar(f"design {start.name}") as advance:
             designed = design_flight(

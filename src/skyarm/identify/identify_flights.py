@@ -198,6 +198,7 @@ def known_of_search(
                 f"{prefix}{name} = {moment:g}: must be below the sum of the other two,"
                 f" {others:g}"
             )
+        # rounding may put that of a plate, which is 0, below it
         given[f"base.second_moment.{axis}"] = max(second, FLAT * sum(moments))
     return start, given
 

@@ -431,6 +431,7 @@ def distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
         name = (
             flight.name if names.count(flight.name) == 1 else f"{flight.name} ({i + 1})"
         )
+        # without an attitude no thrust says where the vehicle goes
         out = () if "quaternion" in flight else ("position", "velocity")
         channels = {
             each: flight[each]

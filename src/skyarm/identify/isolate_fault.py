@@ -256,11 +256,13 @@ def _verdict(
         name: max(size for (of, _), size in before.sizes.items() if of == name)
         for name, _ in before.sizes
     }
+    # what is wrong with a faulty channel is said already, and leaves its residual
     bad = [
         name
         for name in sorted(sizes, key=lambda name: -sizes[name])
         if sizes[name] >= ALARM and name not in faulty
     ]
+    # the delay is searched, so late commands leave white rows and show in it alone
     if not bad and abs(before.delay) > LONGEST_DELAY:
         finding = SHIFTED.format(-1e3 * (before.delay - USUAL_DELAY))
         yield (

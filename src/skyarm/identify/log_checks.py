@@ -214,6 +214,7 @@ def _missing(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     """Yield the channels that are missing, or whose number of columns does not match
     the vehicle.
     """
+    # speeds before signals, in the order in which commands are read
     commands = [name for name in COMMANDS[::-1] if name in flight][:1]
     required = dict.fromkeys(IMU, ("is", "log it, or map its columns"))
     if flight.facts.get("vehicle") == SIMULATED:
@@ -290,6 +291,7 @@ def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
             continue
         values = np.abs(flight[name].values)
         if "joint" in name:
+            # of turning joints alone, because a sliding one has no degrees
             size = float(np.quantile(values[:, turns], 0.95)) if any(turns) else 0.0
         else:
             size = float(
@@ -502,6 +504,7 @@ def _gaps(flight: FlightData, inside: FlightData) -> Iterator[Found]:
                     f" {1.0 / usual:.4g} Hz"
                 )
                 yield WARNED, name, finding, "log fewer channels, or at a lower rate"
+        # gaps of all channels at once are the clock's, and one line above
         if alone := [each for each in rows if not all_begin(each[0], every)]:
             when, long = max(alone, key=lambda each: each[1])
             count = f"{len(alone)} gaps, the longest" if len(alone) > 1 else "a gap"

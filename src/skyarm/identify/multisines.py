@@ -77,6 +77,7 @@ class Segment:
         """Excitation signal of one axis as a table of a scenario file, in time since
         the segment's start.
         """
+        # rounded for who reads the file: a hundredth of a millimetre moves no vehicle
         sines: list[Entry] = [
             {
                 "kind": "sine",

@@ -110,6 +110,7 @@ def require_possible_numbers(
         *(math.hypot(*map(float, each)) for each in places),
     )
     longest = float(time_constants(start.rotors).max(initial=SHORTEST_FLIGHT))
+    # the factor at which found numbers are doubted bounds given ones, too
     for name, value in known.items():
         if name.startswith("base.inertia."):
             most = FAR_OFF * mass * size**2

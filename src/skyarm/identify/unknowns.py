@@ -260,12 +260,14 @@ def _of_drag(vehicle: Vehicle, arm: float) -> list[Unknown]:
 
 def _of_link(link: Link, moves: bool) -> list[Unknown]:
     name, body, joint = f"links.{link.name}", link.body, link.joint
+    # a centre of mass on the joint has no distance that could be a scale
     reach = max(math.hypot(*map(float, body.com)), 0.01)
     unknowns = [_above(f"{name}.mass", "kg", body.mass, 0.3)]
     unknowns += [
         _any(f"{name}.com.{axis}", "m", getattr(body.com, axis), 0.2 * reach)
         for axis in "xyz"
     ]
+    # no multiple of an inertia that is 0 is another one
     if any(float(getattr(body.inertia, each.name)) for each in fields(Sym3)):
         unknowns.append(_above(f"{name}.inertia", "times", 1.0, 0.4))
     if moves:

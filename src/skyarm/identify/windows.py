@@ -594,6 +594,7 @@ class ClockedWindows:
         position, speed = parabola("position", 3)
         attitude, _ = parabola("quaternion", 4)
         joints, joint_rates = parabola("joint_positions", 0)
+        # windows without a sample begin level, which is an attitude
         attitude[~attitude.any(axis=1)] = [1.0, 0.0, 0.0, 0.0]
         return {
             "position": position,
