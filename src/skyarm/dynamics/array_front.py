@@ -119,7 +119,8 @@ def inverse_dynamics(
         velocity=velocity,
         acceleration=acceleration,
     )
-    R, a = at.quaternion.rotation(), rows["acceleration"]
+    R = at.quaternion.rotation()
+    a = rows["acceleration"]
     base = proper_acceleration(
         R, Vec3(*a[:3]), Vec3(*a[3:6]), one_number("gravity", gravity)
     )
@@ -149,7 +150,8 @@ def forward_dynamics(
         velocity=velocity,
         force=force,
     )
-    R, f = at.quaternion.rotation(), rows["force"]
+    R = at.quaternion.rotation()
+    f = rows["force"]
     applied = Force(Vec3(*f[3:6]), R.apply_T(Vec3(*f[:3])))
     base, qdd = dynamics.forward_dynamics(
         vehicle, at.joints, at.rate, at.joint_rates, applied, f[6:]
@@ -210,7 +212,8 @@ def frame_jacobian(
     at, _, lead = _read(
         "kinematics.jacobian_columns", vehicle, position, quaternion_wxyz, joints
     )
-    R, named = at.quaternion.rotation(), vehicle.frame(frame)
+    R = at.quaternion.rotation()
+    named = vehicle.frame(frame)
     turning = R @ Mat3.cross(-frame_pose(vehicle, named, at.joints).p)
     columns = jacobian_columns(vehicle, named, at.joints)
     linear = [tuple(R.apply(column.linear)) for column in columns]

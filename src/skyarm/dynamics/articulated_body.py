@@ -55,7 +55,8 @@ def forward_dynamics(
         )
     n, links = vehicle.n, vehicle.links
     bodies = members(vehicle, joints)
-    places, rigid = [body.place for body in bodies], [body.inertia for body in bodies]
+    places = [body.place for body in bodies]
+    rigid = [body.inertia for body in bodies]
     moving = motions(vehicle, places, rate, joint_rates)
     inertias = [body.as_articulated() for body in rigid]
     biases = [
@@ -63,7 +64,8 @@ def forward_dynamics(
         for body, motion in zip(rigid, moving, strict=True)
     ]
     base = spatial_inertia(vehicle.base)
-    base_inertia, base_bias = base.as_articulated(), base.velocity_force(rate)
+    base_inertia = base.as_articulated()
+    base_bias = base.velocity_force(rate)
     U = [Force(ZERO3, ZERO3)] * n
     inverse_d: list[Scalar] = [0] * n
     u: list[Scalar] = [0] * n

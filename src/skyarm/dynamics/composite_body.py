@@ -35,10 +35,8 @@ def mass_matrix(
             ),
         )
     bodies = members(vehicle, joints)
-    places, composite = (
-        [body.place for body in bodies],
-        [body.inertia for body in bodies],
-    )
+    places = [body.place for body in bodies]
+    composite = [body.inertia for body in bodies]
     whole = spatial_inertia(vehicle.base)
     for i in reversed(range(vehicle.n)):
         carried = composite[i].into_parent(places[i].R, places[i].p)
@@ -85,7 +83,9 @@ def _base_block(whole: SpatialInertia, R_WB: Mat3, size: int) -> list[list[Scala
     """Mass matrix with only the 6 x 6 block of the base filled in; rows and columns of
     the joints are zero.
     """
-    coupling, m, rest = R_WB @ Mat3.cross(-whole.moment), whole.mass, [0] * (size - 6)
+    coupling = R_WB @ Mat3.cross(-whole.moment)
+    m = whole.mass
+    rest = [0] * (size - 6)
     rotational = whole.inertia.full().rows
     return [
         *(

@@ -86,7 +86,8 @@ def mass_matrix(vehicle: Vehicle, q: Sequence[Scalar]) -> Matrix:
     """Mass matrix M(q) = T^T M_tree T, (6+n) x (6+n): kinetic energy is 1/2 qd^T M
     qd.
     """
-    Q, M = rate_matrix(q[3], q[4]), tree_mass_matrix(vehicle, attitude(q), q[6:])
+    Q = rate_matrix(q[3], q[4])
+    M = tree_mass_matrix(vehicle, attitude(q), q[6:])
     # M is symmetric: its columns, mapped, are the rows of T^T M, whose columns are
     # mapped again
     for _ in range(2):
@@ -116,7 +117,8 @@ def coriolis_matrix(
 
     Source: Barakou, Tzafestas, Valavanis 2026, (67)-(68).
     """
-    partials, n = mass_matrix_partials(vehicle, q), range(len(q))
+    partials = mass_matrix_partials(vehicle, q)
+    n = range(len(q))
     rate = [
         [inner_product([partial[i][j] for partial in partials], qd) for j in n]
         for i in n
@@ -134,7 +136,8 @@ def gravity_vector(
     """Gravity vector G(q), the gradient of the potential energy: the force that holds
     the vehicle at rest.
     """
-    R, still = attitude(q), (0,) * vehicle.n
+    R = attitude(q)
+    still = (0,) * vehicle.n
     force, torques = inverse_dynamics(
         vehicle, q[6:], ZERO3, still, Motion(ZERO3, R.apply_T(E_Z * gravity)), still
     )

@@ -63,9 +63,12 @@ def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
     for i, (link, q) in enumerate(zip(links, joints, strict=True)):
         joint = link.joint
         before = _SAME if link.parent == BASE else turns[link.parent]
-        point, angle, R = joint.position, q, before @ joint.rotation
+        point = joint.position
+        angle = q
+        R = before @ joint.rotation
         if follows[i]:
-            angle, R = add(angles[link.parent], q), _SAME
+            angle = add(angles[link.parent], q)
+            R = _SAME
         turn = _SAME
         if not joint.turns:
             point = point + joint.rotation.apply(joint.axis * q)

@@ -144,14 +144,10 @@ def load_forces(
     Returns:
         Torque about and force at the origin of each load's link, link axes.
     """
-    joints, joint_rates = (
-        every_joint(vehicle, state.joints),
-        every_rate(vehicle, state.joint_rates),
-    )
-    joint_accelerations, vehicle = (
-        every_rate(vehicle, joint_accelerations),
-        vehicle.with_free_followers,
-    )
+    joints = every_joint(vehicle, state.joints)
+    joint_rates = every_rate(vehicle, state.joint_rates)
+    joint_accelerations = every_rate(vehicle, joint_accelerations)
+    vehicle = vehicle.with_free_followers
     places = [
         joint_placement(joint, q)
         for joint, q in zip(vehicle.joints, joints, strict=True)

@@ -50,13 +50,11 @@ class PointMotion:
         step: Scalar | None = None,
         name: str = "",
     ) -> None:
-        self.vehicle, self.state, self._air, self.gravity, self.step = (
-            vehicle,
-            state,
-            air,
-            gravity,
-            step,
-        )
+        self.vehicle = vehicle
+        self.state = state
+        self._air = air
+        self.gravity = gravity
+        self.step = step
         self.name = name
         self.agents: Mapping[str, PointMotion] = {name: self}
         self.rotor_shares: Scalars = (1,) * len(vehicle.rotors)

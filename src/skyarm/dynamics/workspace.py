@@ -71,10 +71,13 @@ def _largest(vehicle: Vehicle, quantities: Quantities, count: int) -> list[float
             (lanes,) or one number for all.
         count: number of quantities.
     """
-    rng, spread, (low, high) = np.random.default_rng(0), 0.1, _limits(vehicle)
+    rng = np.random.default_rng(0)
+    spread = 0.1
+    low, high = _limits(vehicle)
     tried = rng.uniform(low, high, (samples_of(vehicle.n), vehicle.n))
     values = np.stack([np.broadcast_to(each, len(tried)) for each in quantities(tried)])
-    best, most = tried[np.argmax(values, axis=1)], np.max(values, axis=1)
+    best = tried[np.argmax(values, axis=1)]
+    most = np.max(values, axis=1)
     width = AROUND + 1
     for _ in range(ROUNDS if vehicle.n <= MANY else 0):
         # every quantity searches around its own best, with the same steps, in lanes of

@@ -38,12 +38,12 @@ from skyarm.plant.joint_rate import (
 )
 from skyarm.plant.largest_step import (
     FRICTION_STEP,
-    INTEGRATORS,
     STAGES,
     VERLET,
     VERLET_FRICTION_STEP,
     divisions,
     largest_step,
+    require_integrator,
     verlet_step,
 )
 from skyarm.plant.rigid_body import (
@@ -107,7 +107,8 @@ def hold(
     near = VERLET if count.verlet else integrator
 
     there = around.with_coupled(now[1])
-    motions, steps = there.motions(worlds, now[0]), float(count.near)
+    motions = there.motions(worlds, now[0])
+    steps = float(count.near)
     vehicles = [each.vehicle for each in worlds]
     usual: Scalar = steps
     if count.slack:
@@ -122,7 +123,8 @@ def hold(
     finer: Scalar = usual
     if count.most > 1:
         memories, more = there.hurry(motions, seconds)
-        now, finer = (now[0], memories), -floor(-usual * more)
+        now = (now[0], memories)
+        finer = -floor(-usual * more)
     if count.calm:
         largest = there.largest_calm_step(verlet=count.verlet)
         assert largest is not None
@@ -203,16 +205,11 @@ class RigidBodyPlant:
         self._worlds, self.around = several(world, around)
         for each in self._worlds:
             require_plant(each.vehicle)
-        if integrator not in INTEGRATORS:
-            raise ValueError(
-                f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}"
-            )
+        require_integrator(integrator)
         self._integrator, self._physics_step = integrator, physics_step
         sizes = [each.vehicle.sizes for each in self._worlds]
-        states, commands = (
-            tuple(example_state(*each) for each in sizes),
-            tuple(example_command(*each) for each in sizes),
-        )
+        states = tuple(example_state(*each) for each in sizes)
+        commands = tuple(example_command(*each) for each in sizes)
         self._examples = (states, commands, self.around)
         self._programs: dict[float, FlatFunction] = {}
         euler = integrator == "euler"
@@ -338,7 +335,8 @@ class RigidBodyPlant:
                 ___: Scalars,
             ) -> tuple[tuple[()], Moved]:
                 states, commands, around = inputs
-                now, count = (states, around.coupled_memories()), self.substeps(seconds)
+                now = (states, around.coupled_memories())
+                count = self.substeps(seconds)
                 return (), hold(
                     self._worlds,
                     self._integrator,

@@ -175,7 +175,8 @@ def make_plant(scenario: Any, around: Any) -> Plant:
             f" {', '.join(scenario.agents)}"
         )
     else:
-        world, around = scenario.agent.plant, around.of(0)
+        world = scenario.agent.plant
+        around = around.of(0)
     plant: Plant = kind(
         world, around, scenario.integrator, 1.0 / scenario.rates.physics
     )

@@ -131,10 +131,8 @@ def _blame(joint: Joint, rate: float) -> str:
     """Error message about a joint with too stiff friction: joint, field and remedy."""
     field, remedy = "damping", "lower damping, or state the armature"
     if _steepest(joint) > joint.damping:
-        field, remedy = (
-            "coulomb",
-            "raise coulomb_rate or lower coulomb, or state the armature",
-        )
+        field = "coulomb"
+        remedy = "raise coulomb_rate or lower coulomb, or state the armature"
     return (
         f"joints[{joint.name}].{field} = {getattr(joint, field)!r}: joint friction"
         f" decays at {rate:.9g} 1/s: must be at most {FASTEST:g}; {remedy}"

@@ -21,6 +21,15 @@ INTEGRATORS = ("rk4", "euler", "rk4_staged")
 """Names of the integrators. On the rigid-body plant the third equals the first, which
 evaluates loads at each stage anyway."""
 
+
+def require_integrator(integrator: str) -> None:
+    """Refuse the name of an integrator that there is not."""
+    if integrator not in INTEGRATORS:
+        raise ValueError(
+            f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}"
+        )
+
+
 FRICTION_STEP = 0.7
 """Largest product of friction's decay rate and an RK4 step with loads at each stage
 (stable to 2.78; error 1.2e-3 of the fastest mode). Thirty seconds of case3 at 0.65 end

@@ -259,7 +259,8 @@ def felt_in_step(
         has_short_lag(rotor) for world in worlds for rotor in world.vehicle.rotors
     ):
         return worlds, stages
-    made, felt = list[Truth](), list[list[State]]()
+    made = list[Truth]()
+    felt = list[list[State]]()
     # angles of tilting rotors are those of the middle of a step
     moved = (
         [follow_commands(worlds, stages[0], commands, around, 0.5 * dt)]
@@ -267,22 +268,19 @@ def felt_in_step(
         else stages
     )
     for i, (world, command) in enumerate(zip(worlds, commands, strict=True)):
-        rotors, turned, columns = (
-            world.vehicle.rotors,
-            list[Rotor](),
-            list[Sequence[Scalar]](),
-        )
+        rotors = world.vehicle.rotors
+        turned = list[Rotor]()
+        columns = list[Sequence[Scalar]]()
         heard = around.of(i).rotor_commands(rotors, command.rotor_speeds)
         within = (stage[i].rotor_speeds for stage in stages)
         for rotor, asked, *there in zip(rotors, heard, *within, strict=True):
-            speeds, lag = there, lag_of(rotor, there[0], asked)
+            speeds = there
+            lag = lag_of(rotor, there[0], asked)
             if held or has_short_lag(rotor):
                 mean, until = felt_in(rotor, speeds[0], asked, dt)
                 short = held or lag < short_lag(rotor)
-                speeds, lag = (
-                    [where(short, mean, each) for each in speeds],
-                    where(short, until, lag),
-                )
+                speeds = [where(short, mean, each) for each in speeds]
+                lag = where(short, until, lag)
             turned.append(replace(rotor, time_constant_up=lag, time_constant_down=lag))
             columns.append(speeds)
         made.append(

@@ -35,7 +35,8 @@ def own_to_mujoco(layout: Layout) -> Array:
     MuJoCo's velocities.
     """
     vehicles = layout.vehicles
-    G, first = np.zeros((layout.nv, sum(6 + each.n for each in vehicles))), 0
+    G = np.zeros((layout.nv, sum(6 + each.n for each in vehicles)))
+    first = 0
     for vehicle, base, dofs in zip(vehicles, layout.bases, layout.dofs, strict=True):
         G[base : base + 6, first : first + 6] = np.eye(6)
         for i in range(vehicle.n):
@@ -142,7 +143,8 @@ class Loads:
         key = (loads.tobytes(), stuck.tobytes())
         if key == self._set:
             return
-        self._set, model = key, self._model
+        self._set = key
+        model = self._model
         # MuJoCo's masses of whole trees only choose the point about which it sums: they
         # stay
         for body, (mass, *moments) in zip(self._bodies, loads, strict=True):
@@ -180,7 +182,8 @@ def _numbers(around: Together) -> Scalars:
     """Mass, moments of inertia and grasp flag of each payload, then the stuck flags of
     the joints.
     """
-    numbers, beside = list[Scalar](), [around.of(i) for i in range(len(around.each))]
+    numbers = list[Scalar]()
+    beside = [around.of(i) for i in range(len(around.each))]
     for load, memory in (pair for own in beside for pair in rigid_loads(own)):
         numbers += [
             load.mass * memory.held,

@@ -93,18 +93,17 @@ class StagedRungeKutta:
         welds: Sequence[Welds] = (),
     ) -> None:
         self._welds = welds
-        self._layout, self._model, self._data, self._forward = (
-            layout,
-            model,
-            data,
-            forward,
-        )
+        self._layout = layout
+        self._model = model
+        self._data = data
+        self._forward = forward
         nq, nv = layout.nq, layout.nv
         self._qpos, self._qvel = data.qpos[:nq], data.qvel[:nv]
         self._force, self._qacc = data.qfrc_applied, data.qacc
         vehicles = layout.vehicles
         own = sum(6 + each.n for each in vehicles)  # velocities but the followers'
-        state, slopes = (0.0,) * layout.end, (0.0,) * (2 * own)
+        state = (0.0,) * layout.end
+        slopes = (0.0,) * (2 * own)
         self._coupled = (0.0,) * len(coupled_places(around))
         inputs = RungeKuttaInputs(
             start=state,
@@ -136,10 +135,8 @@ class StagedRungeKutta:
         # outputs: one copy
         before = layout.end + len(self._coupled)
         width = before + len(inputs.turn) + 2 * own + len(self._coupled)
-        self._moving, self._move_state = (
-            self._program.inputs[before:][:width],
-            self._program.outputs[:width],
-        )
+        self._moving = self._program.inputs[before:][:width]
+        self._move_state = self._program.outputs[:width]
         self._loads = self._program.outputs[width:]
         self._positions, self._velocities = self._now[:nq], self._now[nq : nq + nv]
 
@@ -164,7 +161,9 @@ class StagedRungeKutta:
         memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in rows]
         rates = [add(s, mul(share, k)) for _, s, k in rows]
         around = around.with_coupled(rebuild(shape, iter(memory)))
-        slopes, turns, total = list[Scalar](), iter(inputs.turn), iter(inputs.total)
+        slopes = list[Scalar]()
+        turns = iter(inputs.turn)
+        total = iter(inputs.total)
         turned, following = list[Scalar](), list[State]()
         lags = follow_commands(layout.worlds, first, commands, around, time)
         for x, lag, acceleration in zip(
@@ -213,18 +212,17 @@ class StagedRungeKutta:
         # a share of a sum of slopes that hold a step's length already
         tableau[:, 2] = [row[2] for row in STAGES]
         program = self._program.step
-        self._now[:], self._memory[:], self._given[:], self._loads[:] = (
-            x,
-            memory,
-            given,
-            forces,
-        )
+        self._now[:] = x
+        self._memory[:] = memory
+        self._given[:] = given
+        self._loads[:] = forces
         for _ in range(steps):
             self._start[:], self._first[:] = self._now, self._memory
             self._turn[:], self._sum[:], self._rates[:] = 0.0, 0.0, 0.0
             for row in tableau:
                 self._solve()
-                self._acceleration[:], self._weights[:] = self._qacc, (*row, dt)
+                self._acceleration[:] = self._qacc
+                self._weights[:] = (*row, dt)
                 program()
                 self._moving[:] = self._move_state
         for each in self._welds:
@@ -236,11 +234,9 @@ class StagedRungeKutta:
         """Compute MuJoCo's accelerations and constraint forces at the stage's state
         under its forces.
         """
-        self._qpos[:], self._qvel[:], self._force[:] = (
-            self._positions,
-            self._velocities,
-            self._loads,
-        )
+        self._qpos[:] = self._positions
+        self._qvel[:] = self._velocities
+        self._force[:] = self._loads
         for each in self._welds:
             each.put(self._memory)
         self._forward(self._model, self._data)

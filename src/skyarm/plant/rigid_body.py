@@ -78,7 +78,8 @@ def accelerate_one(
 
     Several of equal bodies share the code of their forward dynamics.
     """
-    moving, state = loaded_vehicle(motion.vehicle, around), motion.state
+    moving = loaded_vehicle(motion.vehicle, around)
+    state = motion.state
     force, torques = applied_force(motion, command, around)
     Given = tuple[Scalars, Vec3, Scalars, Force, Scalars]
 
@@ -102,12 +103,11 @@ def derivative(
     """Time derivatives of the vehicle states by the equations of motion, and of the
     coupled models' memories.
     """
-    motions, rates = around.motions(worlds, states), list[Rate]()
+    motions = around.motions(worlds, states)
+    rates = list[Rate]()
     for i, (motion, command) in enumerate(zip(motions, commands, strict=True)):
-        state, (base, joint_accelerations) = (
-            motion.state,
-            accelerate_one(motion, command, around.of(i)),
-        )
+        state = motion.state
+        base, joint_accelerations = accelerate_one(motion, command, around.of(i))
         linear, angular = coordinate_acceleration(motion.rotation, base, motion.gravity)
         rates.append(
             Rate(
@@ -277,13 +277,11 @@ def coupled_verlet(
     Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by
     the Stoermer-Verlet method, 1.5.
     """
-    half, lags = (
-        0.5 * dt,
-        [
-            follow_commands(worlds, states, commands, around, part)
-            for part in (0.5 * dt, dt)
-        ],
-    )
+    half = 0.5 * dt
+    lags = [
+        follow_commands(worlds, states, commands, around, part)
+        for part in (0.5 * dt, dt)
+    ]
     worlds, (_, begun, _) = felt_in_step(worlds, (states, *lags), commands, around, dt)
     middle = tuple(_drift(each, half) for each in begun)
     there = around.drift(half)
@@ -303,7 +301,8 @@ def coupled_verlet(
         for i, (motion, command, still) in enumerate(
             zip(at, commands, middle, strict=True)
         ):
-            now, applied = motion.state, applied_force(motion, command, beside.of(i))
+            now = motion.state
+            applied = applied_force(motion, command, beside.of(i))
             # written out, as what depends on the positions alone is that of both pushes
             base, joints = dynamics.forward_dynamics(
                 moving[i], now.joints, now.rate, now.joint_rates, *applied

@@ -124,18 +124,11 @@ class Together:
         share.
         """
         own = self.each[index]
-        components, memories = (
-            (*own.components, *self.components),
-            (
-                *own.memories,
-                *self.memories,
-            ),
-        )
-        return (
-            replace(own, components=components, memories=memories)
-            if self.components
-            else own
-        )
+        if not self.components:
+            return own
+        components = (*own.components, *self.components)
+        memories = (*own.memories, *self.memories)
+        return replace(own, components=components, memories=memories)
 
     def motions(
         self,
@@ -332,10 +325,8 @@ class Together:
         """Copy of the surroundings with movable bodies accelerated for ``dt`` (s) by
         forces at other states.
         """
-        time, going = (
-            self.each[0].time,
-            zip(self.coupled, felt.coupled_memories(), strict=True),
-        )
+        time = self.each[0].time
+        going = zip(self.coupled, felt.coupled_memories(), strict=True)
         return self.with_coupled(
             [
                 component.push(
@@ -401,7 +392,8 @@ def coupled_places(around: Together) -> tuple[int, ...]:
     """Indices of the coupled models' internal states among all numbers of the
     surroundings.
     """
-    places, first = list[int](), 0
+    places = list[int]()
+    first = 0
     for own in around.each:
         places += _coupled_in(own.components, own.memories, first)
         first += len(leaves(own))
@@ -414,7 +406,8 @@ def _coupled_in(
     """Indices of the coupled models' internal states, where number ``first`` is the
     first one of the models.
     """
-    places, first = list[int](), first + len(leaves(tuple(components)))
+    places = list[int]()
+    first = first + len(leaves(tuple(components)))
     for component, memory in zip(components, memories, strict=True):
         count = len(leaves(memory))
         places += range(first, first + count) if component.coupled else ()

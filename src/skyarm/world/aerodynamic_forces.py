@@ -65,7 +65,8 @@ class GroundEffect(Force[tuple[()]]):
         """Additional upward force at each rotor due to the ground effect, as wrenches
         on the base.
         """
-        wrenches, rotors = [], motion.vehicle.rotors
+        wrenches = []
+        rotors = motion.vehicle.rotors
         for i, (rotor, speed, left) in enumerate(
             zip(rotors, rotor_speeds, motion.rotor_shares, strict=True)
         ):

@@ -67,7 +67,9 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
         commands do not: below half of the idle voltage the speeds that follow it take
         less, and would end it in each second period.
         """
-        battery, (charge, before), rotors = self.battery, memory, self.rotors
+        battery = self.battery
+        charge, before = memory
+        rotors = self.rotors
         idle = battery.open_circuit_voltage(charge)
 
         def load(voltage: Scalar, seconds: float = dt) -> Scalar:
@@ -95,7 +97,8 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
         near, _ = repeat(HALVINGS, halve, (0.5 * idle, idle))
         # a step of Newton's, by which a linearisation knows how the voltage follows the
         # rotors
-        left, aside = surplus(near), NEAR * idle
+        left = surplus(near)
+        aside = NEAR * idle
         falls = minimum(divide(surplus(near + aside) - left, aside), -NEAR)
         voltage = where(
             charge > 0.0, maximum(near - divide(left, falls), 0.5 * idle), 0.0

@@ -117,7 +117,8 @@ class Fault:
 
     def check(self, vehicle: Vehicle) -> None:
         """Raise ValueError if the vehicle lacks the rotor or joint of the fault."""
-        rotors, joints = [r.name for r in vehicle.rotors], vehicle.joint_names
+        rotors = [r.name for r in vehicle.rotors]
+        joints = vehicle.joint_names
         for kind, value, names in (
             ("rotor", self.rotor, rotors),
             ("joint", self.joint, joints),

@@ -150,7 +150,8 @@ class HangingPayload(TimedPayload):
     def start(self, period: float, draws: Sequence[Scalar]) -> HangingMemory:
         """Initial internal state of the hanging payload, which is not held yet."""
         rest = TimedPayload.start(self, period, draws)
-        begun, still = rest.place, ZERO3_DATA
+        begun = rest.place
+        still = ZERO3_DATA
         return HangingMemory(
             **parts(rest), begun=begun, position=begun, velocity=still, pull=still
         )

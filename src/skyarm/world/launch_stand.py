@@ -84,7 +84,8 @@ class LaunchStand(Force[tuple[()]]):
     ) -> Sequence[Wrench]:
         """Force and torque of the launch stand on the base, about the base origin."""
         state, w = motion.state, self.frequency
-        gap, v = state.position - self.place, state.velocity
+        gap = state.position - self.place
+        v = state.velocity
         below = gap.z < 0.0
         up = where(below, maximum(0.0, -w * w * gap.z - 2.0 * w * v.z), 0.0)
         share = minimum(up / self.gravity, 1.0)

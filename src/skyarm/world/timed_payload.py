@@ -258,7 +258,8 @@ class TimedPayload(Component[PayloadMemory]):
         """Next internal state of the payload: held, just grasped, set down (1 or 0
         each), and resting position.
         """
-        carried, gone = memory.held > 0.5, memory.gone > 0.5
+        carried = memory.held > 0.5
+        gone = memory.gone > 0.5
         pick, drop = self.events_reached(t, position_W)
         caught = where(carried, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
         dropped = where(carried, where(drop, 1.0, 0.0), 0.0)
@@ -270,7 +271,8 @@ class TimedPayload(Component[PayloadMemory]):
         """Conditions of pick-up and of set-down, true if met: time reached, and
         gripping frame in a given sphere.
         """
-        pick, drop = t >= self.pick, t >= self.drop
+        pick = t >= self.pick
+        drop = t >= self.drop
         if self.pick_place is not None:
             pick = logical_and(pick, self.pick_place.holds(position_W))
         if self.drop_place is not None:

@@ -112,7 +112,8 @@ class GustyWind(Component[Memory]):
         """Read the field ``gust`` of a wind's TOML table: one gust, or a list of gusts
         that add up.
         """
-        entry, at = fields.take("gust", None), fields.at("gust")
+        entry = fields.take("gust", None)
+        at = fields.at("gust")
         if isinstance(entry, list):
             return {
                 "gusts": tuple(
@@ -158,7 +159,8 @@ class GustyWind(Component[Memory]):
         if "peak" in fields.table:
             return record_from(Gust, fields)
         shapes = SHAPES if cls.blows == "velocity" else SHAPES[:1]
-        peak, start = fields.vector(cls.blows), fields.number("start")
+        peak = fields.vector(cls.blows)
+        start = fields.number("start")
         duration = fields.number("duration", low=0.0, strict=True)
         shape = fields.choice("shape", shapes, SHAPES[0])
         fields.done()
@@ -297,7 +299,8 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
         """Wind whose turbulence of an altitude has airspeed and direction of the
         replaced mean velocity.
         """
-        followed, places = self.turbulence, {place[:2] for place in replaced}
+        followed = self.turbulence
+        places = {place[:2] for place in replaced}
         stated = {
             ("turbulence", each)
             for each in ("airspeed", "direction_W", "least_airspeed")

@@ -82,7 +82,8 @@ def stop_force(joint: Joint, position: Scalar, rate: Scalar) -> Scalar:
     """
     if not joint.has_stops:
         return 0
-    k, more = joint.stop_stiffness, mul(joint.stop_damping, rate)
+    k = joint.stop_stiffness
+    more = mul(joint.stop_damping, rate)
     above = mul(maximum(sub(position, joint.upper), 0.0), maximum(add(1.0, more), 0.0))
     below = mul(maximum(sub(joint.lower, position), 0.0), maximum(sub(1.0, more), 0.0))
     return mul(k, sub(below, above))

@@ -242,7 +242,8 @@ def make_mixer(
         )
     A = allocation_matrix(vehicle, sideways)
     _require_rank(vehicle, A)
-    gram, size = [[inner_product(a, b) for b in A] for a in A], len(A)
+    gram = [[inner_product(a, b) for b in A] for a in A]
+    size = len(A)
     inverse_gram = [
         ldl_solve(gram, [1 if i == j else 0 for i in range(size)]) for j in range(size)
     ]
@@ -361,10 +362,8 @@ def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> Scalars:
     them. 2. Thrust moves just enough to leave that room. 3. Yaw takes the largest share
     of what remains.
     """
-    per_newton, per_turn = (
-        [row[3] for row in mixer.inverse],
-        [row[2] for row in mixer.inverse],
-    )
+    per_newton = [row[3] for row in mixer.inverse]
+    per_turn = [row[2] for row in mixer.inverse]
     tilt = [add(mul(row[0], torque.x), mul(row[1], torque.y)) for row in mixer.inverse]
     share = _tilt_share(tilt, per_newton, mixer.highest)
     tilt = [mul(each, share) for each in tilt]
@@ -381,13 +380,12 @@ def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> Scalars:
         )
         nearest = nearest_thrust(room, thrust)
         turn = nearest_yaw(room, nearest, torque.z)
-        fixed, yaw = with_thrust(nearest), [mul(each, turn) for each in per_turn]
+        fixed = with_thrust(nearest)
+        yaw = [mul(each, turn) for each in per_turn]
     else:
         low, high = _thrust_range(tilt, per_newton, mixer.highest)
-        fixed, yaw = (
-            with_thrust(minimum(maximum(thrust, low), high)),
-            [mul(each, torque.z) for each in per_turn],
-        )
+        fixed = with_thrust(minimum(maximum(thrust, low), high))
+        yaw = [mul(each, torque.z) for each in per_turn]
         yaw_share = _largest_share(fixed, yaw, mixer.highest)
         yaw = [mul(each, yaw_share) for each in yaw]
     rows = zip(fixed, yaw, mixer.highest, strict=True)

@@ -105,8 +105,11 @@ def felt_in(
         command: rad/s.
         dt: length of the step, s.
     """
-    target, lag = minimum(command, rotor.max_speed), lag_of(rotor, speed, command)
-    change, share, passed = speed - target, divide(lag, dt), divide(dt, lag)
+    target = minimum(command, rotor.max_speed)
+    lag = lag_of(rotor, speed, command)
+    change = speed - target
+    share = divide(lag, dt)
+    passed = divide(dt, lag)
     end = exp(-passed)
 
     def squares(e: Scalar, lags: Scalar) -> Scalar:
@@ -124,10 +127,8 @@ def felt_in(
         )
         mean = 2.0 * squares(zero, -log(zero)) - mean
         mean = where(where(through, speed, speed + target) < 0.0, -mean, mean)
-    felt, gap = (
-        _with_sign(rotor, mean, sqrt(absolute(mean))),
-        change * share * (end - 1.0),
-    )
+    felt = _with_sign(rotor, mean, sqrt(absolute(mean)))
+    gap = change * share * (end - 1.0)
     turns = absolute(gap) > 0.0
     ratio = where(
         turns, maximum(divide(target - felt, where(turns, gap, 1.0)), LEAST_LAG), 1.0
@@ -313,7 +314,8 @@ def spin_torque(
     if all(same(rotor.inertia, 0) for rotor in rotors):
         return total
     for rotor, speed, command in zip(rotors, speeds, commands or speeds, strict=True):
-        target, lag = minimum(command, rotor.max_speed), lag_of(rotor, speed, command)
+        target = minimum(command, rotor.max_speed)
+        lag = lag_of(rotor, speed, command)
         spin = mul(rotor.inertia, rotor.direction)
         turned = rate.cross(rotor.axis) * speed + rotor.axis * divide(
             target - speed, lag
@@ -344,15 +346,14 @@ def _group_force(
             if rotor.table is None
             else mul(left, _with_sign(rotor, speed, rotor.table.twist(speed)))
         )
-        pushing, twist, arm = (
-            add(pushing, square),
-            sub(twist, mul(rotor.direction, turning)),
-            arm + r * square,
-        )
+        pushing = add(pushing, square)
+        twist = sub(twist, mul(rotor.direction, turning))
+        arm = arm + r * square
         slip = n.cross(velocity + rate.cross(r)).cross(n) * mul(
             left, speed_size(rotor, speed)
         )
-        drag, drag_arm = drag + slip, drag_arm + r.cross(slip)
+        drag = drag + slip
+        drag_arm = drag_arm + r.cross(slip)
     k, c = like.thrust_coefficient, like.drag_coefficient
     force = n * mul(k, pushing) - drag * c
     torque = arm.cross(n) * k + n * mul(mul(k, like.moment_coefficient), twist)

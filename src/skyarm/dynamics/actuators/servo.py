@@ -185,10 +185,8 @@ class Servo(Drive):
         """Least and largest torque (N m) or force (N) that motor and supply can give at
         a joint rate.
         """
-        per_volt, counter = (
-            mul(self.gear, self.torque_constant),
-            mul(mul(self.gear, self.torque_constant), rate),
-        )
+        per_volt = mul(self.gear, self.torque_constant)
+        counter = mul(mul(self.gear, self.torque_constant), rate)
         per_ampere = mul(per_volt, self.efficiency)
         low = maximum(
             divide(sub(-self.voltage, counter), self.resistance), -self.current_limit
@@ -198,7 +196,8 @@ class Servo(Drive):
         )
         # beyond the no-load speed the winding brakes, with no more than the current
         # limit either
-        low, high = minimum(low, self.current_limit), maximum(high, -self.current_limit)
+        low = minimum(low, self.current_limit)
+        high = maximum(high, -self.current_limit)
         most = self.torque_limit
         return clip(mul(low, per_ampere), -most, most), clip(
             mul(high, per_ampere), -most, most
@@ -246,7 +245,8 @@ class Servo(Drive):
 
         RK4 then errs by (1/2)^5 / 120 of the motion in a step at most.
         """
-        J, split = float(self.inertia), D * D - 4.0 * K * float(self.inertia)
+        J = float(self.inertia)
+        split = D * D - 4.0 * K * float(self.inertia)
         loop = math.sqrt(K / J) if split < 0.0 else (D + math.sqrt(split)) / (2.0 * J)
         per_ampere = float(self.gear) * float(self.torque_constant)
         motor = per_ampere**2 * float(self.efficiency) / (float(self.resistance) * J)
@@ -291,10 +291,8 @@ class Servo(Drive):
         rounding, integral.
         """
         received, waiting = self._arriving_setpoint(memory, setpoint, dt)
-        goal, rounding = (
-            self._next_goal(memory.goal, received, dt),
-            self._rounding(position),
-        )
+        goal = self._next_goal(memory.goal, received, dt)
+        rounding = self._rounding(position)
         error, asked = self._loop(goal, memory.integral, position + rounding, rate)
         integral = self._integrate(memory, error, asked, rate, dt)
         return ServoMemory(
@@ -348,11 +346,9 @@ class Servo(Drive):
         seen = (*memory.waiting, setpoint)
         # the older of the two between which the latency lies, and its share of the
         # period
-        older, newer, share = (
-            seen[0],
-            seen[1],
-            clip(self.latency / dt - (count - 1), 0.0, 1.0),
-        )
+        older = seen[0]
+        newer = seen[1]
+        share = clip(self.latency / dt - (count - 1), 0.0, 1.0)
         return newer + (older - newer) * share, seen[1:]
 
     def _integrate(
@@ -365,10 +361,8 @@ class Servo(Drive):
         """
         low, high = self.bounds(rate)
         moved = memory.integral + error * dt
-        pushing_up, pushing_down = (
-            logical_and(asked > high, error > 0.0),
-            logical_and(asked < low, error < 0.0),
-        )
+        pushing_up = logical_and(asked > high, error > 0.0)
+        pushing_down = logical_and(asked < low, error < 0.0)
         return where(
             pushing_up, memory.integral, where(pushing_down, memory.integral, moved)
         )

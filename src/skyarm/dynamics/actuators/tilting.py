@@ -173,8 +173,10 @@ def speeds_of_pairs(
         if rotor.tilt is None:
             pair_speeds.append(speed)
             continue
-        angle, (low, high) = next(left), ends(rotor.tilt)
-        square, between = mul(speed, speed), sin(sub(high, low))
+        angle = next(left)
+        low, high = ends(rotor.tilt)
+        square = mul(speed, speed)
+        between = sin(sub(high, low))
         parts = sin(sub(high, angle)), sin(sub(angle, low))
         pair_speeds += [
             sqrt(maximum(divide(mul(square, part), between), 0.0)) for part in parts
@@ -188,13 +190,15 @@ def forces_of_pairs(
     """Squared speeds and tilt angles of tilting rotors, from the speeds (rad/s) of
     their pairs of fixed rotors.
     """
-    forces, left = [], iter(speeds)
+    forces = []
+    left = iter(speeds)
     for rotor in vehicle.rotors:
         first = next(left)
         if rotor.tilt is None:
             forces.append(TiltedForce(mul(first, first), 0))
             continue
-        second, (low, high) = next(left), ends(rotor.tilt)
+        second = next(left)
+        low, high = ends(rotor.tilt)
         a, b = mul(first, first), mul(second, second)
         along = add(mul(a, cos(low)), mul(b, cos(high)))
         across = add(mul(a, sin(low)), mul(b, sin(high)))

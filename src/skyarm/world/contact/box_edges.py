@@ -117,11 +117,9 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec
 
     All in world axes; the penetration is negative where the edges are apart.
     """
-    between, overlap, crossings = (
-        a.middle - b.middle,
-        face_overlap(a, b),
-        list[_Crossing](),
-    )
+    between = a.middle - b.middle
+    overlap = face_overlap(a, b)
+    crossings = list[_Crossing]()
     for i, j in product(range(3), range(3)):
         u, v = a.rotation.column(i), b.rotation.column(j)
         across, cosine = u.cross(v), u.dot(v)
@@ -131,7 +129,9 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec
         ours, theirs = _facing(a, i, -n), _facing(b, j, n)
         for k, ((off, room_a), (to, room_b)) in enumerate(product(ours, theirs)):
             r = between + off - to
-            depth, ru, rv = -r.dot(n), r.dot(u), r.dot(v)
+            depth = -r.dot(n)
+            ru = r.dot(u)
+            rv = r.dot(v)
             # the farthest of both: what is between here and there, parts nothing
             if k == 0:
                 overlap = minimum(overlap, where(sine > SLANT, depth, overlap))

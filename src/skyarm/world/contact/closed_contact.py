@@ -58,7 +58,8 @@ class ClosedContact(Contact):
                 )
                 raise RecordError(f"{of} = {shown(vehicle.name)}: {words}")
         for i, grasp in enumerate(self.grasps):
-            at, words = f"world.grasps[{i}]", ""
+            at = f"world.grasps[{i}]"
+            words = ""
             if grasp.kind == "cable":
                 words = "kind = 'cable': must be 'ball' or 'fixed'"
             elif grasp.body not in objects:

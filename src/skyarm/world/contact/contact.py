@@ -329,14 +329,13 @@ class Contact(ContactSteps):
             strict=True,
         )
         for i, (carrier, body, held) in enumerate(rows):
-            origin, force, torque = carrier.frame(body).position, ZERO3, ZERO3
+            origin = carrier.frame(body).position
+            force = torque = ZERO3
             for each in meetings:
                 if i in (each.of, each.by):
                     push = each.touch.force if each.by == i else -each.touch.force
-                    force, torque = (
-                        force + push,
-                        torque + (each.place - origin).cross(push),
-                    )
+                    force = force + push
+                    torque = torque + (each.place - origin).cross(push)
             loads.append((force + held[0], torque + held[1]))
         return loads
 
@@ -440,7 +439,8 @@ class Contact(ContactSteps):
         rotor_speeds: Sequence[Scalar],
     ) -> Sequence[Wrench]:
         """Forces and torques of all contacts and grasps on the vehicle's bodies."""
-        touches, pushes = self.on_points(memory, motion), []
+        touches = self.on_points(memory, motion)
+        pushes = []
         for i in range(len(self.points)):
             force = torque = ZERO3
             for each in touches[i :: len(self.points)]:

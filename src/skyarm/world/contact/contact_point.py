@@ -266,14 +266,10 @@ def _moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[
     for point, (at, body) in zip(points, places, strict=True):
         ball = not absent(point.radius)
         if body in shared:
-            lever, turning = (
-                axes[body].apply(at),
-                motion.to_world(motion.angular_velocity(body), body),
-            )
-            position, velocity = (
-                motion.position(ZERO3, body),
-                motion.velocity(ZERO3, body),
-            )
+            lever = axes[body].apply(at)
+            turning = motion.to_world(motion.angular_velocity(body), body)
+            position = motion.position(ZERO3, body)
+            velocity = motion.velocity(ZERO3, body)
             rows.append(
                 (
                     position + lever,
@@ -315,11 +311,9 @@ def _wrenches_on(
     of its contact points.
     """
     places, shared = _places(points, motion)
-    axes, whole, single = (
-        {body: _axes(motion, body) for body in shared},
-        dict[int, Wrench](),
-        list[Wrench](),
-    )
+    axes = {body: _axes(motion, body) for body in shared}
+    whole = dict[int, Wrench]()
+    single = list[Wrench]()
     for (at, body), (force, torque) in zip(places, pushes, strict=True):
         if body in shared:
             sum_of = whole.get(body, Wrench(body=body, agent=agent))

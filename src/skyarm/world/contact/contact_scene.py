@@ -64,7 +64,8 @@ def contact_scene(
     flight.
     """
     carriers: tuple[AnyCarrier, ...] = (*objects, *mechanisms)
-    poses, ground = _carrier_poses(objects, mechanisms, seen), ground_of(surfaces)
+    poses = _carrier_poses(objects, mechanisms, seen)
+    ground = ground_of(surfaces)
     solids = [_surface_solid(each, seen) for each in surfaces if each is not ground]
     carried = [
         (surface, *poses[i])
@@ -129,7 +130,8 @@ def _carrier_poses(
     """Rotations (N, 3, 3) and positions (N, 3) of free objects and mechanisms at N
     instants, by index.
     """
-    poses, count = Poses(), len(seen.times)
+    poses = Poses()
+    count = len(seen.times)
     for i in range(len(objects)):
         quaternion = seen.numbers["object_quaternion"][:, 4 * i : 4 * i + 4]
         poses[i] = (
@@ -150,12 +152,11 @@ def _surface_solid(surface: Surface, seen: Instants) -> Solid:
     the vehicle.
     """
     count = len(seen.times)
-    rotation, place = (
-        matrices(surface.rotation, count),
-        vectors(surface.place(seen.times)[0], count),
-    )
+    rotation = matrices(surface.rotation, count)
+    place = vectors(surface.place(seen.times)[0], count)
     if surface.shape == "plane" and count:
-        normal, away = rotation[0, :, 2], seen.around - place[0]
+        normal = rotation[0, :, 2]
+        away = seen.around - place[0]
         place = place + (away - normal * (normal @ away))
     return Solid(
         surface_shape(surface, seen.patch),
@@ -191,12 +192,11 @@ def _grasp_scene(
         position: (N, 3) m of the body.
         seen: the instants, with the logged pulls of all grasps.
     """
-    holder, label = seen.of(grasp.agent), f"grasp/{grasp.label}"
+    holder = seen.of(grasp.agent)
+    label = f"grasp/{grasp.label}"
     at = holder.vehicle.frame(grasp.frame or None)
-    end, place = (
-        holder.place(at.position, at.link),
-        position + rotation @ np.array(floats(grasp.place)),
-    )
+    end = holder.place(at.position, at.link)
+    place = position + rotation @ np.array(floats(grasp.place))
     mark = Shape(label, "point", "sphere", BASE, (MARK * longest_boom(holder.vehicle),))
     force = -seen.numbers["grasp_pull"][:, 3 * i : 3 * i + 3]
     lines: tuple[Line, ...] = ()

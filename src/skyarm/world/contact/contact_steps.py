@@ -266,7 +266,8 @@ def steps_of_carriers(
             for j, each in enumerate(carriers)
             if j != i and each.spot_count
         ]
-        what, share = f"the mass of {carrier.name!r}", carrier.step_share
+        what = f"the mass of {carrier.name!r}"
+        share = carrier.step_share
         for surface in carrier.surfaces:
             if points:
                 yield what, share * surface.material.step_of(both(masses[i], LIGHTEST))

@@ -164,10 +164,8 @@ class Grasp:
                     divide(carrier.gyration, carrier.mobility_of(ZERO3)), TINY
                 )
                 mobility = mobility + divide(each.radius * each.radius, inertia)
-            square, decay = (
-                square + each.stiffness * mobility,
-                decay + each.damping * mobility,
-            )
+            square = square + each.stiffness * mobility
+            decay = decay + each.damping * mobility
         return minimum(
             NORMAL_STEP / sqrt(square), longest_step(square, decay, euler=euler)
         )

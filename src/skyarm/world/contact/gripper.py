@@ -221,7 +221,8 @@ class Gripper:
             moved: mass (kg) that it moves at least at the end of its reach.
             euler: True for the semi-implicit Euler method.
         """
-        square, decay = self.stiffness / moved, self.damping(mass) / moved
+        square = self.stiffness / moved
+        decay = self.damping(mass) / moved
         return minimum(
             NORMAL_STEP * sqrt(mass / self.stiffness),
             longest_step(square, decay, euler=euler),
@@ -256,7 +257,8 @@ class Gripper:
         """
         level = self.socket_torque / (mass * EARTH)
         if self.kind == "ball" and level < half_width:
-            torque, off = float(self.socket_torque), 1e3 * float(level)
+            torque = float(self.socket_torque)
+            off = 1e3 * float(level)
             yield (
                 f"grippers.{self.name}.radius = {float(self.radius):g}: friction of"
                 f" this ball gives {torque:.2g} N m and holds {name!r} level up to"
@@ -354,12 +356,10 @@ class Gripper:
             near = _any(near, distance <= self.reach)
         keeps = _both(holding, _both(closed, _both(_not(broken), _not(out))))
         free = _both(_both(closed, grip.ready > 0.5), _not(holding))
-        taken, place, normal, turn = (
-            where(keeps, grip.taken, 0.0),
-            grip.place,
-            grip.normal,
-            grip.turn,
-        )
+        taken = where(keeps, grip.taken, 0.0)
+        place = grip.place
+        normal = grip.normal
+        turn = grip.turn
         for i, (body, distance, outward, hold) in enumerate(bodies):
             takes = _both(_both(free, distance <= self.reach), taken < 0.5)
             if self.kind == "hook":

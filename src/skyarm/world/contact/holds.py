@@ -105,16 +105,16 @@ class Holds:
         """Each grasp with the number of its body, its pull on the body, and the
         vehicle's frame.
         """
-        turns, places, rows = iter(memory.turns), iter(memory.places), []
+        turns = iter(memory.turns)
+        places = iter(memory.places)
+        rows = []
         constraints = memory.constraints or (None,) * len(self.grasps)
         for (grasp, index, body), constraint in zip(
             self._bodies_of_grasps(memory), constraints, strict=True
         ):
             turn = next(turns) if grasp.kind == "fixed" else ()
-            place, frame = (
-                next(places) if grasp.closes else None,
-                grasp.frame_of(motion),
-            )
+            place = next(places) if grasp.closes else None
+            frame = grasp.frame_of(motion)
             rows.append(
                 (
                     grasp,
@@ -129,10 +129,8 @@ class Holds:
         self, memory: ContactMemory
     ) -> list[tuple[Grasp, int, CarriedFrame]]:
         """Each grasp with number and axes of its body."""
-        names, bodies = (
-            [each.name for each in self.carriers],
-            self.bodies(memory.carried),
-        )
+        names = [each.name for each in self.carriers]
+        bodies = self.bodies(memory.carried)
         return [
             (each, i, bodies[i])
             for each in self.grasps
@@ -145,7 +143,8 @@ class Holds:
         """Total force (N) and torque (N m, about the body's origin) of all holds on
         each movable body.
         """
-        bodies, loads = self.bodies(memory.carried), []
+        bodies = self.bodies(memory.carried)
+        loads = []
         gripped = self.actual(memory, self.frames(motion)) if self.grippers else []
         for i, body in enumerate(bodies):
             force = torque = ZERO3
@@ -214,7 +213,8 @@ class Holds:
         """States of all grippers for the next control period, after possible grasps,
         releases and slips.
         """
-        frames, bodies = self.frames(motion), self.bodies(memory.carried)
+        frames = self.frames(motion)
+        bodies = self.bodies(memory.carried)
         possible = self.possible(memory.grips, frames, bodies)
         for gripper, grip, frame, row in zip(
             self.grippers, memory.grips, frames, possible, strict=True
@@ -250,7 +250,9 @@ class Holds:
         open at ``t`` (s).
         """
         turned = iter(zip(memory.turns, self.turns(memory, motion), strict=True))
-        closing, places, turns = iter(memory.places), list[Vec3](), list[Mat3]()
+        closing = iter(memory.places)
+        places = list[Vec3]()
+        turns = list[Mat3]()
         for each, _, body in self._bodies_of_grasps(memory):
             opened = t < each.close
             if each.kind == "fixed":

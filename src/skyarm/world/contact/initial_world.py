@@ -26,13 +26,15 @@ def require_start_outside(
     Raises:
         ValueError: one line: the point, the surface, the depth.
     """
-    motion, weight = PointMotion(vehicle, state), float(vehicle.mass) * gravity
+    motion = PointMotion(vehicle, state)
+    weight = float(vehicle.mass) * gravity
     weights = [float(getattr(each, "mass", 0.0)) * gravity for each in contact.carriers]
     for each in contact.meetings(contact.start(1.0, ()), motion):
         touching = weight if each.by == NOBODY else weights[each.by]
         borne = max(touching, 1e-9 if each.of == NOBODY else weights[each.of])
         if float(each.touch.normal) > MOST * max(borne, 1e-9):
-            ours, way = each.by == NOBODY, ""
+            ours = each.by == NOBODY
+            way = ""
             what = (
                 f"point {contact.points[each.index].name!r}"
                 if ours

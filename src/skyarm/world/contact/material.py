@@ -196,7 +196,8 @@ class Material:
         speed = sqrt(slip.dot(slip) + _STILL)
         gone = divide(1.0 - exp(speed * step * (-1.0 / self.bristle_length)), step)
         bending = slip * (divide(self.bristle_length, speed) * gone) - bristle * gone
-        touches, recovery = depth > 0.0, bristle * -RECOVERY
+        touches = depth > 0.0
+        recovery = bristle * -RECOVERY
         return Vec3(
             *(
                 a if same(a, z) else where(touches, a, z)

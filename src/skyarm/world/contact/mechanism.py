@@ -180,7 +180,8 @@ class Mechanism(Carrier[MechanismMotion]):
         """Refuse dimensions, axes and parts that are not allowed for a mechanism of
         this kind, such as a door.
         """
-        said, options = KINDS[self.kind], KINDS[self.kind].sizes
+        said = KINDS[self.kind]
+        options = KINDS[self.kind].sizes
         if len(self.size) not in [len(each) for each in options] and (
             self.size or options
         ):
@@ -384,11 +385,10 @@ class Mechanism(Carrier[MechanismMotion]):
         """Time derivative of the mechanism's state under a contact force and torque, by
         its equation of motion.
         """
-        frame, rate = self.frame(memory), memory.rate
-        axis, weight = (
-            rotation_of(self.angles).apply(self.along),
-            Vec3(0, 0, neg(mul(self.mass, gravity))),
-        )
+        frame = self.frame(memory)
+        rate = memory.rate
+        axis = rotation_of(self.angles).apply(self.along)
+        weight = Vec3(0, 0, neg(mul(self.mass, gravity)))
         if self.turns:
             applied = axis.dot(
                 torque_W + frame.rotation.apply(self.centre).cross(weight)
@@ -506,7 +506,8 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Scalar, Scalar
         effort = effort - push(q - of.upper, rate)
     if not memory.bristle:
         return effort, ()
-    length, (z,) = bristle_of(of), memory.bristle
+    length = bristle_of(of)
+    (z,) = memory.bristle
     # one axis of a contact's bristle
     fastest = length / longest_step(of)
     followed = clip(rate, -fastest, fastest)
@@ -527,10 +528,8 @@ def longest_step(of: Mechanism, *, euler: bool = False) -> Scalar:
     stiffness, damping = of.stiffness, of.damping
     if type(of.friction) is not int:
         of_bristle = of.friction / bristle_of(of)
-        stiffness, damping = (
-            stiffness + of_bristle,
-            damping + sqrt(of_bristle * of.generalized_inertia),
-        )
+        stiffness = stiffness + of_bristle
+        damping = damping + sqrt(of_bristle * of.generalized_inertia)
     if of.detent is not None:
         stiffness = stiffness + STEEPEST * of.detent.force / of.detent.width
     fastest = maximum(

@@ -125,7 +125,8 @@ def meetings_of(
     ]
     masses = [1.0 / carrier.mobility for carrier in contact.carriers]
     longest = LONGEST if step is None else step
-    deflections, meetings = iter(bristles), list[Meeting]()
+    deflections = iter(bristles)
+    meetings = list[Meeting]()
 
     def meet(
         surface: Surface,
@@ -199,10 +200,8 @@ def meetings_of(
                 )
                 touch(surface, of, by, index, at)
     for of, surface, by in pairs_with_edges(every, contact.carriers):
-        own, other = (
-            frames[by],
-            box_of(surface, None if of == NOBODY else frames[of], clock),
-        )
+        own = frames[by]
+        other = box_of(surface, None if of == NOBODY else frames[of], clock)
         for place, depth, normal in edge_touches(
             box_of(contact.carriers[by].surfaces[0], own, clock), other
         ):
@@ -276,7 +275,8 @@ class TouchingBodies(Force[ContactMemory]):
     def meetings(self, memory: ContactMemory, motion: PointMotion) -> list[Meeting]:
         """Contact state of every contact pair for the vehicle's current motion."""
         step = self.largest_step if motion.step is None else motion.step
-        moving, clock = moving_points(self.points, motion), (*memory.clock, 0.0)[0]
+        moving = moving_points(self.points, motion)
+        clock = (*memory.clock, 0.0)[0]
         return meetings_of(
             self, memory.carried, moving, clock, memory.bristles, step, motion.step
         )

@@ -37,10 +37,8 @@ def standing_bristles(
         pressed: Scalar = 0.0
         for each in meetings:
             if each.by == by:
-                force, pressed = (
-                    force + each.touch.axis * each.touch.normal,
-                    pressed + each.touch.normal,
-                )
+                force = force + each.touch.axis * each.touch.normal
+                pressed = pressed + each.touch.normal
         across = E_Z * weight - force
         for i, each in enumerate(meetings):
             if each.by == by:

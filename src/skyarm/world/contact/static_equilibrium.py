@@ -97,7 +97,9 @@ def _settle(
     Of what nothing holds, as a ball that may roll, nothing changes. Source: Kelley,
     Keyes 1998, Convergence analysis of pseudo-transient continuation.
     """
-    start, left, depth = x, residual(x), _depth(pushes(x))
+    start = x
+    left = residual(x)
+    depth = _depth(pushes(x))
     near, pace = NEAR * depth, PACE * depth
     with np.errstate(all="ignore"):  # of numbers beyond measure
         for _ in range(ROUNDS):
@@ -137,7 +139,8 @@ def stand_vehicle(
     Raises:
         ValueError: one line: nothing carries it there, or it tips over.
     """
-    memory, weight = contact.start(1.0, ()), float(vehicle.mass) * gravity
+    memory = contact.start(1.0, ())
+    weight = float(vehicle.mass) * gravity
 
     def at(x: Array) -> State:
         """State raised by a height (m) and rotated about the level x and y axes
@@ -183,7 +186,8 @@ def stand_vehicle(
         """Lower the vehicle from a pose until the surfaces carry its weight."""
         above = x
         while residual(x)[0] < 0.0:
-            above, x = x, x - STEP * UP
+            above = x
+            x = x - STEP * UP
             if x[0] < -LOWEST:
                 raise ValueError(
                     "initial.standing = true: must be above a surface;"
@@ -269,12 +273,14 @@ def _tipping(pushes: Sequence[Push]) -> str:
             if float(meeting.touch.depth) > 0.0
         ]
     )
-    along, aside = arms @ (down / np.linalg.norm(down)), arms @ np.cross(normal, down)
+    along = arms @ (down / np.linalg.norm(down))
+    aside = arms @ np.cross(normal, down)
     spots = [*zip(along, aside, strict=True)]
     ways = [
         (a * d - c * b) / (d - b) for a, b in spots for c, d in spots if b <= 0.0 < d
     ]
-    height, slope = -np.mean(arms @ normal), math.acos(normal[2])
+    height = -np.mean(arms @ normal)
+    slope = math.acos(normal[2])
     least, most = (math.atan2(end(ways, default=0.0), height) for end in (min, max))
     has = f"the slope has {math.degrees(slope):.4g}"
     if most - least < ROLLS or least > slope:  # on an edge or a line, or up the slope
@@ -319,12 +325,10 @@ def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, 
     force, moment, middle, sizes = ZERO3, ZERO3, ZERO3, 0.0
     for arm, push in pushes:
         size = float(push.dot(push)) ** 0.5
-        force, moment, middle, sizes = (
-            force + push,
-            moment + arm.cross(push),
-            middle + arm * size,
-            sizes + size,
-        )
+        force = force + push
+        moment = moment + arm.cross(push)
+        middle = middle + arm * size
+        sizes = sizes + size
     # below 0: out of the lower side of a plate
     total = math.copysign(float(force.dot(force)) ** 0.5, float(force.z))
     if total == 0.0:
@@ -375,11 +379,9 @@ def _set_down(
     """Contact model with one object moved to static equilibrium on the surfaces below
     that object.
     """
-    body, supports, x = (
-        contact.objects[index],
-        _Supports(contact, index, gravity, away),
-        np.zeros(3),
-    )
+    body = contact.objects[index]
+    supports = _Supports(contact, index, gravity, away)
+    x = np.zeros(3)
     where = f"world.objects[{index}].standing = true"
     if (
         np.abs(supports.residual(x)).max() < 1e-9
@@ -440,7 +442,8 @@ def _descend(body: FreeObject, supports: _Supports, x: Array, index: int) -> Arr
                 f" presses object {body.name!r} through what it stands on"
             )
         carried = force
-        above, x = x, x - max(gap, FINEST, DEEPER * -gap) * UP
+        above = x
+        x = x - max(gap, FINEST, DEEPER * -gap) * UP
         if x[0] < -LOWEST:
             below = _nothing(f"object {body.name!r}", body.position)
             raise ValueError(
@@ -473,23 +476,23 @@ class _Supports:
     def __init__(
         self, contact: Contact, index: int, gravity: float, away: Collection[int]
     ) -> None:
-        self._contact, self._index, self._away = contact, index, frozenset(away)
-        self._all, self._first = (
-            _meetings_of(contact),
-            list(contact.start(1.0, ()).carried),
-        )
-        self.weight, self.gravity = (
-            float(contact.objects[index].mass) * gravity,
-            gravity,
-        )
-        self._pose, self._pushes = b"", list[Push]()
+        self._contact = contact
+        self._index = index
+        self._away = frozenset(away)
+        self._all = _meetings_of(contact)
+        self._first = list(contact.start(1.0, ()).carried)
+        self.weight = float(contact.objects[index].mass) * gravity
+        self.gravity = gravity
+        self._pose = b""
+        self._pushes = list[Push]()
 
     def _displace(self, x: Array) -> list[Any]:
         """States of all movable bodies, one of them raised (m) and tilted (rad) about
         its centre of mass.
         """
         up, about_x, about_y = x.tolist()
-        motions, body = list(self._first), self._first[self._index]
+        motions = list(self._first)
+        body = self._first[self._index]
         place = body.position + Vec3(0.0, 0.0, up)
         motions[self._index] = replace(
             body, position=place, attitude=_turn(about_x, about_y) * body.attitude
@@ -505,7 +508,8 @@ class _Supports:
         """
         if x.tobytes() == self._pose:
             return self._pushes
-        i, moved = self._index, self._displace(x)
+        i = self._index
+        moved = self._displace(x)
         pairs = ((each, {each.of, each.by}) for each in self._all(moved))
         mine = [
             (each, 1 if each.by == i else -1)
@@ -573,7 +577,8 @@ def _meetings_of(contact: Contact) -> Callable[[Sequence[Tree]], list[Meeting]]:
     """Make a function that evaluates the contacts between objects and surfaces, without
     the vehicle.
     """
-    bodies, step = replace(contact, points=()), contact.largest_step
+    bodies = replace(contact, points=())
+    step = contact.largest_step
     memory = bodies.start(1.0, ())
     clock = (*memory.clock, 0.0)[0]
     return lambda motions: meetings_of(

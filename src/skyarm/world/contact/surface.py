@@ -241,10 +241,8 @@ class Surface:
             t: s.
         """
         R = self.rotation
-        axis, faces = (
-            R.apply_T(axis_W),
-            self._faces(R.apply_T(centre_W - self.place(t)[0])),
-        )
+        axis = R.apply_T(axis_W)
+        faces = self._faces(R.apply_T(centre_W - self.place(t)[0]))
         planes = (
             [*faces, _nearest_edge(faces, *_nearest(faces))]
             if len(faces) > 1
@@ -379,7 +377,8 @@ def from_plate(size: Sequence[Scalar], p: Vec3) -> Face:
             for a, b in zip(other, nearest, strict=True)
         )
     square, along, up, edge_along, edge_up = nearest
-    distance, sign = sqrt(square), where(outside, 1.0, -1.0)
+    distance = sqrt(square)
+    sign = where(outside, 1.0, -1.0)
     # on the skin the way to it has no direction, the edge has
     close = square < _SMALL
     n, z = (
@@ -408,11 +407,9 @@ def _to_edge(
     x, y = sub(away, start[0]), sub(z, start[1])
     square = add(mul(way[0], way[0]), mul(way[1], way[1]))
     t = clip(add(mul(x, way[0]), mul(y, way[1])) * (1.0 / square), 0.0, 1.0)
-    along, up, scale = (
-        sub(x, mul(t, way[0])),
-        sub(y, mul(t, way[1])),
-        1.0 / sqrt(square),
-    )
+    along = sub(x, mul(t, way[0]))
+    up = sub(y, mul(t, way[1]))
+    scale = 1.0 / sqrt(square)
     return (
         along * along + up * up,
         along,

@@ -151,7 +151,8 @@ def _drawn(part: Component[Tree], seen: Instants) -> Scene:
     Raises:
         ValueError: it cannot be drawn; one line with the method's file.
     """
-    scene, function = part.shapes(seen), part.shapes
+    scene = part.shapes(seen)
+    function = part.shapes
     require_result(
         function, scene, isinstance(scene, Scene), "a skyarm.world.scene.Scene"
     )

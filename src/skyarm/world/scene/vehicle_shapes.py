@@ -162,7 +162,8 @@ def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
                     hub,
                 )
             )
-        disc, axis = (radius, 0.02 * reach), turn_onto(floats(rotor.axis))
+        disc = (radius, 0.02 * reach)
+        axis = turn_onto(floats(rotor.axis))
         shapes.append(
             Shape(f"rotor/{rotor.name}", "rotor", "cylinder", BASE, disc, hub, axis)
         )

@@ -99,7 +99,8 @@ class Decentralised(Sharing):
         pulls = self.along(
             self.desired_tensions(inputs.time), self.arms(inputs.desired.R)
         )
-        after, carries = [], []
+        after = []
+        carries = []
         for member, state, pull, force in zip(
             self.members, own, pulls, inputs.forces, strict=True
         ):
@@ -116,7 +117,8 @@ class Decentralised(Sharing):
                 )
             )
             after.append(moved)
-            shift, holding = (moved.offset, moved.rate, bend), inputs.holding
+            shift = (moved.offset, moved.rate, bend)
+            holding = inputs.holding
             borne = state.mass * share * holding
             carries.append(
                 carry_of(

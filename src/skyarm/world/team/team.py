@@ -288,7 +288,8 @@ class Team(VirtualMasses, Component[TeamMemory]):
             + along
         )
         if vehicle.end_effector and not vehicle.n:
-            heading, hook = path.yaw.derivatives(t)[0], vehicle.frame().position
+            heading = path.yaw.derivatives(t)[0]
+            hook = vehicle.frame().position
             ends = ends - Vec3(
                 np.cos(heading) * hook.x - np.sin(heading) * hook.y,
                 np.sin(heading) * hook.x + np.cos(heading) * hook.y,
@@ -357,13 +358,8 @@ class Team(VirtualMasses, Component[TeamMemory]):
         """Number of random numbers of the body's measured motion in a control
         period.
         """
-        pose, rates = (
-            (self.position_noise, self.attitude_noise),
-            (
-                self.velocity_noise,
-                self.rate_noise,
-            ),
-        )
+        pose = (self.position_noise, self.attitude_noise)
+        rates = (self.velocity_noise, self.rate_noise)
         if not all(map(coerce.absent, rates)):
             return 12
         return 0 if all(map(coerce.absent, pose)) else 6
@@ -414,7 +410,8 @@ class Team(VirtualMasses, Component[TeamMemory]):
     def start(self, period: float, draws: Sequence[Scalar]) -> TeamMemory:
         """Initial internal state of the team."""
         carries = (Carry.none().numbers,) * (len(self.members) if self.steers else 0)
-        logged, drawn = (0.0,) * len(self.columns), tuple(draws[: self.uniforms])
+        logged = (0.0,) * len(self.columns)
+        drawn = tuple(draws[: self.uniforms])
         seen: tuple[CarriedFrame, ...] = ()
         if self.motion is not None and self.pose_age:
             begin = self.motion.at(0.0)
@@ -511,10 +508,8 @@ class Team(VirtualMasses, Component[TeamMemory]):
         tensions = team.tensions(team.internal(pulls, arms), arms)
         mass = next(each.mass for each in contact.objects if each.name == self.object)
         weight = maximum(mass * motion.gravity, LEAST)
-        off, turn = (
-            body.position - desired.position,
-            team.turn_error(body.rotation, desired.R),
-        )
+        off = body.position - desired.position
+        turn = team.turn_error(body.rotation, desired.R)
         shares = (divide(f.z, weight) for f in pulls)
         errors = sqrt(off.dot(off)), sqrt(turn.dot(turn))
         logged = (
