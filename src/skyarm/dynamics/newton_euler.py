@@ -89,15 +89,12 @@ def inverse_dynamics(
         joint torques or forces.
     """
     if vehicle.followers:
-        whole = (
+        force, efforts = inverse_dynamics(
+            vehicle.with_free_followers,
             every_joint(vehicle, joints),
             rate,
             every_rate(vehicle, joint_rates),
             base,
-        )
-        force, efforts = inverse_dynamics(
-            vehicle.with_free_followers,
-            *whole,
             every_rate(vehicle, joint_accelerations),
         )
         return force, onto_leaders(vehicle, efforts)

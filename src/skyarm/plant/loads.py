@@ -97,9 +97,7 @@ def applied_force(
     vehicle, state = motion.vehicle, motion.state
     speeds = state.rotor_speeds
     total, pushed = _outside(around.wrenches(motion), motion)
-    left = around.effectiveness or Effectiveness(
-        (1,) * len(vehicle.rotors), (1,) * vehicle.n
-    )
+    left = _effectiveness(vehicle, around)
     total = _with_aerodynamics(total, motion, around.air_velocity(state.position), left)
     turning = (
         around.rotor_commands(vehicle.rotors, command.rotor_speeds)
@@ -120,6 +118,13 @@ def applied_force(
             add(add(joint_force(link.joint, effort, rate, share), stop), push)
         )
     return total, tuple(torques)
+
+
+def _effectiveness(vehicle: Vehicle, around: Surroundings) -> Effectiveness:
+    """Shares of the actuators that faults leave: constants 1 without faults."""
+    return around.effectiveness or Effectiveness(
+        (1,) * len(vehicle.rotors), (1,) * vehicle.n
+    )
 
 
 def _with_aerodynamics(
@@ -155,23 +160,20 @@ def wind_at(around: Surroundings, motion: PointMotion) -> WindSample:
                 force = force + wrench.force_W
     air = around.air_velocity(state.position)
     if any(type(c) is not int for c in air):
-        left = around.effectiveness or Effectiveness(
-            (1,) * len(vehicle.rotors), (1,) * vehicle.n
-        )
+        left = _effectiveness(vehicle, around)
         none = Force(ZERO3, ZERO3)
         moved, calm = (
             _with_aerodynamics(none, motion, each, left).force for each in (air, ZERO3)
         )
         force = force + motion.to_world(moved - calm)
-    pairs = zip(around.components, around.memories, strict=True)
-    own = tuple(
-        data(c)
-        for each, memory in pairs
-        if each.columns
-        for c in each.logged(memory, motion)
-    )
+    own = list[Scalar]()
+    for component, memory in zip(around.components, around.memories, strict=True):
+        if component.columns:
+            own += component.logged(memory, motion)
     return WindSample(
-        Vec3(*map(data, force)), ZERO3, Vec3(*map(data, air)), numbers=own
+        force_W=Vec3(*map(data, force)),
+        air_velocity_W=Vec3(*map(data, air)),
+        numbers=tuple(map(data, own)),
     )
 
 

@@ -204,11 +204,7 @@ class MujocoPlant:
         self._bases = self._views_of_bases(prefixes)
         commands = tuple(example_command(*each.sizes) for each in vehicles)
         self._loads = Quick(
-            self._forces_and_speeds,
-            (0.0,) * layout.end,
-            commands,
-            around,
-            physics_step,
+            self._forces_and_speeds, (0.0,) * layout.end, commands, around, physics_step
         )
         pieces = pairwise((0, layout.nq, layout.nq + layout.nv, layout.end))
         self._parts = tuple(self._loads.inputs[a:b] for a, b in pieces)

@@ -90,37 +90,36 @@ def _compile(file: str) -> Any:
     """
     import mujoco
 
+    from skyarm.plant.mujoco import QUIET
+
     if Path(file).suffix not in (".urdf", ".xml", ".mjcf"):
         refuse(
             "--compare",
             file,
             "must be a .urdf, .xml or .mjcf file, which MuJoCo reads itself",
         )
-    usual = mujoco.get_mju_user_warning()
-    # or it writes them to a file in the current folder
-    mujoco.set_mju_user_warning(lambda _: None)
     try:
-        spec = mujoco.MjSpec.from_file(file)
-        for each in (*spec.geoms, *spec.meshes) if file.endswith(".urdf") else ():
-            spec.delete(each)
-        spec.compiler.fusestatic = False
-        top = list(spec.worldbody.bodies)
-        free = [
-            body
-            for body in top
-            if any(each.type == mujoco.mjtJoint.mjJNT_FREE for each in body.joints)
-        ]
-        if len(free or top) != 1:
-            raise ValueError(
-                "one of its bodies must be the base: free, or alone in the world"
-            )
-        if not free:
-            top[0].add_freejoint()
-        return spec.compile()
+        # or it writes its warnings to a file in the current folder
+        with QUIET:
+            spec = mujoco.MjSpec.from_file(file)
+            for each in (*spec.geoms, *spec.meshes) if file.endswith(".urdf") else ():
+                spec.delete(each)
+            spec.compiler.fusestatic = False
+            top = list(spec.worldbody.bodies)
+            free = [
+                body
+                for body in top
+                if any(each.type == mujoco.mjtJoint.mjJNT_FREE for each in body.joints)
+            ]
+            if len(free or top) != 1:
+                raise ValueError(
+                    "one of its bodies must be the base: free, or alone in the world"
+                )
+            if not free:
+                top[0].add_freejoint()
+            return spec.compile()
     except ValueError as error:
         refuse("--compare", file, f"MuJoCo reads no vehicle: {one_line(str(error))}")
-    finally:
-        mujoco.set_mju_user_warning(usual)
 
 
 def _whole(M: Array) -> dict[str, str]:

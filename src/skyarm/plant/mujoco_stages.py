@@ -258,17 +258,13 @@ def _move_state(first: State, change: Sequence[Scalar]) -> State:
     velocities.
     """
     n = len(first.joints)
-
-    def line(values: Sequence[Scalar], more: Sequence[Scalar]) -> Scalars:
-        return sums(values, more)
-
     turned = first.quaternion * Quaternion.of_rotation_vector(Vec3(*change[3:6]))
     return replace(
         first,
         position=first.position + Vec3(*change[0:3]),
         quaternion=turned.normalized(),
-        joints=line(first.joints, change[6 : 6 + n]),
+        joints=sums(first.joints, change[6 : 6 + n]),
         velocity=first.velocity + Vec3(*change[6 + n : 9 + n]),
         rate=first.rate + Vec3(*change[9 + n : 12 + n]),
-        joint_rates=line(first.joint_rates, change[12 + n :]),
+        joint_rates=sums(first.joint_rates, change[12 + n :]),
     )

@@ -199,12 +199,6 @@ class TorqueDrive(Drive):
         """Torque or force on the joint, which is the setpoint itself."""
         return setpoint
 
-    def standing(self, effort: Scalar, position: Scalar) -> Scalar:
-        """Setpoint of a joint drive before the first command: the one that holds the
-        arm still.
-        """
-        return effort
-
 
 TORQUE_DRIVE = TorqueDrive()
 

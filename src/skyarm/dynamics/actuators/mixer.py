@@ -287,22 +287,15 @@ def _require_rank(vehicle: Vehicle, A: list[list[Scalar]]) -> None:
                 " thrust_coefficient and position"
             )
     # rows are scaled to unit length, because torque and thrust have different units
-    lengths = (
-        np.linalg.norm(matrix, axis=1, keepdims=True)
-        if matrix.size
-        else np.zeros((len(A), 1))
-    )
+    lengths = np.linalg.norm(matrix, axis=1, keepdims=True)
     scaled = matrix / np.where(lengths > 0.0, lengths, 1.0)
-    rank = int(np.linalg.matrix_rank(scaled, tol=1e-6)) if matrix.size else 0
+    rank = int(np.linalg.matrix_rank(scaled, tol=1e-6))
     if rank < len(A):
         # an axis is lost where the others' rows span its own
-        others = (
-            [np.delete(scaled, i, axis=0) for i in range(len(A))] if matrix.size else []
-        )
         lost = [
-            name
-            for name, left in zip(AXES, others, strict=False)
-            if np.linalg.matrix_rank(left, tol=1e-6) == rank
+            AXES[i]
+            for i in range(len(A))
+            if np.linalg.matrix_rank(np.delete(scaled, i, axis=0), tol=1e-6) == rank
         ]
         raise AllocationError(
             f"vehicle '{vehicle.name}': allocation of {len(vehicle.rotors)} rotors has"

@@ -120,7 +120,7 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec
     between = a.middle - b.middle
     overlap = face_overlap(a, b)
     crossings = list[_Crossing]()
-    for i, j in product(range(3), range(3)):
+    for i, j in product(range(3), repeat=2):
         u, v = a.rotation.column(i), b.rotation.column(j)
         across, cosine = u.cross(v), u.dot(v)
         square = across.dot(across) + _PARALLEL

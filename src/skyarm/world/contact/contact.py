@@ -507,9 +507,9 @@ class Contact(ContactSteps):
             for point in self.points
         ]
         columns = [
-            Column(f"contact_{array}", label, *words)
+            Column(f"contact_{array}", label, unit, meaning)
             for label in labels
-            for array, *words in LOGGED
+            for array, unit, meaning in LOGGED
         ]
         columns += [column for carrier in self.carriers for column in carrier.columns]
         return (*columns, *self.gripping.columns)

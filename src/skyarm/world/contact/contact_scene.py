@@ -72,7 +72,10 @@ def contact_scene(
         for i, each in enumerate(carriers)
         for surface in each.surfaces
     ]
-    solids += [_carrier_solid(*each) for each in carried]
+    solids += [
+        _carrier_solid(surface, rotation, position)
+        for surface, rotation, position in carried
+    ]
     own = [each for each in points if each.agent in ("", seen.name) or not seen.name]
     frames = {each.name: poses[i] for i, each in enumerate(carriers)}
     drawn = [

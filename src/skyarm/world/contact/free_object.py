@@ -361,7 +361,7 @@ class FreeObject(Carrier[ObjectMotion]):
             halves = [frame.rotation.column(i) * (0.5 * self.size[i]) for i in range(3)]
             return tuple(
                 (frame.position + halves[0] * a + halves[1] * b + halves[2] * c, 0)
-                for a, b, c in product((-1, 1), (-1, 1), (-1, 1))
+                for a, b, c in product((-1, 1), repeat=3)
             )
         axis = frame.rotation.column(2)
         normal = toward(frame.position)

@@ -39,9 +39,12 @@ class Holds:
         """
         for gripper in self.grippers:
             for carrier in self.carriers:
-                mobilities = carrier.mobility, carrier.mobility_at(gripper.reach)
-                masses = [both(LIGHTEST, 1.0 / each) for each in mobilities]
-                yield f"gripper {gripper.name!r}", gripper.step_of(*masses, euler=euler)
+                mass = both(LIGHTEST, 1.0 / carrier.mobility)
+                moved = both(LIGHTEST, 1.0 / carrier.mobility_at(gripper.reach))
+                yield (
+                    f"gripper {gripper.name!r}",
+                    gripper.step_of(mass, moved, euler=euler),
+                )
         bodies = {each.name: each for each in self.carriers}
         for grasp in self.grasps:
             if grasp.body in bodies:
@@ -131,10 +134,9 @@ class Holds:
         """Each grasp with number and axes of its body."""
         names = [each.name for each in self.carriers]
         bodies = self.bodies(memory.carried)
+        indices = [names.index(each.body) for each in self.grasps]
         return [
-            (each, i, bodies[i])
-            for each in self.grasps
-            for i in [names.index(each.body)]
+            (each, i, bodies[i]) for each, i in zip(self.grasps, indices, strict=True)
         ]
 
     def on_bodies(

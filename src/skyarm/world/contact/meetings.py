@@ -163,19 +163,15 @@ def meetings_of(
 
     def touch(surface: Surface, of: int, by: int, index: int, at: _Place) -> None:
         frame = None if of == NOBODY else frames[of]
-        meet(
-            surface,
-            of,
-            by,
-            index,
-            at,
-            *_depth(surface, frame, at.position, at.radius, clock),
-        )
+        depth, normal = _depth(surface, frame, at.position, at.radius, clock)
+        meet(surface, of, by, index, at, depth, normal)
 
     every = contact.every_surface
     points = [
-        _Place(*each, point.radius, LIGHTEST)
-        for point, each in zip(contact.points, moving, strict=True)
+        _Place(position, velocity, turning, point.radius, LIGHTEST)
+        for point, (position, velocity, turning) in zip(
+            contact.points, moving, strict=True
+        )
     ]
     for of, surface in every:
         for index, at in enumerate(points):

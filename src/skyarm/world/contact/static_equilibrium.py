@@ -276,9 +276,9 @@ def _tipping(pushes: Sequence[Push]) -> str:
     along = arms @ (down / np.linalg.norm(down))
     aside = arms @ np.cross(normal, down)
     spots = [*zip(along, aside, strict=True)]
-    ways = [
-        (a * d - c * b) / (d - b) for a, b in spots for c, d in spots if b <= 0.0 < d
-    ]
+    right = [(a, b) for a, b in spots if b <= 0.0]
+    left = [(c, d) for c, d in spots if d > 0.0]
+    ways = [(a * d - c * b) / (d - b) for a, b in right for c, d in left]
     height = -np.mean(arms @ normal)
     slope = math.acos(normal[2])
     least, most = (math.atan2(end(ways, default=0.0), height) for end in (min, max))

@@ -63,8 +63,8 @@ also the axis of cylinder and hole."""
 
 
 _CENTRE = 1e-24
-"""Squared length (m^2) under a root: the normal in the middle of a sphere or on a
-cylinder's axis is zero instead of NaN."""
+"""Squared length (m^2) under a root: the normal in the middle of a sphere, on an axis
+or at a corner is zero instead of NaN."""
 
 
 Face = tuple[Scalar, Vec3]
@@ -326,11 +326,6 @@ SHORTEST = 1e-6
 """Shortest length (m) of a hole; a smaller number is probably in another unit."""
 
 
-_SMALL = 1e-24
-"""Squared length (m^2) under a root: a direction on the axis or at a corner is zero
-instead of NaN."""
-
-
 def require_hole(size: Sequence[Scalar]) -> None:
     """Refuse dimensions of a hole that leave no material around it."""
     if not concrete(*size):
@@ -357,7 +352,7 @@ def from_plate(size: Sequence[Scalar], p: Vec3) -> Face:
             it.
     """
     radius, depth, chamfer, outer, length = size
-    away = sqrt(p.x * p.x + p.y * p.y + _SMALL)
+    away = sqrt(p.x * p.x + p.y * p.y + _CENTRE)
     # start and way of each edge; a zero of structure folds away
     edges = (
         ((0, neg(depth)), (radius, 0)),
@@ -380,9 +375,9 @@ def from_plate(size: Sequence[Scalar], p: Vec3) -> Face:
     distance = sqrt(square)
     sign = where(outside, 1.0, -1.0)
     # on the skin the way to it has no direction, the edge has
-    close = square < _SMALL
+    close = square < _CENTRE
     n, z = (
-        where(close, edge, divide(way, distance + _SMALL) * sign)
+        where(close, edge, divide(way, distance + _CENTRE) * sign)
         for way, edge in ((along, edge_along), (up, edge_up))
     )
     return sign * distance, Vec3(n * divide(p.x, away), n * divide(p.y, away), z)

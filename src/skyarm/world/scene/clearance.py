@@ -193,12 +193,9 @@ def clearances(
     pairs = [
         Pair(name, surface.name, surface) for surface in obstacles for name in free
     ]
-    inner = [
-        Pair(b.name, a.name)
-        for i, b in enumerate(every)
-        for a in every[:i]
-        if a.body != b.body
-    ]
+    inner = []
+    for i, b in enumerate(every):
+        inner += [Pair(b.name, a.name) for a in every[:i] if a.body != b.body]
     rest = [clip(0.0, joint.lower, joint.upper) for joint in vehicle.joints]
     apart = Clearances(vehicle, tuple(inner)).distances(ZERO3, Mat3.identity(), rest)
     measured = zip(inner, apart, strict=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from itertools import product
 
 import numpy as np
 
@@ -223,9 +224,7 @@ def own_mesh(shape: Shape) -> tuple[Array, IntArray] | None:
 
 def _box(half: Array) -> tuple[Array, IntArray]:
     """Mesh of a box about the origin with half lengths (3,)."""
-    corners = (
-        np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
-    )
+    corners = np.array([*product((-1, 1), repeat=3)]) * half
     quads = [
         (0, 1, 3, 2),
         (4, 6, 7, 5),
