@@ -57,6 +57,7 @@ def _read(
             joint_rates=v[6:],
         )
     except ValueError as error:
+        # symbols fail as numbers: only then is the other function named
         if any(map(_of_a_law, (position, quaternion_wxyz, joints, *rows.values()))):
             raise ValueError(
                 f"{error}, as an array; a law calls skyarm.dynamics.{in_law}"
@@ -79,6 +80,7 @@ def _of_a_law(value: object) -> bool:
         return True
     if isinstance(value, (list, tuple)) or is_record(value):
         return any(map(_of_a_law, value))  # type: ignore[call-overload]
+    # symbols switch NumPy's operators off by None; other types have none or a method
     return getattr(type(value), "__array_ufunc__", 0) is None
 
 
@@ -171,6 +173,7 @@ def mass_matrix(
     """Mass matrix (..., 6+n, 6+n) of the generalised velocity; it does not depend on
     ``gravity``.
     """
+    # checked though unused, so that all functions refuse the same arguments
     one_number("gravity", gravity)
     at, _, lead = _read("mass_matrix", vehicle, position, quaternion_wxyz, joints)
     return stack_leaves(
@@ -214,6 +217,7 @@ def frame_jacobian(
     )
     R = at.quaternion.rotation()
     named = vehicle.frame(frame)
+    # w x r as a matrix of w: velocity of the frame by the turning of the base
     turning = R @ Mat3.cross(-frame_pose(vehicle, named, at.joints).p)
     columns = jacobian_columns(vehicle, named, at.joints)
     linear = [tuple(R.apply(column.linear)) for column in columns]
@@ -288,6 +292,7 @@ def components(name: str, value: ArrayLike, size: int) -> Scalars:
     if array.ndim == 0 or array.shape[-1] != size:
         raise ValueError(f"{name}: shape {array.shape}, allowed (..., {size})")
     if array.ndim == 1:
+        # Python's floats, since scalars of NumPy are slower
         return tuple(array.tolist())
     return tuple(array[..., i] for i in range(size))
 
@@ -303,6 +308,7 @@ def finite_numbers(
     """
     try:
         array = np.asarray(value)
+        # fractions are real numbers, but objects to NumPy
         if array.dtype.kind == "O" and all(
             isinstance(each, numbers.Real) for each in array.flat
         ):
@@ -347,6 +353,7 @@ def unit_quaternion(quaternion_wxyz: ArrayLike) -> Quaternion:
             f"quaternion_wxyz: length {worst:.9g}, allowed 1 within"
             f" {QUATERNION_TOLERANCE:g}"
         )
+    # normalised, or the printed digits would scale the rotation matrix
     return Quaternion(*wxyz).normalized()
 
 
@@ -357,6 +364,7 @@ def stack_leaves(values: Nested, lead: tuple[int, ...]) -> Array:
     """Stack nested lists of scalars into one array with the leading axes first."""
     if isinstance(values, (list, tuple)):
         parts = [stack_leaves(value, lead) for value in values]
+        # np.stack refuses an empty list, as the joints of a bare airframe
         return np.stack(parts, axis=len(lead)) if parts else np.zeros((*lead, 0))
     return np.broadcast_to(doubles(values), lead)
 

@@ -49,6 +49,7 @@ def forward_dynamics(
     Returns:
         Proper acceleration of the base (base axes) and the joint accelerations.
     """
+    # a follower shares its leader's coordinate: the recursion takes independent joints
     if vehicle.followers:
         return _by_mass_matrix(
             vehicle, joints, rate, joint_rates, applied, joint_torques
@@ -73,8 +74,10 @@ def forward_dynamics(
         S = links[i].joint.motion_subspace
         U[i] = inertias[i].apply(S)
         armature = links[i].joint.armature
+        # the armature turns with the joint alone, so it adds to this diagonal only
         inverse_d[i] = divide(1.0, add(S.dot(U[i]), armature))
         u[i] = sub(joint_torques[i], S.dot(biases[i]))
+        # without armature nothing is left along the axis: exact zeros of structure
         reduced = inertias[i].without(S, U[i], inverse_d[i], free=same(armature, 0))
         bias = (
             biases[i]
@@ -113,6 +116,7 @@ def _by_mass_matrix(
     joint_torques: Sequence[Scalar],
 ) -> tuple[Motion, Scalars]:
     """Forward dynamics of a vehicle with coupled joints, by solving M a = f - bias."""
+    # at zero proper acceleration only the velocity terms are left
     still = Motion(ZERO3, ZERO3)
     bias, holding = inverse_dynamics(
         vehicle, joints, rate, joint_rates, still, (0,) * vehicle.n

@@ -38,6 +38,7 @@ def mass_matrix(
     places = [body.place for body in bodies]
     composite = [body.inertia for body in bodies]
     whole = spatial_inertia(vehicle.base)
+    # parents have smaller indices: a subtree is complete before it is carried inwards
     for i in reversed(range(vehicle.n)):
         carried = composite[i].into_parent(places[i].R, places[i].p)
         if vehicle.links[i].parent == BASE:
@@ -56,6 +57,7 @@ def mass_matrix(
             ].joint.motion_subspace.dot(force)
             force = force.into_parent(places[j].R, places[j].p)
             j = vehicle.links[j].parent
+        # the armature turns against the parent only: it couples to no other coordinate
         M[6 + i][6 + i] = add(M[6 + i][6 + i], vehicle.links[i].joint.armature)
         for row, value in enumerate((*R_WB.apply(force.force), *force.torque)):
             M[row][6 + i] = M[6 + i][row] = value

@@ -93,7 +93,7 @@ def mass_matrix(vehicle: Vehicle, q: Sequence[Scalar]) -> Matrix:
     for _ in range(2):
         M = [_onto_euler_rates(Q, column) for column in zip(*M, strict=True)]
     n = range(len(M))
-    # symmetric to the last bit
+    # symmetric to the last bit, though two roundings of one sum may differ in it
     return [[M[min(i, j)][max(i, j)] for j in n] for i in n]
 
 
@@ -102,8 +102,10 @@ def mass_matrix_partials(vehicle: Vehicle, q: Sequence[Scalar]) -> list[Matrix]:
     rounding; zero for position.
     """
     n = len(q)
+    # kinetic energy does not depend on where the base is
     partials: list[Matrix] = [[[0] * n for _ in range(n)] for _ in range(3)]
     for k in range(3, n):
+        # first-order Taylor arithmetic: no step size, and no error of differences
         M = mass_matrix(vehicle, (*q[:k], Taylor((q[k], 1)), *q[k + 1 :]))
         partials.append([[nth_derivative(entry, 1) for entry in row] for row in M])
     return partials

@@ -68,7 +68,8 @@ def link_poses(
         )
     poses: list[Pose] = []
     angles: list[Scalar] = []
-    straight: list[Mat3] = []  # of each chain of parallel hinges before it turns
+    # rotation of each chain of parallel hinges before it turns
+    straight: list[Mat3] = []
     for link, q in zip(vehicle.links, joints, strict=True):
         joint, parent = link.joint, link.parent
         if summed and parent != BASE and parallel(vehicle.links[parent].joint, joint):
@@ -93,6 +94,7 @@ def link_poses(
 
 def parallel(parent: Joint, child: Joint) -> bool:
     """True if two joints in succession are hinges with parallel axes."""
+    # ints only: a float identity may vary from flight to flight
     entries = [entry for row in child.rotation.rows for entry in row]
     straight = all(type(entry) is int for entry in entries) and entries == IDENTITY_ROWS
     hinges = parent.turns and child.turns
@@ -134,6 +136,7 @@ def jacobian_columns(
         if frame.link == BASE
         else poses[frame.link].apply(frame.position)
     )
+    # joints of other branches do not move the frame: zeros of structure
     columns = [Motion(ZERO3, ZERO3) for _ in vehicle.links]
     index = frame.link
     while index != BASE:
@@ -151,6 +154,7 @@ def chain(vehicle: Vehicle, index: int) -> list[int]:
     """Indices of the joints from the base to a link."""
     indices: list[int] = []
     while index != BASE:
+        # a follower moves by its leader's coordinate
         own = index < vehicle.n
         indices.insert(0, index if own else vehicle.followers[index - vehicle.n].leader)
         index = vehicle.moving[index].parent
@@ -227,7 +231,9 @@ def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: bool, normal: Vec3) -
     arm = tip - pivot
     out = arm - axis * axis.dot(arm)
     size = out.dot(out)
+    # on the axis the direction would be noise, so the normal stands in
     turns = logical_and(grips, size * axis.dot(axis) > NEAREST * NEAREST)
+    # 1e-6 m keeps the unused branch finite on the axis
     unit = out * divide(1.0, sqrt(size + 1e-12))
     return Vec3(
         *(where(turns, data(a), data(b)) for a, b in zip(unit, normal, strict=True))

@@ -109,8 +109,10 @@ def inverse_dynamics(
         for body, motion, a in zip(bodies, moving, accelerations, strict=True)
     ]
     torques: list[Scalar] = [0] * vehicle.n
+    # children have larger indices than their parents
     for i in reversed(range(vehicle.n)):
         link = vehicle.links[i]
+        # the armature resists its joint, but moves no body of the tree
         own = mul(link.joint.armature, joint_accelerations[i])
         torques[i] = add(link.joint.motion_subspace.dot(forces[i]), own)
         carried = forces[i].into_parent(places[i].R, places[i].p)
@@ -146,6 +148,7 @@ def load_forces(
     joint_accelerations = every_rate(vehicle, joint_accelerations)
     vehicle = vehicle.with_free_followers
     places = [
+        # own axes of the links, not working axes: loads are given in these
         joint_placement(joint, q)
         for joint, q in zip(vehicle.joints, joints, strict=True)
     ]

@@ -57,6 +57,7 @@ class PointMotion:
         self.step = step
         self.name = name
         self.agents: Mapping[str, PointMotion] = {name: self}
+        # ints: without faults the factor folds away
         self.rotor_shares: Scalars = (1,) * len(vehicle.rotors)
 
     def of(self, agent: str) -> PointMotion:
@@ -135,6 +136,7 @@ class PointMotion:
         at = self._in_base(point, body)
         total = Force(at.cross(push) + twist, push)
         if body == BASE:
+            # a force on the base moves no joint: zeros of structure
             return total, (0,) * self.vehicle.n
         columns = self._columns(point, body)
         return total, tuple(

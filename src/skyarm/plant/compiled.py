@@ -104,6 +104,7 @@ def hold(
     """Integrate vehicle and contact states over an interval (s) with constant
     commands.
     """
+    # one evaluation of the forces in a step in place of four
     near = VERLET if count.verlet else integrator
 
     there = around.with_coupled(now[1])
@@ -136,6 +137,7 @@ def hold(
         )
     touch: Scalar = 0.0
     if count.stops:
+        # both take a stop's damping at one instant of the step: first order
         held = count.verlet or integrator == "euler"
         touch = touch_steps(
             vehicles,
@@ -155,6 +157,7 @@ def hold(
     if far is False and finer is steps and not count.stops:
         return repeat(count.near, step, now)
     if far is not False:
+        # a joint that may meet its stop needs more than the few steps far from contact
         far = logical_and(far, touch <= float(count.far))
 
     def step_far(both: Moved) -> Moved:
@@ -250,6 +253,7 @@ class RigidBodyPlant:
         """
         count = self.steps_at_rest(seconds)._replace(stops=self._stops)
         slack = divisions(seconds, self._verlet if count.verlet else self._largest)
+        # the step of "euler" is stated, so friction asks for no other count
         if self._integrator == "euler" or slack >= count.near:
             return count
         return count._replace(
@@ -262,7 +266,8 @@ class RigidBodyPlant:
         speeds at stops ask no more.
         """
         most = 1
-        if self._integrator != "euler":  # whose step is said
+        # the step of "euler" is stated by the scenario
+        if self._integrator != "euler":
             most = max(
                 (component.most_hit_steps for _, component, _ in self.around.coupled),
                 default=1,
@@ -279,6 +284,7 @@ class RigidBodyPlant:
                 divisions(seconds, self._verlet),
                 math.ceil(seconds * self._rate / VERLET_FRICTION_STEP),
             )
+            # compared by evaluations of the forces, which take most of the time
             if verlet_steps < near * STAGES:
                 return Steps(
                     verlet_steps,
@@ -307,6 +313,7 @@ class RigidBodyPlant:
         fewest = max(
             math.ceil(seconds * held), divisions(seconds, self._largest_far), least
         )
+        # a calm count that is no smaller would only add a branch to the program
         return fewest if max(fewest, divisions(seconds, float(largest))) < near else 0
 
     def _count(self, seconds: float, largest: float | None) -> int:

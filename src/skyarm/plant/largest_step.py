@@ -77,6 +77,7 @@ def largest_stable_step(record: AnyComponent | Drive, *, euler: bool) -> Scalar 
         getattr(record, "largest_euler_step", record.largest_step),
         None if euler else verlet,
     ]
+    # lanes may fly by any method, so the shortest of its steps counts
     return min((step for step in steps if step is not None), default=None)
 
 
@@ -97,9 +98,11 @@ def verlet_step(around: Together) -> float | None:
     Runge-Kutta is used if anything else needs short steps: drive loops and damped air
     tolerate less with Verlet.
     """
+    # without coupled components there is nothing to gain by it
     if not around.coupled or largest_step(around, coupled=False) is not None:
         return None
     steps = [component.largest_verlet_step for _, component, _ in around.coupled]
+    # one component that cannot be integrated so excludes the method
     return None if None in steps else _least(steps)
 
 
@@ -163,8 +166,10 @@ def check_largest_step(
             value = coerce.number(f"{where}.{name}", given)
             if not concrete(value):
                 coerce.refuse(f"{where}.{name}", given, "must be one number")
+            # written so that NaN is refused, too
             if period / MOST_STEPS <= value < math.inf:
                 continue
+            # the parameters of a drive are in the file, its largest step is not
             why = (
                 record.why_short_steps()
                 if isinstance(record, Drive) and value < period

@@ -100,6 +100,7 @@ def applied_force(
     left = _effectiveness(vehicle, around)
     total = _with_aerodynamics(total, motion, around.air_velocity(state.position), left)
     turning = (
+        # the battery limits what reaches the motors, whose lag makes the spin torque
         around.rotor_commands(vehicle.rotors, command.rotor_speeds)
         if command.rotor_speeds
         else ()
@@ -152,13 +153,15 @@ def wind_at(around: Surroundings, motion: PointMotion) -> WindSample:
     force = ZERO3
     for component, memory in zip(around.components, around.memories, strict=True):
         if component.coupled:
-            continue  # has columns of its own
+            # a coupled model logs its own forces
+            continue
         for wrench in component.wrenches(
             memory, around.time, motion, state.rotor_speeds
         ):
             if wrench.body == BASE and wrench.agent in ("", motion.name):
                 force = force + wrench.force_W
     air = around.air_velocity(state.position)
+    # in calm air, of constant zeros, both sums are equal
     if any(type(c) is not int for c in air):
         left = _effectiveness(vehicle, around)
         none = Force(ZERO3, ZERO3)
@@ -283,6 +286,7 @@ def felt_in_step(
                 short = held or lag < short_lag(rotor)
                 speeds = [where(short, mean, each) for each in speeds]
                 lag = where(short, until, lag)
+            # one lag for both directions: within a step the direction is known
             turned.append(replace(rotor, time_constant_up=lag, time_constant_down=lag))
             columns.append(speeds)
         made.append(
@@ -308,6 +312,7 @@ def held_frictions(vehicle: Vehicle, state: State, dt: Scalar) -> Scalars:
     Source: Hairer, Wanner 1996, Solving Ordinary Differential Equations II, IV.15.
     """
     pairs = zip(vehicle.joints, state.joint_rates, strict=True)
+    # dt r stands beside the inertia: as if the joint were heavier for this step
     return tuple(mul(dt, friction_per_rate(joint, rate)) for joint, rate in pairs)
 
 

@@ -74,6 +74,8 @@ class _Quiet:
 
     def __enter__(self) -> None:
         with self._lock:
+            # threads nest: the first one in takes the caller's handler, the last gives
+            # it back
             if self._inside == 0:
                 self._usual = mujoco.get_mju_user_warning()
                 mujoco.set_mju_user_warning(_ignore)
@@ -159,6 +161,7 @@ class MujocoPlant:
         require_integrator(integrator)
         self.vehicle = vehicles[0]
         integrator = _with_loads_at_stages(integrator, vehicles, around)
+        # "euler" takes friction at the end of a step, which is stable for any step
         if integrator in LARGEST_FRICTION_STEP:
             rate = max(map(joint_rate, vehicles))
             physics_step /= max(
@@ -170,6 +173,7 @@ class MujocoPlant:
             [load for load, _ in rigid_loads(around.of(i))]
             for i in range(len(vehicles))
         ]
+        # the first vehicle keeps its own names, so one alone is named as in its file
         prefixes = ("", *(f"{name}/" for name in around.names[1:]))
         spec = build_spec(
             vehicles[0],
@@ -313,6 +317,7 @@ class MujocoPlant:
         dt = self._physics_step
         if self._touch is not None:
             (touch,) = self._touch.flat((*state, seconds))
+            # divided equally, so that the interval still ends at its end
             count, dt = (count, dt) if touch <= count else (int(touch), seconds / touch)
         self._loads.inputs[-1] = self.model.opt.timestep = dt
         if self._staged is not None:
@@ -333,6 +338,8 @@ class MujocoPlant:
                     step()
                     force[:] = forces
                     if not rk4:
+                        # friction of this step enters M, by which MuJoCo solves for it
+                        # implicitly
                         armature[joints] = own[joints] + self._held
                     # mj_step without its checks: the monitor of the episode says what
                     # went wrong
@@ -346,7 +353,8 @@ class MujocoPlant:
                     speeds[:] = turned
                     if coupled:
                         given[coupled] = remembered
-        finally:  # an interruption leaves the model as it was, too
+        finally:
+            # an interruption leaves the model as it was, too
             armature[:] = own
         ours = self._layout.to_ours(self._loads.inputs[: self._layout.end].tolist())
         return (*ours, *given[coupled].tolist()) if coupled else ours
@@ -379,6 +387,7 @@ class MujocoPlant:
         A step begins where the accelerometer was read: of the same tuples only the
         command is written again.
         """
+        # identity, not equality: comparing all numbers would cost what is saved
         if state is self._written[0] and around is self._written[1]:
             self._commanded[:] = command
             return
@@ -386,6 +395,7 @@ class MujocoPlant:
             self._carried.carry(around)
         self._written = (
             (state, around)
+            # a list or an array may change under the same identity
             if type(state) is tuple and type(around) is tuple
             else NOTHING
         )
@@ -401,6 +411,7 @@ class MujocoPlant:
         stuck.
         """
         if self._carried is None:
+            # nothing changes inertia, so nothing hits
             return tuple(state)
         x = self._layout.to_mujoco(state)
         nq = self._layout.nq
@@ -437,7 +448,8 @@ class MujocoPlant:
     def _solve(self, state: Flat, command: Flat, around: Flat) -> None:
         """Let MuJoCo solve for the accelerations at a state."""
         self._set(state, command, around)
-        self._loads.inputs[-1] = 0.0  # of this instant
+        # a step of 0 s: rotors and bristles of this instant
+        self._loads.inputs[-1] = 0.0
         self._loads.step()
         self._force[:] = self._pushed
         with QUIET:

@@ -85,6 +85,7 @@ def mjcf_text(
         "thrust": _thrust,
     }
     model = mujoco.MjModel.from_xml_string(
+        # compiled once without a keyframe: MuJoCo says where each number stands in one
         render_vehicle("mjcf", vehicle, key=None, **values)
     )
     return render_vehicle(
@@ -94,6 +95,7 @@ def mjcf_text(
 
 def _thrust(rotor: Rotor, speed: Scalar) -> float:
     """Rotor thrust (N) at a speed (rad/s) in still air."""
+    # an infinite thrust is no number of a file
     within = min(max(float(speed), -FASTEST), FASTEST)
     return float(rotor.thrust_coefficient) * float(push(rotor, within))
 
@@ -136,4 +138,5 @@ def _hover_speeds(
         trim = hover_trim(vehicle, joints, gravity)
     except AllocationError:
         return still
+    # the root of a negative square is no hover
     return trim.speeds if trim.needs_no_pull else still

@@ -85,6 +85,7 @@ class Layout:
             v[: vehicle.n] for vehicle, v in zip(self.vehicles, self.dofs, strict=True)
         ]
         self._theirs: Reordering = itemgetter(
+            # the inverse of a permutation: sorting its indices by their targets
             *sorted(range(len(whole)), key=whole.__getitem__)
         )
         followed = any(each.followers for each in self.vehicles)

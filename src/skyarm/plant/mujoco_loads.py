@@ -69,6 +69,7 @@ class Coupling:
         mujoco.mj_fwdVelocity(model, data)
         for column, moved in zip(self._columns, self._moved, strict=True):
             mujoco.mj_mulM(model, data, moved, column)
+        # one product M G serves both G^T M G and the force
         M = self._moved @ self._G
         a = np.linalg.solve(M, self._columns @ (self._force - self._bias))
         self._force[:] = a @ self._moved + self._bias
@@ -141,6 +142,7 @@ class Loads:
 
     def _put(self, loads: Array, stuck: Array) -> None:
         key = (loads.tobytes(), stuck.tobytes())
+        # loads change at few instants: most periods have those of the one before
         if key == self._set:
             return
         self._set = key
@@ -149,6 +151,7 @@ class Loads:
         # stay
         for body, (mass, *moments) in zip(self._bodies, loads, strict=True):
             model.body_mass[body], model.body_inertia[body] = mass, moments
+        # from the model's own numbers: a joint that comes free has no more of it
         model.dof_armature[:] = self._armature
         if len(stuck):
             model.dof_armature[self._dofs] += LOCKED * stuck
@@ -158,6 +161,7 @@ class Loads:
         gets stuck.
         """
         loads, stuck = self._of(around)
+        # two mass matrices are the price of an impact only
         if not (loads[:, 4].any() or stuck.any()):
             return qvel
         # what is grasped now was at rest, and no brake has acted yet

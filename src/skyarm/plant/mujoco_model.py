@@ -80,7 +80,9 @@ def build_spec(
     """
     spec = mujoco.MjSpec()
     spec.modelname = vehicle.name
+    # shapes are drawn only: their volumes say nothing of masses
     spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+    # a load is a body without a joint: fused into its link its mass could not change
     spec.compiler.fusestatic = False
     spec.option.gravity = [0.0, 0.0, -float(gravity)]
     spec.option.timestep = timestep
@@ -90,6 +92,7 @@ def build_spec(
         off.mjDSBL_CONTACT
         | off.mjDSBL_CONSTRAINT
         | off.mjDSBL_EULERDAMP
+        # a diverged state must stay diverged: the episode's monitor ends the flight
         | off.mjDSBL_AUTORESET
     )
     add_vehicle(spec, vehicle, loads)
@@ -113,7 +116,9 @@ def add_vehicle(
     """
     bodies = {BASE: spec.worldbody.add_body(name=prefix + body_name(vehicle, BASE))}
     bodies[BASE].add_freejoint(
-        name=prefix + free_name(vehicle), align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE
+        # aligned to principal axes, base axes would not be those of the vehicle
+        name=prefix + free_name(vehicle),
+        align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE,
     )
     _give_inertia(bodies[BASE], vehicle.base)
     for i, link in enumerate(vehicle.moving):
@@ -202,6 +207,7 @@ def _give_inertia(body: mujoco.MjsBody, source: Body) -> None:
     which small links would feel.
     """
     moments, axes = np.linalg.eigh(np.array(source.inertia.full()))
+    # a quaternion needs a rotation, not a reflection
     if np.linalg.det(axes) < 0.0:
         axes[:, 2] *= -1.0
     moments = np.maximum(moments, LEAST)

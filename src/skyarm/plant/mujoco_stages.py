@@ -101,7 +101,8 @@ class StagedRungeKutta:
         self._qpos, self._qvel = data.qpos[:nq], data.qvel[:nv]
         self._force, self._qacc = data.qfrc_applied, data.qacc
         vehicles = layout.vehicles
-        own = sum(6 + each.n for each in vehicles)  # velocities but the followers'
+        # velocities without the followers', which their leaders' give
+        own = sum(6 + each.n for each in vehicles)
         state = (0.0,) * layout.end
         slopes = (0.0,) * (2 * own)
         self._coupled = (0.0,) * len(coupled_places(around))
@@ -218,6 +219,7 @@ class StagedRungeKutta:
         self._loads[:] = forces
         for _ in range(steps):
             self._start[:], self._first[:] = self._now, self._memory
+            # the rotation vector counts from the attitude at which the step begins
             self._turn[:], self._sum[:], self._rates[:] = 0.0, 0.0, 0.0
             for row in tableau:
                 self._solve()
@@ -262,6 +264,7 @@ def _move_state(first: State, change: Sequence[Scalar]) -> State:
     return replace(
         first,
         position=first.position + Vec3(*change[0:3]),
+        # a product of unit quaternions drifts off unit length by rounding
         quaternion=turned.normalized(),
         joints=sums(first.joints, change[6 : 6 + n]),
         velocity=first.velocity + Vec3(*change[6 + n : 9 + n]),

@@ -104,6 +104,7 @@ class Welds:
         prefixes: Sequence[str],
         around: Together,
     ) -> None:
+        # each number replaced by its index tells where it stands in a flat row
         numbered = rebuild(around.coupled_memories(), iter(map(float, count())))
         ((contact, ours),) = closed_contacts(around.with_coupled(numbered))
         self._grasps = contact.grasps
@@ -123,6 +124,7 @@ class Welds:
         spec.option.disableflags += int(off.mjDSBL_WARMSTART) - int(
             off.mjDSBL_CONSTRAINT
         )
+        # the solver must not stop early: results would depend on the state before
         spec.option.tolerance = 0.0
         coms = {each.name: each.com for each in objects}
         at = dict[str, mujoco.MjsBody]()
@@ -155,7 +157,8 @@ class Welds:
         self._model = model
         self._data = data
         self._sites = model.eq_obj2id
-        model.site_sameframe[self._sites] = 0  # their attitudes change
+        # begin() turns these sites: MuJoCo must not take them for their bodies' frames
+        model.site_sameframe[self._sites] = 0
         self._bodies = model.site_bodyid[self._sites]
         A, turning = (
             model.body_invweight0[self._bodies]
@@ -179,6 +182,7 @@ class Welds:
                 zero, since MuJoCo exerts them.
         """
         memory = around[self._places]
+        # or the force would act twice, by MuJoCo and by our equations
         around[self._places[self.forces]] = 0.0
         self._data.eq_active[:] = around[self._time] < self._release
         fixed = self._sites[self._model.eq_type == mujoco.mjtEq.mjEQ_WELD]

@@ -158,6 +158,7 @@ def coupled_rk4(
     k2, m2 = slope(_move(middle, k1, 0.5 * dt), moved_by(first, m1, 0.5 * dt))
     k3, m3 = slope(_move(middle, k2, 0.5 * dt), moved_by(first, m2, 0.5 * dt))
     k4, m4 = slope(_move(end, k3, dt), moved_by(first, m3, dt))
+    # rotor speeds at the end are exact already: only the rest is summed up
     after, memories = whole, first
     for k, m, part in (
         (k1, m1, dt / 6.0),
@@ -427,8 +428,10 @@ def after_impact(vehicle: Vehicle, state: State, around: Surroundings) -> State:
         pushed = [*sums(pushed, efforts)]
     for i, share in enumerate(stuck_of(around)):
         if type(share) is not int:
+            # the momentum that the huge inertia would have at the joint's rate
             pushed[i] = sub(pushed[i], mul(mul(LOCKED, share), state.joint_rates[i]))
     still = (0,) * vehicle.n
+    # impulses in place of forces give jumps of velocity in place of accelerations
     jump, joints = dynamics.forward_dynamics(
         loaded_vehicle(vehicle, around),
         state.joints,

@@ -97,6 +97,7 @@ class Surroundings:
     ) -> Scalar:
         """Effort (N m or N) of a joint's drive before its limit and joint friction."""
         if not self.drives:
+            # a vehicle whose joints all take torques states no drives
             return TORQUE_DRIVE.effort((), setpoint, position, rate)
         return self.drives[index].effort(
             self.drive_memories[index], setpoint, position, rate
@@ -165,6 +166,7 @@ class Together:
         shared ones is the first.
         """
         lists = [(i, own.components, own.memories) for i, own in enumerate(self.each)]
+        # a shared model finds every vehicle in motion.agents: any motion will do
         lists.append((0, self.components, self.memories))
         return tuple(
             (i, *pair)
@@ -265,6 +267,7 @@ class Together:
             for _, c, _ in self.coupled
         ]
         stated = [step for step in steps if step is not None]
+        # a model without a calm step is never calm, so nothing may be longer
         return reduce(minimum, stated) if stated and len(stated) == len(steps) else None
 
     def hurry(
@@ -410,6 +413,7 @@ def _coupled_in(
     first = first + len(leaves(tuple(components)))
     for component, memory in zip(components, memories, strict=True):
         count = len(leaves(memory))
+        # leaves of records come before those of their memories, in the same order
         places += range(first, first + count) if component.coupled else ()
         first += count
     return places

@@ -76,6 +76,7 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
             """Power (W) of the rotors after they have followed their commands at a
             voltage (V).
             """
+            # of the memory only the voltage enters here: the charge may be any number
             heard = self.rotor_commands((1.0, voltage), rotors, commands)
             power: Scalar = battery.power(
                 rotors, speeds_after(rotors, state.rotor_speeds, heard, seconds)
@@ -94,14 +95,19 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
             enough = surplus(middle) > 0.0
             return where(enough, middle, bounds[0]), where(enough, bounds[1], middle)
 
+        # bisection: it finds the voltage though the surplus has no derivative at limits
         near, _ = repeat(HALVINGS, halve, (0.5 * idle, idle))
         # a step of Newton's, by which a linearisation knows how the voltage follows the
         # rotors
         left = surplus(near)
         aside = NEAR * idle
+        # at most -NEAR: the surplus falls with the voltage, its rounded slope might not
         falls = minimum(divide(surplus(near + aside) - left, aside), -NEAR)
         voltage = where(
-            charge > 0.0, maximum(near - divide(left, falls), 0.5 * idle), 0.0
+            # below half of the idle voltage more current would give less power
+            charge > 0.0,
+            maximum(near - divide(left, falls), 0.5 * idle),
+            0.0,
         )
         over, sagged, current = battery.overload(
             charge, before, lambda at: load(at, SETTLED)

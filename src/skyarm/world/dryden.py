@@ -94,6 +94,7 @@ class Dryden:
         """
         x, y, z = velocity_W
         level = sqrt(x * x + y * y)
+        # in calm air the direction is x, as in a file
         blows = level > 0.0
         length = where(level > 0.0, level, 1.0)
         along = Vec3(
@@ -176,6 +177,7 @@ def start(first: Vec3, second: Vec3, dt: Scalar, *, par: Dryden) -> DrydenMemory
         correlation = divide(a * h + b * gain, gain * gain)
         inner.append(n)
         output.append(
+            # rounding of a very short step may lift the correlation above 1
             correlation * n + sqrt(maximum(1.0 - correlation * correlation, 0.0)) * m
         )
     return DrydenMemory(first.x, output[0], output[1], inner[0], inner[1])

@@ -107,7 +107,8 @@ class Fault:
                 "effectiveness": 1.0,
             }
         if fields.table.get("stuck", False) is False and share is None:
-            fields.take("effectiveness")  # is missing
+            # raises: it is missing
+            fields.take("effectiveness")
         return {}
 
     @property
@@ -134,6 +135,7 @@ class Fault:
         """
         left = self.effectiveness
         if self.signal is not None:
+            # a signal may leave 0 to 1, a share of a force may not
             left = clip(mul(left, self.signal.derivatives(t)[0]), 0.0, 1.0)
         return where(t >= self.start, left, 1.0)
 
@@ -153,6 +155,7 @@ def effectiveness_at(
     stuck: dict[str, Scalar] = dict.fromkeys(joints, 0)
     for fault in faults:
         if fault.stuck:
+            # stuck by any of several faults
             stuck[fault.joint] = maximum(
                 stuck[fault.joint], where(t >= fault.start, 1.0, 0.0)
             )

@@ -166,6 +166,7 @@ class HangingPayload(TimedPayload):
         holder, speed = motion.position(*at), motion.velocity(*at)
         grasped, caught, gone, place = self.next_status(memory, t, holder)
         nothing = ZERO3_DATA
+        # at the instant of the grasp it begins at rest below the frame
         first = select(
             caught > 0.5, self.let_down(holder, motion.solids), memory.position
         )
@@ -211,6 +212,7 @@ class HangingPayload(TimedPayload):
         Source: Hart 1996, Sphere tracing.
         """
         below = holder - E_Z * self.hangs
+        # the highest place at which anything stops it
         for solid in solids:
             place = holder
             for _ in range(STEPS):
@@ -236,7 +238,8 @@ class HangingPayload(TimedPayload):
         to_tip = now.holder - now.position
         length = sqrt(to_tip.dot(to_tip) + 1e-24)
         along = to_tip * (1.0 / length)
-        square = motion.gravity / (self.stretch * self.cord)  # k / m
+        # k / m, by which the weight stretches the cord as stated
+        square = motion.gravity / (self.stretch * self.cord)
         damping = 2.0 * self.damping_ratio * sqrt(square)
         tension = square * (length - self.cord) + damping * along.dot(
             speed - now.velocity
@@ -261,6 +264,7 @@ class HangingPayload(TimedPayload):
             position=position,
             velocity=velocity,
             holder=now.holder + speed * dt,
+            # on the frame: the reaction of what accelerated the load in this substep
             pull=now.pull - along * mul(tension, self.mass),
         )
 

@@ -99,6 +99,7 @@ class LaunchStand(Force[tuple[()]]):
         # part of a small quaternion
         back = Quaternion(cos(0.5 * self.yaw), 0.0, 0.0, -sin(0.5 * self.yaw))
         q = back * state.quaternion
+        # q and -q are one attitude: the shorter way back
         sign = where(q[0] < 0.0, -2.0, 2.0)
         turn = Vec3(*(sign * q[i] for i in (1, 2, 3)))
         grip = share * self.inertia

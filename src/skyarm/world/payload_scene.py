@@ -49,6 +49,7 @@ def payload_scene(
     if rigid:
         return Scene(solids=(Solid(named, holder[at], rotation[at]),))
     places = seen.numbers["payload_position"]
+    # NaN draws nothing where the load is not held
     cord = np.where(carried[:, None, None], np.stack([holder, places], axis=1), np.nan)
     return Scene(
         solids=(Solid(named, places[at], rotation[at]),),

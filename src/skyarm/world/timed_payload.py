@@ -162,7 +162,8 @@ class TimedPayload(Component[PayloadMemory]):
                 }
                 inner.done()
         if "pick" not in fields.table:
-            fields.take("pick")  # is missing
+            # raises: it is missing
+            fields.take("pick")
         if any(values.values()) and fields.table.get("believed") is True:
             words = "must be false where a place decides; its instant is unknown"
             raise ValueError(f"{fields.at('believed')} = true: {words}")
@@ -193,7 +194,8 @@ class TimedPayload(Component[PayloadMemory]):
             and isinstance(self.drop, float)
             and math.isinf(self.drop)
         ):
-            object.__setattr__(self, "drop", 0.0)  # at any time within its reach
+            # with a place an instant that is left out means: at any time
+            object.__setattr__(self, "drop", 0.0)
         moments = tuple(self.inertia)
         if concrete(*moments) and 2.0 * max(moments) > sum(moments) * (1.0 + 1e-9):
             raise ValueError(
@@ -261,6 +263,7 @@ class TimedPayload(Component[PayloadMemory]):
         carried = memory.held > 0.5
         gone = memory.gone > 0.5
         pick, drop = self.events_reached(t, position_W)
+        # what was let go is not grasped again
         caught = where(carried, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
         dropped = where(carried, where(drop, 1.0, 0.0), 0.0)
         now = where(dropped > 0.5, 0.0, where(caught > 0.5, 1.0, memory.held))

@@ -66,7 +66,9 @@ def friction_per_rate(joint: Joint, rate: Scalar) -> Scalar:
     c / v0 at rest, less beyond.
     """
     relative = divide(rate, joint.coulomb_rate)
-    slow = absolute(relative) < 1e-4  # tanh(x) / x is 1 there but for 3e-9
+    # tanh(x) / x is 1 there but for 3e-9, and a quotient at rest would be 0 / 0
+    slow = absolute(relative) < 1e-4
+    # both branches are computed, so the unused quotient must be finite, too
     share = where(slow, 1.0, divide(tanh(relative), where(slow, 1.0, relative)))
     return add(joint.damping, mul(divide(joint.coulomb, joint.coulomb_rate), share))
 
@@ -84,6 +86,7 @@ def stop_force(joint: Joint, position: Scalar, rate: Scalar) -> Scalar:
         return 0
     k = joint.stop_stiffness
     more = mul(joint.stop_damping, rate)
+    # the factor 1 + d speed stays above 0, because a stop never pulls
     above = mul(maximum(sub(position, joint.upper), 0.0), maximum(add(1.0, more), 0.0))
     below = mul(maximum(sub(joint.lower, position), 0.0), maximum(sub(1.0, more), 0.0))
     return mul(k, sub(below, above))
@@ -262,6 +265,8 @@ class LaggedTorque(TorqueDrive):
         """Solve the first-order lag exactly over one control period of constant
         setpoint.
         """
+        # the mean over the period, not the end value, because the plant holds one
+        # effort
         share = dt / self.time_constant
         left = exp(-share)
         before = memory.following - setpoint

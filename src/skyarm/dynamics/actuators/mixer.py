@@ -82,8 +82,10 @@ def yaw_bounds(
     for value, slope, turning, top in zip(
         taken, per_newton, per_turn, highest, strict=True
     ):
+        # a rotor without a share in yaw bounds nothing: its bounds are very wide
         by = where(absolute(turning) > least, turning, least)
         a, b = divide(0.0 - value, by), divide(top - value, by)
+        # division by a negative slope exchanges lower and upper bound
         rising = by > 0.0
         bounds.append(
             Bound(where(rising, a, b), where(rising, b, a), 0.0 - divide(slope, by))
@@ -240,6 +242,7 @@ def make_mixer(
         raise AllocationError(
             f"mixer policy = {policy!r}: must be one of {list(POLICIES)}"
         )
+    # A^T (A A^T)^-1, since A has independent rows and the Gram matrix is small
     A = allocation_matrix(vehicle, sideways)
     _require_rank(vehicle, A)
     gram = [[inner_product(a, b) for b in A] for a in A]
@@ -276,10 +279,12 @@ def _require_rank(vehicle: Vehicle, A: list[list[Scalar]]) -> None:
         return
     import numpy as np
 
+    # reshaped, because without rotors the rows are empty
     matrix = np.array(A, dtype=float).reshape(len(A), len(vehicle.rotors))
     for rotor, column in zip(
         vehicle.rotors, np.abs(matrix).max(axis=0, initial=0.0), strict=True
     ):
+        # written so that NaN is refused, too
         if not column < LARGEST:
             raise AllocationError(
                 f"vehicle '{vehicle.name}': rotors[{rotor.name}] gives {column:.3g} N"
@@ -312,6 +317,7 @@ def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Scalar]) -> No
     if not concrete(*per_newton):
         return
     for rotor, value in zip(vehicle.rotors, per_newton, strict=True):
+        # priorities divide by these shares, so rounding is no share
         if value <= 1e-6 * max(per_newton):
             raise AllocationError(
                 f"vehicle '{vehicle.name}': rotors[{rotor.name}] takes {value:.3g}"
@@ -359,6 +365,7 @@ def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> Scalars:
     per_turn = [row[2] for row in mixer.inverse]
     tilt = [add(mul(row[0], torque.x), mul(row[1], torque.y)) for row in mixer.inverse]
     share = _tilt_share(tilt, per_newton, mixer.highest)
+    # one share for roll and pitch keeps the axis of their torque
     tilt = [mul(each, share) for each in tilt]
 
     def with_thrust(force: Scalar) -> list[Scalar]:
@@ -381,6 +388,7 @@ def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> Scalars:
         yaw = [mul(each, torque.z) for each in per_turn]
         yaw_share = _largest_share(fixed, yaw, mixer.highest)
         yaw = [mul(each, yaw_share) for each in yaw]
+    # clipped again, because shares and sums are rounded
     rows = zip(fixed, yaw, mixer.highest, strict=True)
     return tuple(minimum(maximum(add(a, b), 0.0), top) for a, b, top in rows)
 
@@ -402,6 +410,7 @@ def _tilt_share(
     for each in d[1:]:
         least = minimum(least, each)
     for each, top in zip(d, e, strict=True):
+        # the rotor with the least d bounds the thrust from below
         spread = sub(each, least)
         share = minimum(share, where(spread > 0.0, divide(top, spread), share))
     return share
@@ -432,6 +441,7 @@ def _largest_share(
     """
     share: Scalar = 1.0
     for value, change, top in zip(fixed, changes, highest, strict=True):
+        # an unchanged rotor divides by 0: where() drops that quotient
         up, down = divide(top - value, change), divide(0.0 - value, change)
         limit = where(change > 0.0, up, where(change < 0.0, down, share))
         share = minimum(share, maximum(limit, 0.0))
@@ -463,6 +473,7 @@ def _with_side(
             where(
                 change > 0.0,
                 to_zero,
+                # 2 is beyond every share: a rotor that no share can bring inside
                 where(change < 0.0, to_top, where(inside, 0.0, 2.0)),
             ),
         )

@@ -37,6 +37,7 @@ def speed_after(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> Sca
     command is held. The command is limited to the rotor's highest speed; the loop has
     raised it to the least one (:func:`least_raised`).
     """
+    # limited before the lag: the speed approaches its limit and never passes it
     target = minimum(command, rotor.max_speed)
     rising, falling = (
         exp(divide(-dt, tau))
@@ -121,6 +122,7 @@ def felt_in(
 
     mean = squares(end, passed)
     if rotor.reversible:
+        # the thrust w |w| changes its sign within the step: integrate in two pieces
         through = target * speed < 0.0
         zero = maximum(
             where(through, divide(-target, where(through, change, 1.0)), 0.0), end
@@ -129,10 +131,12 @@ def felt_in(
         mean = where(where(through, speed, speed + target) < 0.0, -mean, mean)
     felt = _with_sign(rotor, mean, sqrt(absolute(mean)))
     gap = change * share * (end - 1.0)
+    # a rotor that keeps its speed has no gap, and any lag does
     turns = absolute(gap) > 0.0
     ratio = where(
         turns, maximum(divide(target - felt, where(turns, gap, 1.0)), LEAST_LAG), 1.0
     )
+    # a step of 0 s would divide by 0
     return where(dt > 0.0, felt, speed), where(dt > 0.0, lag * ratio, lag)
 
 
@@ -177,6 +181,7 @@ def rotor_forces(
             if left out.
     """
     total = Force(ZERO3, ZERO3)
+    # equal rotors share products with their coefficients, which saves operations
     left = list(zip(rotors, speeds, effectiveness or (1,) * len(rotors), strict=True))
     while left:
         first = left[0][0]
@@ -185,6 +190,8 @@ def rotor_forces(
         coordinates = zip(*(rotor.position for rotor, *_ in group), strict=True)
         center = Vec3(
             *(
+                # a common coordinate, as one height of all hubs, then folds out of the
+                # arms
                 c if all(same(c, other) for other in rest) else 0
                 for c, *rest in coordinates
             )
@@ -251,6 +258,7 @@ def require_speeds(
         ValueError: one line with the rotor and its range.
     """
     for i, (rotor, speed) in enumerate(zip(rotors, speeds, strict=True)):
+        # NaN compares false, so it passes and ends a flight as diverged
         if concrete(speed, rotor.max_speed) and (
             speed < rotor.min_speed or speed > rotor.max_speed
         ):
@@ -311,11 +319,13 @@ def spin_torque(
         rate: angular velocity of the base, base axes, rad/s.
     """
     total = ZERO3
+    # rotors without inertia are structure: no lag enters the equations
     if all(same(rotor.inertia, 0) for rotor in rotors):
         return total
     for rotor, speed, command in zip(rotors, speeds, commands or speeds, strict=True):
         target = minimum(command, rotor.max_speed)
         lag = lag_of(rotor, speed, command)
+        # the drag torque against the air is in rotor_forces already
         spin = mul(rotor.inertia, rotor.direction)
         turned = rate.cross(rotor.axis) * speed + rotor.axis * divide(
             target - speed, lag
@@ -338,7 +348,8 @@ def _group_force(
     pushing: Scalar = 0
     twist: Scalar = 0
     arm = ZERO3
-    drag, drag_arm = ZERO3, ZERO3  # sums of W v_perp and of r x (W v_perp)
+    # sums of W v_perp and of r x (W v_perp)
+    drag, drag_arm = ZERO3, ZERO3
     for (rotor, speed, left), r in zip(group, positions, strict=True):
         square = mul(left, push(rotor, speed))
         turning = (
@@ -349,6 +360,7 @@ def _group_force(
         pushing = add(pushing, square)
         twist = sub(twist, mul(rotor.direction, turning))
         arm = arm + r * square
+        # a double cross product, since v - (v.n) n keeps a third component
         slip = n.cross(velocity + rate.cross(r)).cross(n) * mul(
             left, speed_size(rotor, speed)
         )

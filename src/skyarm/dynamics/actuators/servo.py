@@ -163,6 +163,7 @@ class Servo(Drive):
 
     def __post_init__(self) -> None:
         accept_fields(self, "")
+        # 0 passes the rule of the field, but would leave no torque at all
         if concrete(self.efficiency) and not self.efficiency > 0.0:
             raise RecordError(
                 f"efficiency = {self.efficiency!r}: must be above 0 and at most 1"
@@ -186,6 +187,7 @@ class Servo(Drive):
         a joint rate.
         """
         per_volt = mul(self.gear, self.torque_constant)
+        # the counter-voltage constant equals the torque constant in SI units
         counter = mul(mul(self.gear, self.torque_constant), rate)
         per_ampere = mul(per_volt, self.efficiency)
         low = maximum(
@@ -198,6 +200,7 @@ class Servo(Drive):
         # limit either
         low = minimum(low, self.current_limit)
         high = maximum(high, -self.current_limit)
+        # the torque limit is one at the joint, so after gear and losses
         most = self.torque_limit
         return clip(mul(low, per_ampere), -most, most), clip(
             mul(high, per_ampere), -most, most
@@ -214,6 +217,7 @@ class Servo(Drive):
         """Torque (N m) or force (N) of the stalled motor, within the limits of current
         and torque.
         """
+        # at rest there is no counter-voltage: the stall torque
         return self.bounds(0.0)[1]
 
     def start(self, position: Scalar) -> ServoMemory:
@@ -247,9 +251,13 @@ class Servo(Drive):
         """
         J = float(self.inertia)
         split = D * D - 4.0 * K * float(self.inertia)
+        # complex poles have the magnitude sqrt(K / J); of two real ones the faster
         loop = math.sqrt(K / J) if split < 0.0 else (D + math.sqrt(split)) / (2.0 * J)
         per_ampere = float(self.gear) * float(self.torque_constant)
+        # the bounds fall by k_e^2 efficiency / R per speed, which damps as a viscous
+        # loss
         motor = per_ampere**2 * float(self.efficiency) / (float(self.resistance) * J)
+        # an infinite supply never bounds, so its motor adds no damping
         return 0.5 / max(loop, motor if math.isfinite(self.voltage) else 0.0)
 
     def steady_memory(
@@ -273,6 +281,7 @@ class Servo(Drive):
                 "latency: must be the same in all episodes: it says how many setpoints"
                 " are on their way"
             )
+        # 0.07 / 0.01 is seven up to rounding
         count = math.ceil(self.latency / dt - 1e-9)
         empty = ServoMemory(
             goal=0.0, integral=0.0, rounding=0.0, waiting=(0.0,) * count
@@ -293,6 +302,8 @@ class Servo(Drive):
         received, waiting = self._arriving_setpoint(memory, setpoint, dt)
         goal = self._next_goal(memory.goal, received, dt)
         rounding = self._rounding(position)
+        # torque before this period's error is added: it tells whether a limit is
+        # reached
         error, asked = self._loop(goal, memory.integral, position + rounding, rate)
         integral = self._integrate(memory, error, asked, rate, dt)
         return ServoMemory(
@@ -448,6 +459,7 @@ class PositionServo(Servo):
         dt: float,
     ) -> Scalar:
         """Setpoint by which the position loop gives a desired torque or force."""
+        # advance adds the error of this period before the effort is taken
         per_error = add(self.stiffness, mul(self.integral, dt))
         return position + divide(
             effort + self.damping * rate - self.integral * memory.integral, per_error
@@ -463,8 +475,10 @@ class PositionServo(Servo):
         )
 
     def _quantize(self, value: Scalar) -> Scalar:
+        # an int 0 is structure: no rounding is in the program
         if type(self.resolution) is int:
             return value
+        # rounded to the nearest step: floor alone would bias by half a step
         return self.resolution * floor(value / self.resolution + 0.5)
 
 

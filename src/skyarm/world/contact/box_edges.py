@@ -85,6 +85,7 @@ def pairs_with_edges(
     for by, carrier in enumerate(carriers):
         for of, surface in surfaces:
             again = of != NOBODY and carriers[of].has_edges and of >= by
+            # two movable boxes meet twice, once as each other's surface
             if carrier.has_edges and surface.shape == "box" and of != by and not again:
                 yield of, surface, by
 
@@ -125,6 +126,7 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec
         across, cosine = u.cross(v), u.dot(v)
         square = across.dot(across) + _PARALLEL
         sine = sqrt(square)
+        # from b to a, whichever way the cross product points
         n = across * divide(where(across.dot(between) < 0.0, -1.0, 1.0), sine)
         ours, theirs = _facing(a, i, -n), _facing(b, j, n)
         for k, ((off, room_a), (to, room_b)) in enumerate(product(ours, theirs)):
@@ -144,6 +146,7 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec
                 * sine
             )
             for room in (room_a, room_b):
+                # only the far edge of a face is bounded by the tilt of the face
                 inside = inside if room is None else minimum(inside, room)
             # of edges nearly parallel it is far away, where a turning body is swift
             on_a, on_b = (

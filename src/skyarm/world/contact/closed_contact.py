@@ -28,6 +28,7 @@ class ClosedContact(Contact):
         """Internal state in static equilibrium; the first forces of constraints are
         those of springs.
         """
+        # not super(): a dataclass with slots is another class than the one made here
         memory = Contact.settle(self, memory, motion, vehicle)
         pulls = (pull for _, _, pull, _ in self.gripping.pulls(memory, motion, 0.0))
         return replace(

@@ -150,14 +150,17 @@ class Contact(ContactSteps):
         The tip of a vehicle that holds a body by a grasp is none: it is where the body
         is.
         """
+        # an empty name is that of the only vehicle
         holding = [each.agent or next(iter(vehicles)) for each in self.grasps]
         tips = {
             name: each.end_effector
             for name, each in vehicles.items()
             if name not in holding and each.end_effector
         }
+        # stated points take the place of the tips
         if self.points or not tips:
             return self
+        # of one vehicle the short name, as logs and files of one vehicle have it
         if len(vehicles) == 1:
             return replace(
                 self,
@@ -264,6 +267,7 @@ class Contact(ContactSteps):
         Raises:
             RecordError: one line.
         """
+        # neither period nor draws enter the initial state of a contact
         memory = self.start(0.0, ())
         for i, (grasp, _, pull, frame) in enumerate(
             self.gripping.pulls(memory, motion, 0.0)
@@ -303,8 +307,6 @@ class Contact(ContactSteps):
         draws: Sequence[Scalar],
     ) -> ContactMemory:
         """Internal state of the contact model at the start of a control period."""
-        if not memory.clock and not memory.carried:
-            return memory
         carried = tuple(
             each.advance(body)
             for each, body in zip(self.carriers, memory.carried, strict=True)
@@ -443,6 +445,7 @@ class Contact(ContactSteps):
         pushes = []
         for i in range(len(self.points)):
             force = torque = ZERO3
+            # pairs are ordered by surface: every point comes once with each surface
             for each in touches[i :: len(self.points)]:
                 force, torque = force + each.force, torque + each.torque
             pushes.append((force, torque))
@@ -467,6 +470,7 @@ class Contact(ContactSteps):
             for i, each in enumerate(self.objects)
             if each.standing
         }
+        # points of all vehicles are of NOBODY here: of several no one's weight is known
         if vehicle and len(motion.agents) == 1:
             weights[NOBODY] = motion.vehicle.mass * motion.gravity
         if not weights:
@@ -556,6 +560,7 @@ class Contact(ContactSteps):
             return tuple(tilted)
         what, bound = min(self.steps, key=lambda each: float(each[1]))
         least = float(bound)
+        # steps near those of the vehicle cost little more time
         if not MUCH_SHORTER * least < step:
             return tilted
         return (
@@ -577,6 +582,7 @@ def _vehicle_of(agent: str, vehicles: Mapping[str, Vehicle], where: str) -> Vehi
     """
     if agent in vehicles:
         return vehicles[agent]
+    # one vehicle needs no name; under an empty name any vehicle is meant
     if (not agent and len(vehicles) == 1) or "" in vehicles:
         return next(iter(vehicles.values()))
     if not agent:

@@ -117,6 +117,7 @@ class ContactPoint:
         """
         if self.frame:
             frame = vehicle.frame(self.frame)
+            # a product with a float 0.0 would stay in the program
             if concrete(*self.position) and not any(self.position):
                 return frame.position, frame.link
             return frame.position + frame.rotation.apply(self.position), frame.link
@@ -316,6 +317,7 @@ def _wrenches_on(
     single = list[Wrench]()
     for (at, body), (force, torque) in zip(places, pushes, strict=True):
         if body in shared:
+            # points of one body share one transformation of their wrench
             sum_of = whole.get(body, Wrench(body=body, agent=agent))
             moment = sum_of.torque_W + torque + axes[body].apply(at).cross(force)
             whole[body] = Wrench(

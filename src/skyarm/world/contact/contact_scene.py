@@ -160,6 +160,7 @@ def _surface_solid(surface: Surface, seen: Instants) -> Solid:
     if surface.shape == "plane" and count:
         normal = rotation[0, :, 2]
         away = seen.around - place[0]
+        # a plane has no middle: the patch follows the flight along the plane
         place = place + (away - normal * (normal @ away))
     return Solid(
         surface_shape(surface, seen.patch),
@@ -235,6 +236,7 @@ def _point_shapes(points: Iterable[ContactPoint], vehicle: Vehicle) -> Iterator[
     least = POINT * longest_boom(vehicle)
     for point in points:
         radius = float(point.radius)
+        # the vehicle's own shapes mark its tip already
         if radius == 0.0 and point.frame and point.frame == vehicle.end_effector:
             continue
         at, body = point.place(vehicle)
@@ -269,6 +271,7 @@ def _touch_arrows(
         own = seen.of(point.agent)
         at, body = point.place(own.vehicle)
         middle = own.place(at, body)
+        # without force the normal is not needed, and an arrow of length zero is drawn
         if not np.any(force > 0.0):
             yield Arrow(name, middle, np.zeros_like(middle))
             continue

@@ -171,6 +171,7 @@ class FreeObject(Carrier[ObjectMotion]):
                 " density"
             )
         elif 2.0 * largest > sum(moments) * (1.0 + 1e-9):
+            # a flat body has equality, up to rounding
             raise RecordError(
                 f"object.inertia = {said}: no moment may be larger than the sum of the"
                 " other two"
@@ -221,6 +222,7 @@ class FreeObject(Carrier[ObjectMotion]):
         """Largest inverse effective mass (1/kg) of the free object in a grasp that also
         fixes the attitude.
         """
+        # the smallest radius of gyration bounds any direction of the lever
         lever = self.surfaces[0].farthest + sqrt(self.com.dot(self.com) + 1e-24) + reach
         return (2.0 + lever * lever / self.gyration) / self.mass
 
@@ -277,6 +279,7 @@ class FreeObject(Carrier[ObjectMotion]):
         """Initial state of the free object, from its initial pose and velocities."""
         attitude = Quaternion(1.0, 0.0, 0.0, 0.0)
         for axis, angle in zip((E_X, E_Y, E_Z), self.angles, strict=True):
+            # fixed axes: later rotations stand on the left
             attitude = Quaternion.of_rotation_vector(axis * data(angle)) * attitude
         R = attitude.rotation()
         start = ObjectMotion(
@@ -311,6 +314,8 @@ class FreeObject(Carrier[ObjectMotion]):
         R = memory.attitude.rotation()
         w = memory.rate
         moments = self.moments
+        # the torque is given about the middle, Euler's equations are about the centre
+        # of mass
         torque = R.apply_T(torque_W - R.apply(self.com).cross(force_W)) - w.cross(
             w.hadamard(moments)
         )
@@ -434,6 +439,7 @@ def largest_mobility(
         radius = size[0]
         half = 0.5 * size[1]
         halves = (radius, radius, half)
+        # three points at 120 degrees: each axis has half of 3 r^2
         stands = 1.5 * radius * radius
         faces = [
             _face(3, stands, stands, com.x, com.y, mass, moments.x, moments.y),
@@ -502,6 +508,7 @@ def _face(
     with_a = mul(_size(off_b), count / sqrt(mass * moment_a))
     with_b = mul(_size(off_a), count / sqrt(mass * moment_b))
     both = mul(mul(_size(off_a), _size(off_b)), count / sqrt(moment_a * moment_b))
+    # row sums bound the largest eigenvalue (Gershgorin)
     rows = (
         add(add(sink, with_a), with_b),
         add(add(about_a, with_a), both),

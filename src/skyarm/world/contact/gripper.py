@@ -291,7 +291,8 @@ class Gripper:
         place = body.position + body.rotation.apply(grip.place)
         spring = Spring(self.stiffness, self.damping(mass), frame, body)
         force = spring.force(place)
-        if self.kind == "hook":  # it carries, and does not press down
+        # it carries from below, and does not press down
+        if self.kind == "hook":
             force = Vec3(force.x, force.y, maximum(force.z, 0.0))
         torque, twist = ZERO3, None
         if self.holds_attitude and not absent(gyration):
@@ -315,11 +316,13 @@ class Gripper:
             if self.kind == "ball"
             else torque.dot(torque) > self.torque * self.torque
         )
+        # fingers hold in all directions, so the size of the force counts
         if self.kind not in ADHESIVE:
             return _any(force.dot(force) > self.force * self.force, twisted)
         normal = body.rotation.apply(grip.normal)
         pull = force.dot(normal)
         shear = force - normal * pull
+        # what the pull takes of the adhesive force presses no more
         left = self.friction * maximum(self.force - pull, 0.0)
         return logical_or(
             logical_or(pull > self.force, shear.dot(shear) > left * left), twisted
@@ -361,6 +364,7 @@ class Gripper:
         normal = grip.normal
         turn = grip.turn
         for i, (body, distance, outward, hold) in enumerate(bodies):
+            # the first body within reach, in the order of the file: a gripper holds one
             takes = _both(_both(free, distance <= self.reach), taken < 0.5)
             if self.kind == "hook":
                 rising = frame.velocity.z - body.velocity_at(frame.position).z
@@ -380,6 +384,7 @@ class Gripper:
                 )
                 turn = blend(is_taken(grip.taken, i + 1.0), as_data(slipped), turn)
             turn = blend(takes, as_data(now), turn)
+        # a hook has no command: it is ready again once no body is within its reach
         opened = _not(near) if self.kind == "hook" else _not(closed)
         used = _any(holding, taken > 0.5)
         return Grip(

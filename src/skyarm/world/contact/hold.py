@@ -72,6 +72,8 @@ class Spring:
         aim = self.frame.rotation @ turn
         error = ZERO3
         for i in range(3):
+            # half the sum of the cross products of the axes is the rotation axis times
+            # the sine
             error = error + self.body.rotation.column(i).cross(aim.column(i)) * 0.5
         return error
 

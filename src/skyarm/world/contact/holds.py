@@ -47,6 +47,7 @@ class Holds:
                 )
         bodies = {each.name: each for each in self.carriers}
         for grasp in self.grasps:
+            # a wrong name is refused elsewhere, with its own message
             if grasp.body in bodies:
                 together = [other for other in self.grasps if other.body == grasp.body]
                 yield (
@@ -207,6 +208,8 @@ class Holds:
         # a grasp closes by the flight's time, by which the plant pulls, however long a
         # reference waits
         now = t if motion.time is None else motion.time
+        # half a period before, so that at the instant of closing the place is still
+        # taken
         return self._close(memory, now - 0.5 * dt, motion) if memory.places else memory
 
     def _following(
@@ -229,6 +232,7 @@ class Holds:
                 (body, *skin, hold)
                 for body, skin, hold in zip(bodies, skins, row, strict=True)
             )
+            # a gripper of a named vehicle follows that vehicle's reference
             now = motion.of(gripper.agent).task_time if gripper.agent else t
             yield gripper.after(grip, now, frame, seen)
 

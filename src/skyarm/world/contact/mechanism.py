@@ -284,6 +284,7 @@ class Mechanism(Carrier[MechanismMotion]):
         """
         if not self.turns:
             return self.mass
+        # an int of 0 was not stated: it is that of the uniform body
         if type(self.inertia) is int and self.solid is not None:
             return mul(self.mass, self.solid.gyration)
         return self.inertia
@@ -318,6 +319,7 @@ class Mechanism(Carrier[MechanismMotion]):
         """
         if not self.turns:
             return 1.0 / self.mass
+        # a lever of 0 would mean an infinite effective mass and steps of any length
         lever = maximum(0.0, 1e-3)
         for surface in self.surfaces:
             away = surface.position - self.along * self.along.dot(surface.position)
@@ -510,6 +512,7 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Scalar, Scalar
     (z,) = memory.bristle
     # one axis of a contact's bristle
     fastest = length / longest_step(of)
+    # a bristle that bends by more than its length in a step would overshoot
     followed = clip(rate, -fastest, fastest)
     bending = followed - z * absolute(followed) / length
     stiffness = of.friction / length
@@ -535,6 +538,7 @@ def longest_step(of: Mechanism, *, euler: bool = False) -> Scalar:
     fastest = maximum(
         sqrt(stiffness / of.generalized_inertia), of.damping / of.generalized_inertia
     )
+    # the shares of the limit of stability are those of a contact
     step = minimum(divide(BRISTLE_STEP, fastest), LONGEST)
     if euler:
         step = minimum(
@@ -557,6 +561,7 @@ def stop_of(of: Mechanism) -> Material:
     stiffness = of.stop_stiffness
     if type(stiffness) is int:
         stiffness = STOP_RATE * STOP_RATE * of.generalized_inertia
+        # of a light slide the inertia alone would make a stop that yields visibly
         stiffness = stiffness if of.turns else maximum(stiffness, STOP_LEAST)
     return Material(stiffness=stiffness, dissipation=of.stop_damping, friction=0.0)
 

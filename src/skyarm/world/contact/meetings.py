@@ -124,6 +124,7 @@ def meetings_of(
         for carrier, memory in zip(contact.carriers, memories, strict=True)
     ]
     masses = [1.0 / carrier.mobility for carrier in contact.carriers]
+    # where no pair may touch no force follows from it: any number will do
     longest = LONGEST if step is None else step
     deflections = iter(bristles)
     meetings = list[Meeting]()
@@ -138,7 +139,8 @@ def meetings_of(
         normal: Vec3,
     ) -> None:
         frame = None if of == NOBODY else frames[of]
-        spot = normal * neg(at.radius)  # where it touches, seen from its middle
+        # where it touches, seen from its middle
+        spot = normal * neg(at.radius)
         place = at.position + spot
         under = surface.place(clock)[1] if frame is None else frame.velocity_at(place)
         slip = at.velocity + at.turning.cross(spot) - under
@@ -184,6 +186,7 @@ def meetings_of(
 
             def toward(
                 place: Vec3,
+                # bound as defaults, or the function would see the last turn of the loop
                 surface: Surface = surface,
                 under: CarriedFrame | None = under,
             ) -> Vec3:
@@ -210,6 +213,7 @@ def misses(touch: Touch, seconds: Scalar) -> Scalar:
     """True if a point is too far from a surface to reach it within ``seconds``, even
     under a large acceleration.
     """
+    # the way that the largest acceleration makes in this time
     margin = maximum(NEAR, 0.5 * SWIFT * seconds * seconds)
     far: Scalar = touch.depth + sqrt(touch.slip.dot(touch.slip)) * seconds < -margin
     return far

@@ -43,12 +43,14 @@ def standing_bristles(
         for i, each in enumerate(meetings):
             if each.by == by:
                 material = materials[each.surface]
+                # a bristle lies in its surface: what is along the normal it cannot bear
                 borne = across - each.touch.axis * across.dot(each.touch.axis)
                 deflection = borne * -divide(
                     material.bristle_length,
                     maximum(material.friction * pressed, _NOTHING),
                 )
                 size = sqrt(deflection.dot(deflection) + _NOTHING * _NOTHING)
+                # no longer than its length, or it would spring back at the first step
                 share = minimum(divide(material.bristle_length, size), 1.0)
                 bent[i] = Vec3(*(c * share for c in deflection))
     return tuple(bent)

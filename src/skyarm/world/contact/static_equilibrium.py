@@ -101,13 +101,15 @@ def _settle(
     left = residual(x)
     depth = _depth(pushes(x))
     near, pace = NEAR * depth, PACE * depth
-    with np.errstate(all="ignore"):  # of numbers beyond measure
+    # numbers beyond measure overflow: they end as no equilibrium
+    with np.errstate(all="ignore"):
         for _ in range(ROUNDS):
             slopes = np.stack(
                 [(residual(x + step) - left) / near for step in near * np.eye(len(x))],
                 axis=1,
             )
             size = np.abs(left).max()
+            # NaN gives no direction, and far away is another equilibrium
             if not np.isfinite(slopes).all() or np.abs(x - start).max() > OTHER:
                 break
             there = x + np.linalg.solve(DAMPED / pace - slopes, left)
@@ -171,6 +173,7 @@ def stand_vehicle(
         up_left, moment = balance([(arm, push) for _, arm, push in pushes(x)], weight)
         return np.array([up_left, float(moment.x), float(moment.y)]) / weight
 
+    # written so that NaN is refused, too
     if not weight > 0.0:
         raise ValueError(
             "initial.standing = true: must be false where plant.gravity leaves no"
@@ -198,6 +201,7 @@ def stand_vehicle(
     x = set_down(np.array([ABOVE, 0.0, 0.0]))
     equilibrium = _settle(residual, pushes, x)
     if equilibrium is None:  # on a slope a level vehicle stands on its upper feet alone
+        # on a slope a level vehicle stands on its upper feet alone
         x = set_down(np.array([ABOVE, *_slope(pushes(x), [UPRIGHT])]))
         equilibrium = _settle(residual, pushes, x)
     if equilibrium is None:
@@ -283,7 +287,8 @@ def _tipping(pushes: Sequence[Push]) -> str:
     slope = math.acos(normal[2])
     least, most = (math.atan2(end(ways, default=0.0), height) for end in (min, max))
     has = f"the slope has {math.degrees(slope):.4g}"
-    if most - least < ROLLS or least > slope:  # on an edge or a line, or up the slope
+    # on an edge or a line, or up the slope
+    if most - least < ROLLS or least > slope:
         return f" as it lies; {has} degrees (level ground, or another attitude)"
     cure = "less slope, or more stiffness" if most > slope else "less slope"
     return (
@@ -360,6 +365,7 @@ def with_standing_objects(contact: Contact, gravity: float) -> Contact:
     """
     waiting = sorted(
         (i for i, each in enumerate(contact.objects) if each.standing),
+        # the lowest first: what carries others must stand before them
         key=lambda i: float(contact.objects[i].position.z),
     )
     if waiting and not gravity > 0.0:
@@ -403,11 +409,13 @@ def _set_down(
     x = _descend(body, supports, x, index)
     equilibrium = _settle(supports.residual, supports.pushes, x)
     if equilibrium is None:  # on a slope a level body stands on its upper edge alone
+        # on a slope a level body stands on its upper edge alone
         rotation = body.frame(body.start()).rotation
         x = np.array(
             [x[0], *_slope(supports.pushes(x), [rotation.column(i) for i in range(3)])]
         )
         while supports.gap(x) < 0.0:
+            # tilted by the slope a corner may dip below where it stood
             x = x + max(LIFT, -supports.gap(x)) * UP
         x = _descend(body, supports, x, index)
         equilibrium = _settle(supports.residual, supports.pushes, x)
@@ -506,6 +514,7 @@ class _Supports:
         Those of the latest pose are kept, of which gap, force and residual are computed
         one after the other.
         """
+        # bytes compare as a whole, arrays entry by entry
         if x.tobytes() == self._pose:
             return self._pushes
         i = self._index

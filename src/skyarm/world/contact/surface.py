@@ -185,7 +185,8 @@ class Surface:
         if self.shape == "sphere":
             away = sqrt(p.dot(p) + _CENTRE)
             return ((away - self.size[0], p * divide(1.0, away)),)
-        if self.shape in ("hole", "cylinder"):  # a hole as if it were filled
+        # for a rotor's disc a hole is as if it were filled
+        if self.shape in ("hole", "cylinder"):
             outer, length = self.size[-2:]
             away = sqrt(p.x * p.x + p.y * p.y + _CENTRE)
             round_about = Vec3(divide(p.x, away), divide(p.y, away), 0)
@@ -219,6 +220,7 @@ class Surface:
             return radius - height, R.apply(normal)
         faces = self._faces(p)
         height, normal = _nearest(faces)
+        # a point inside counts to the nearest face, outside it has no force
         if len(faces) > 1 and not absent(radius):
             height, normal = _nearest_edge(faces, height, normal)
         return radius - height, R.apply(normal)
@@ -301,11 +303,13 @@ def _slab(c: Scalar, size: Scalar, axis: Vec3) -> Face:
     """Nearer of two opposite parallel faces to a point: height of the point above it,
     and outward normal.
     """
+    # the nearer of two opposite faces is on the side of the point
     return absolute(c) - 0.5 * size, axis * sign(c)
 
 
 def _either(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
     return Vec3(
+        # a shared constant stays structure
         *(x if x is y else where(condition, x, y) for x, y in zip(a, b, strict=True))
     )
 

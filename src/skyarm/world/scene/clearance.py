@@ -236,6 +236,7 @@ def volumes(vehicle: Vehicle) -> list[Volume]:
 
 def pair_distance(a: Volume, b: Volume) -> Scalar:
     """Signed distance (m) of two volumes in one frame, at most one of them a disc."""
+    # the formula below takes the disc second
     if not absent(a.disc):
         return pair_distance(b, a)
     way = a.end - a.start
@@ -272,6 +273,7 @@ def surface_distance(each: Volume, surface: Surface, time: Scalar) -> Scalar:
         )
     start, way = R.apply_T(each.start - at), R.apply_T(each.end - each.start)
     if surface.shape == "plane":
+        # the lower end, since a plane is nearest to an end of a segment
         return (start + way * where(_values(way).z > 0.0, 0.0, 1.0)).z - each.radius
     return (
         _from_box(tuple(0.5 * edge for edge in surface.size), start, way) - each.radius
@@ -325,6 +327,7 @@ def _least(
 
     for t in breaks:
         narrow(clip(t, 0.0, 1.0))
+    # bisection after each secant: a secant alone may creep from one side
     for _ in range(rounds):
         narrow(secant())
         narrow(0.5 * (lo + hi))
@@ -373,7 +376,8 @@ def _nearest_to_box(
     square = apart.dot(apart)
     free = where(square > _TINY, square, 0.0)
     # ways out: along the normal of a face, or across an edge and the segment
-    best: Scalars = (-math.inf, *(0.0,) * 5)  # height, share, end of the way, normal
+    # height, share, end of the way, normal
+    best: Scalars = (-math.inf, *(0.0,) * 5)
     for face, along in zip((E_X, E_Y, E_Z), d, strict=True):
         across = d - face * along
         length = across.dot(across)
@@ -405,6 +409,7 @@ def _above_cylinder(point: Vec3, disc: Volume) -> Scalar:
     end = absolute(along) - disc.half
     out, up, height = maximum(side, 0.0), maximum(end, 0.0), maximum(side, end)
     outside = sqrt(out * out + up * up + _TINY)
+    # a flat disc has no inside
     return outside if absent(disc.half) else where(height > 0.0, outside, height)
 
 

@@ -115,6 +115,7 @@ def _own_columns(
                 name: logged(name)[:, begins.get(name, 0) :][:, :count]
                 for name, count in own.items()
             }
+            # a log may lack columns of a part, which is then not drawn
             if all(columns[name].shape[1] == count for name, count in own.items()):
                 yield part, columns
         for name, count in own.items():

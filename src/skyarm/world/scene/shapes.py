@@ -219,7 +219,8 @@ def own_mesh(shape: Shape) -> tuple[Array, IntArray] | None:
     if mesh is None or x * y * z > 0.0:
         return mesh
     vertices, faces = mesh
-    return vertices, faces[:, ::-1]  # a mirrored mesh would be seen from inside
+    # a mirrored mesh would be seen from inside
+    return vertices, faces[:, ::-1]
 
 
 def _box(half: Array) -> tuple[Array, IntArray]:

@@ -113,7 +113,10 @@ class Decentralised(Sharing):
             )
             moved = as_data(
                 MemberState(
-                    offset=state.offset + rate * dt, rate=rate, mass=maximum(mass, 0.0)
+                    # a negative part would ask the member to press the body down
+                    offset=state.offset + rate * dt,
+                    rate=rate,
+                    mass=maximum(mass, 0.0),
                 )
             )
             after.append(moved)

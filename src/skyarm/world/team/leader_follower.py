@@ -127,6 +127,8 @@ class LeaderFollower(Sharing):
                 bend = divide(pushed, self.virtual_mass)
                 # at the bound the tip rests
                 free = absolute(body.offset + (body.rate + bend * dt) * dt) < FARTHEST
+                # both by the bend of before: as two statements the rate would take the
+                # new one
                 bend, rate = (
                     where(free, bend, 0.0),
                     where(free, body.rate + bend * dt, 0.0),

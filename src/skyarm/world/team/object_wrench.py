@@ -387,6 +387,7 @@ class ObjectWrench(Sharing):
         of its tip.
         """
         own = cast("WrenchMemory", own)
+        # a member without a virtual mass has lost its grasp
         holding = [where(each.mass > 0.0, inputs.holding, 0.0) for each in self.members]
         team = self.with_masses(
             [
@@ -558,6 +559,7 @@ class ObjectWrench(Sharing):
 
         Their mean age beyond the delay is that of the last one that was not lost.
         """
+        # messages of every period that come at once slow nothing down
         if absent(self.rate) and not self.delay:
             return 1.0
         # mean number of intervals since one that arrives
@@ -589,6 +591,7 @@ class ObjectWrench(Sharing):
         assert self.motion is not None
         pace = clip(1.0 - (own.overload - PATIENCE), 0.0, 1.0)
         clock = where(pace < 1.0, own.clock + pace * dt, inputs.time)
+        # the pace falls from 1 to 0 within 1 s, and is constant before and after
         change = where(pace * (1.0 - pace) > 0.0, -1.0, 0.0)
         desired = then = self.motion.at(clock).at_pace(pace, change)
         if self.pose_age:
@@ -667,6 +670,7 @@ class ObjectWrench(Sharing):
                 lost=each.lost + now - through,
             )
             sent.append(as_data(message))
+        # what is left of the interval stays, so that the mean rate is as stated
         left = 0.0 if absent(self.rate) else since - now * interval
         # after the first message, which is sent at once
         return tuple(sent), where(left > interval, 0.0, left)

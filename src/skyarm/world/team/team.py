@@ -488,6 +488,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
         )
         team = self.with_masses(list(masses))
         desired = self.motion.at(t)
+        # noise of the instant of the measurement, which ages with it
         seen = (self.measured_motion(body, memory.drawn), *memory.seen)
         inputs = TeamInputs(
             time=t,
@@ -507,6 +508,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
         arms = self.arms(body.rotation)
         tensions = team.tensions(team.internal(pulls, arms), arms)
         mass = next(each.mass for each in contact.objects if each.name == self.object)
+        # shares of no weight would divide by 0
         weight = maximum(mass * motion.gravity, LEAST)
         off = body.position - desired.position
         turn = team.turn_error(body.rotation, desired.R)
@@ -620,6 +622,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
         """Log columns without those of other members than ``agent``: pulls are of two
         of them.
         """
+        # the label of a pull names two members: none of the others' names equals it
         others = {each.agent for each in self.members} - {agent}
         return [each for each in self.columns if each.label not in others]
 
@@ -739,6 +742,7 @@ def require_whole_periods(name: str, value: float, period: float) -> None:
     Raises:
         RecordError: one line that begins with the field's name.
     """
+    # decimal fractions are whole multiples up to rounding only
     if abs(round(value / period) * period - value) > 1e-9:
         raise RecordError(
             f"{name} = {value:g}: must be a whole number of control periods of"

@@ -135,6 +135,7 @@ class VirtualMasses:
             line = arms[i] - arms[j]
             least = minimum(self.members[i].mass, self.members[j].mass)
             lines.append(
+                # a lost member takes no part: it must not be pulled either
                 line * where(least > 0.0, divide(1.0, sqrt(line.dot(line))), 0.0)
             )
         return lines
@@ -149,6 +150,7 @@ class VirtualMasses:
         for a, (i, j) in enumerate(pairs):
             for b, (k, m) in enumerate(pairs):
                 sign = float((i == k) + (j == m) - (i == m) - (j == k))
+                # grasps on one line have no unique pulls: SMALL selects the least ones
                 A[a][b] = lines[a].dot(lines[b]) * sign + (SMALL if a == b else 0.0)
         return ldl_solve(
             A,
@@ -259,6 +261,7 @@ class VirtualMasses:
                     J[i][k] = J[i][k] + each.mass * (
                         (square if i == k else 0.0) - c[i] * c[k]
                     )
+        # of points on a line J has no inverse: the turn about it is left at 0
         eased = maximum((J[0][0] + J[1][1] + J[2][2]) * SMALL, FLOOR)
         for i in range(3):
             J[i][i] = J[i][i] + eased
