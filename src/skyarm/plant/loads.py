@@ -19,7 +19,7 @@ from skyarm.dynamics.actuators import (
     stop_force,
 )
 from skyarm.dynamics.actuators.rotor import (
-    felt_in,
+    equivalent_speed_and_lag,
     has_short_lag,
     lag_of,
     short_lag,
@@ -240,7 +240,7 @@ def follow_commands(
     )
 
 
-def felt_in_step(
+def with_equivalent_rotors(
     worlds: Sequence[Truth],
     stages: Sequence[Sequence[State]],
     commands: Sequence[Command],
@@ -265,7 +265,7 @@ def felt_in_step(
     ):
         return worlds, stages
     made = list[Truth]()
-    felt = list[list[State]]()
+    equivalent = list[list[State]]()
     # angles of tilting rotors are those of the middle of a step
     moved = (
         [follow_commands(worlds, stages[0], commands, around, 0.5 * dt)]
@@ -276,13 +276,13 @@ def felt_in_step(
         rotors = world.vehicle.rotors
         turned = list[Rotor]()
         columns = list[Sequence[Scalar]]()
-        heard = around.of(i).rotor_commands(rotors, command.rotor_speeds)
+        received = around.of(i).rotor_commands(rotors, command.rotor_speeds)
         within = (stage[i].rotor_speeds for stage in stages)
-        for rotor, asked, *there in zip(rotors, heard, *within, strict=True):
+        for rotor, demanded, *there in zip(rotors, received, *within, strict=True):
             speeds = there
-            lag = lag_of(rotor, there[0], asked)
+            lag = lag_of(rotor, there[0], demanded)
             if held or has_short_lag(rotor):
-                mean, until = felt_in(rotor, speeds[0], asked, dt)
+                mean, until = equivalent_speed_and_lag(rotor, speeds[0], demanded, dt)
                 short = held or lag < short_lag(rotor)
                 speeds = [where(short, mean, each) for each in speeds]
                 lag = where(short, until, lag)
@@ -293,13 +293,13 @@ def felt_in_step(
             replace(world, vehicle=world.vehicle.with_checked(rotors=tuple(turned)))
         )
         rows = [tuple(column[k] for column in columns) for k in range(len(stages))]
-        felt.append(
+        equivalent.append(
             [
                 replace(s[i], rotor_speeds=row)
                 for s, row in zip(moved, rows, strict=True)
             ]
         )
-    return made, [*zip(*felt, strict=True)]
+    return made, [*zip(*equivalent, strict=True)]
 
 
 def held_frictions(vehicle: Vehicle, state: State, dt: Scalar) -> Scalars:

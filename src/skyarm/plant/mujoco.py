@@ -40,10 +40,10 @@ from skyarm.plant.largest_step import (
 from skyarm.plant.loads import (
     before_euler_step,
     changes_inertia,
-    felt_in_step,
     follow_commands,
     held_frictions,
     rigid_loads,
+    with_equivalent_rotors,
 )
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Coupling, Loads
@@ -278,10 +278,10 @@ class MujocoPlant:
         if self._euler:
             around = before_euler_step(self._worlds, states, around, dt)
         held = self._euler or self._rk4
-        worlds, (felt,) = felt_in_step(
+        worlds, (equivalent,) = with_equivalent_rotors(
             self._worlds, (states,), commands, around, dt, held=held
         )
-        forces = self._layout.generalized_forces(worlds, felt, commands, around)
+        forces = self._layout.generalized_forces(worlds, equivalent, commands, around)
         after = follow_commands(self._worlds, states, commands, around, dt)
         slopes = around.slopes(around.motions(self._worlds, states))
         driven = [

@@ -22,7 +22,7 @@ from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import example_command
-from skyarm.plant.loads import felt_in_step, follow_commands
+from skyarm.plant.loads import follow_commands, with_equivalent_rotors
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_welds import Welds
 from skyarm.plant.surroundings import Together, coupled_places
@@ -182,10 +182,10 @@ class StagedRungeKutta:
         ]
         # the state after the last stage is the begin of the next step
         begun = follow_commands(layout.worlds, first, commands, around, earlier * step)
-        worlds, (_, felt) = felt_in_step(
+        worlds, (_, equivalent) = with_equivalent_rotors(
             layout.worlds, (begun, following), commands, around, step
         )
-        loads = layout.generalized_forces(worlds, felt, commands, around)
+        loads = layout.generalized_forces(worlds, equivalent, commands, around)
         numbers = layout.to_mujoco(leaves(tuple(following)))
         return tuple(map(data, (*numbers, *memory, *turned, *sums, *rates, *loads)))
 

@@ -25,13 +25,13 @@ from skyarm.plant.loads import (
     applied_force,
     before_euler_step,
     changes_inertia,
-    felt_in_step,
     follow_commands,
     held_frictions,
     loaded_vehicle,
     rigid_loads,
     stuck_of,
     with_armature,
+    with_equivalent_rotors,
 )
 from skyarm.plant.surroundings import Memories, Surroundings, Together
 from skyarm.records.immutable import immutable
@@ -145,7 +145,7 @@ def coupled_rk4(
     )
     first = around.coupled_memories()
 
-    turning, (begin, middle, end) = felt_in_step(
+    turning, (begin, middle, end) = with_equivalent_rotors(
         worlds, (states, half, whole), commands, around, dt
     )
 
@@ -224,7 +224,9 @@ def coupled_euler(
     First order.
     """
     around = before_euler_step(worlds, states, around, dt)
-    turning, (felt,) = felt_in_step(worlds, (states,), commands, around, dt, held=True)
+    turning, (equivalent,) = with_equivalent_rotors(
+        worlds, (states,), commands, around, dt, held=True
+    )
     held = [
         replace(
             world,
@@ -234,7 +236,7 @@ def coupled_euler(
         )
         for world, state in zip(turning, states, strict=True)
     ]
-    rates, slopes = derivative(held, felt, commands, around)
+    rates, slopes = derivative(held, equivalent, commands, around)
     after = []
     for before, rate, state in zip(
         states,
@@ -283,7 +285,9 @@ def coupled_verlet(
         follow_commands(worlds, states, commands, around, part)
         for part in (0.5 * dt, dt)
     ]
-    worlds, (_, begun, _) = felt_in_step(worlds, (states, *lags), commands, around, dt)
+    worlds, (_, begun, _) = with_equivalent_rotors(
+        worlds, (states, *lags), commands, around, dt
+    )
     middle = tuple(_drift(each, half) for each in begun)
     there = around.drift(half)
     motions = there.motions(worlds, middle, step=dt)

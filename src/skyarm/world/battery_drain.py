@@ -77,9 +77,9 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
             voltage (V).
             """
             # of the memory only the voltage enters here: the charge may be any number
-            heard = self.rotor_commands((1.0, voltage), rotors, commands)
+            received = self.rotor_commands((1.0, voltage), rotors, commands)
             power: Scalar = battery.power(
-                rotors, speeds_after(rotors, state.rotor_speeds, heard, seconds)
+                rotors, speeds_after(rotors, state.rotor_speeds, received, seconds)
             )
             return power
 

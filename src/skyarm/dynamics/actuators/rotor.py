@@ -66,7 +66,7 @@ is not smooth at 0."""
 
 
 LEAST_LAG = 1e-3
-"""Least lag that is felt over the true one: where it would be less there is only
+"""Least equivalent lag over the true one: where it would be less there is only
 rounding."""
 
 
@@ -89,7 +89,7 @@ def lag_of(rotor: Rotor, speed: Scalar, command: Scalar) -> Scalar:
     return where(target > speed, rotor.time_constant_up, rotor.time_constant_down)
 
 
-def felt_in(
+def equivalent_speed_and_lag(
     rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar
 ) -> tuple[Scalar, Scalar]:
     """Constant speed (rad/s) and lag (s) by which a rotor's thrust and spin have their
@@ -129,15 +129,17 @@ def felt_in(
         )
         mean = 2.0 * squares(zero, -log(zero)) - mean
         mean = where(where(through, speed, speed + target) < 0.0, -mean, mean)
-    felt = _with_sign(rotor, mean, sqrt(absolute(mean)))
+    equivalent = _with_sign(rotor, mean, sqrt(absolute(mean)))
     gap = change * share * (end - 1.0)
     # a rotor that keeps its speed has no gap, and any lag does
     turns = absolute(gap) > 0.0
     ratio = where(
-        turns, maximum(divide(target - felt, where(turns, gap, 1.0)), LEAST_LAG), 1.0
+        turns,
+        maximum(divide(target - equivalent, where(turns, gap, 1.0)), LEAST_LAG),
+        1.0,
     )
     # a step of 0 s would divide by 0
-    return where(dt > 0.0, felt, speed), where(dt > 0.0, lag * ratio, lag)
+    return where(dt > 0.0, equivalent, speed), where(dt > 0.0, lag * ratio, lag)
 
 
 def rotor_force(rotor: Rotor, speed: Scalar, velocity: Vec3) -> Force:

@@ -304,8 +304,8 @@ class Servo(Drive):
         rounding = self._rounding(position)
         # torque before this period's error is added: it tells whether a limit is
         # reached
-        error, asked = self._loop(goal, memory.integral, position + rounding, rate)
-        integral = self._integrate(memory, error, asked, rate, dt)
+        error, demanded = self._loop(goal, memory.integral, position + rounding, rate)
+        integral = self._integrate(memory, error, demanded, rate, dt)
         return ServoMemory(
             goal=goal, integral=integral, rounding=rounding, waiting=waiting
         )
@@ -363,7 +363,12 @@ class Servo(Drive):
         return newer + (older - newer) * share, seen[1:]
 
     def _integrate(
-        self, memory: ServoMemory, error: Scalar, asked: Scalar, rate: Scalar, dt: float
+        self,
+        memory: ServoMemory,
+        error: Scalar,
+        demanded: Scalar,
+        rate: Scalar,
+        dt: float,
     ) -> Scalar:
         """Integral of the control error after a period, which stops growing at a torque
         limit (anti-windup).
@@ -372,8 +377,8 @@ class Servo(Drive):
         """
         low, high = self.bounds(rate)
         moved = memory.integral + error * dt
-        pushing_up = logical_and(asked > high, error > 0.0)
-        pushing_down = logical_and(asked < low, error < 0.0)
+        pushing_up = logical_and(demanded > high, error > 0.0)
+        pushing_down = logical_and(demanded < low, error < 0.0)
         return where(
             pushing_up, memory.integral, where(pushing_down, memory.integral, moved)
         )

@@ -257,6 +257,6 @@ NOBODY = -1
 the vehicle."""
 
 
-def both(a: Scalar, b: Scalar) -> Scalar:
+def reduced_mass(a: Scalar, b: Scalar) -> Scalar:
     """Reduced mass (kg) of two bodies in contact: 1 / (1 / a + 1 / b)."""
     return divide(1.0, divide(1.0, a) + divide(1.0, b))

@@ -13,7 +13,7 @@ from skyarm.algebra.scalars import clip, exp, logical_and, maximum, minimum, sqr
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.leaves import leaves
-from skyarm.world.contact.carrier import AnyCarrier, both, untouched_after
+from skyarm.world.contact.carrier import AnyCarrier, reduced_mass, untouched_after
 from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.gripper import Gripper
@@ -281,11 +281,15 @@ def steps_of_carriers(
         for surface in carrier.surfaces:
             if points:
                 # two bodies swing at their contact as their reduced mass does
-                yield what, share * surface.material.step_of(both(masses[i], LIGHTEST))
+                yield (
+                    what,
+                    share * surface.material.step_of(reduced_mass(masses[i], LIGHTEST)),
+                )
             for mass, other in others:
                 yield (
                     what,
-                    min(share, other) * surface.material.step_of(both(masses[i], mass)),
+                    min(share, other)
+                    * surface.material.step_of(reduced_mass(masses[i], mass)),
                 )
         if carrier.spot_count:
             for surface in surfaces:

@@ -65,13 +65,13 @@ ADHESIVE = ("magnet", "suction")
 
 @positional
 @checked("command")
-class Command:
+class GripperCommand:
     """Command of a gripper over time: closed while its signal is above one half."""
 
     signal: Signal = Constant(1)
 
     @classmethod
-    def from_table(cls, entry: Entry, where: str) -> Command:
+    def from_table(cls, entry: Entry, where: str) -> GripperCommand:
         """Read a gripper command from a value of a scenario file; raises a one-line
         ValueError if invalid.
         """
@@ -125,7 +125,7 @@ class Gripper:
         str, Unit("", "kind of the gripper", rule=coerce.word_of(KINDS))
     ] = "magnet"
     frame: str = ""
-    closed: Command = field(default_factory=Command)
+    closed: GripperCommand = field(default_factory=GripperCommand)
     reach: Annotated[
         Scalar,
         positive(
@@ -187,7 +187,7 @@ class Gripper:
     def __post_init__(self) -> None:
         accept_fields(self, "gripper")
         coerce.fold_zeros(self, "radius")
-        if self.kind == "hook" and self.closed != Command():
+        if self.kind == "hook" and self.closed != GripperCommand():
             raise RecordError(
                 "gripper.closed: must be left out of a hook, which has no command"
             )

@@ -13,7 +13,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, as_data, blend
 from skyarm.world.component import Column, Wrench, select
-from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame, both
+from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame, reduced_mass
 from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.gripper import Grip, Gripper, is_taken
@@ -39,8 +39,8 @@ class Holds:
         """
         for gripper in self.grippers:
             for carrier in self.carriers:
-                mass = both(LIGHTEST, 1.0 / carrier.mobility)
-                moved = both(LIGHTEST, 1.0 / carrier.mobility_at(gripper.reach))
+                mass = reduced_mass(LIGHTEST, 1.0 / carrier.mobility)
+                moved = reduced_mass(LIGHTEST, 1.0 / carrier.mobility_at(gripper.reach))
                 yield (
                     f"gripper {gripper.name!r}",
                     gripper.step_of(mass, moved, euler=euler),
@@ -78,7 +78,9 @@ class Holds:
         """Force and torque of each gripper on each movable body if it held that body,
         as [gripper][body].
         """
-        masses = [both(LIGHTEST, 1.0 / carrier.mobility) for carrier in self.carriers]
+        masses = [
+            reduced_mass(LIGHTEST, 1.0 / carrier.mobility) for carrier in self.carriers
+        ]
         every = list(zip(bodies, masses, self.carriers, strict=True))
         return [
             [

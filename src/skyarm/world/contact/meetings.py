@@ -23,7 +23,7 @@ from skyarm.world.contact.box_edges import (
     edge_touches,
     pairs_with_edges,
 )
-from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame, both
+from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame, reduced_mass
 from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.contact_point import (
     ContactPoint,
@@ -144,7 +144,7 @@ def meetings_of(
         place = at.position + spot
         under = surface.place(clock)[1] if frame is None else frame.velocity_at(place)
         slip = at.velocity + at.turning.cross(spot) - under
-        mass = at.mass if frame is None else both(masses[of], at.mass)
+        mass = at.mass if frame is None else reduced_mass(masses[of], at.mass)
         over = mean if of == by == NOBODY else longest
         own = touch_of(
             surface.material,
