@@ -119,7 +119,7 @@ def inverse_dynamics(
         if link.parent == BASE:
             total = total + carried
         else:
-            forces[link.parent] = forces[link.parent] + carried
+            forces[link.parent] += carried
     return total, tuple(torques)
 
 

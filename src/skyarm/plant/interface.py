@@ -173,6 +173,7 @@ def make_plant(scenario: Any, around: Any) -> Plant:
     if getattr(kind, "several", False):
         world = tuple(each.plant for each in scenario.agents.values())
     elif scenario.is_team:
+        # such a plant takes one state, so it cannot be given several
         raise ValueError(
             f"plant.kind = {scenario.kind!r}: flies one agent, not"
             f" {', '.join(scenario.agents)}"

@@ -87,6 +87,8 @@ def accelerate_one(
         return dynamics.forward_dynamics(moving, *given)
 
     given = state.joints, state.rate, state.joint_rates, force, torques
+    # code in place shares products with the forces: one vehicle has nothing to gain by
+    # a function of its own
     return (
         compiled_once("forward dynamics", solve, given, moving)
         if len(motion.agents) > 1

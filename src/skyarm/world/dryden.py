@@ -168,19 +168,18 @@ def start(first: Vec3, second: Vec3, dt: Scalar, *, par: Dryden) -> DrydenMemory
         dt: step of the sequence, s.
         par: the turbulence.
     """
-    inner = []
     output = []
     for d, n, m in zip(
         _steps(par, dt)[1:], tuple(first)[1:], tuple(second)[1:], strict=True
     ):
         a, b, gain, h = _second_order(d)
         correlation = divide(a * h + b * gain, gain * gain)
-        inner.append(n)
         output.append(
             # rounding of a very short step may lift the correlation above 1
             correlation * n + sqrt(maximum(1.0 - correlation * correlation, 0.0)) * m
         )
-    return DrydenMemory(first.x, output[0], output[1], inner[0], inner[1])
+    v, w = output
+    return DrydenMemory(first.x, v, w, first.y, first.z)
 
 
 def step(

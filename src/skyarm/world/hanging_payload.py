@@ -164,13 +164,13 @@ class HangingPayload(TimedPayload):
         """
         at = motion.frame(self.frame or None)
         holder, speed = motion.position(*at), motion.velocity(*at)
-        grasped, caught, gone, place = self.next_status(memory, t, holder)
+        status = self.next_status(memory, t, holder)
+        grasped = status.held > 0.5
+        caught = status.caught > 0.5
         nothing = ZERO3_DATA
         # at the instant of the grasp it begins at rest below the frame
-        first = select(
-            caught > 0.5, self.let_down(holder, motion.solids), memory.position
-        )
-        still = select(caught > 0.5, nothing, memory.velocity)
+        first = select(caught, self.let_down(holder, motion.solids), memory.position)
+        still = select(caught, nothing, memory.velocity)
         swing = Swing(position=first, velocity=still, holder=holder, pull=nothing)
         swing = repeat(
             SUBSTEPS,
@@ -178,14 +178,11 @@ class HangingPayload(TimedPayload):
             swing,
         )
         return HangingMemory(
-            held=grasped,
-            caught=caught,
-            gone=gone,
-            place=place,
+            **parts(status),
             begun=first,
-            position=select(grasped > 0.5, swing.position, memory.position),
-            velocity=select(grasped > 0.5, swing.velocity, memory.velocity),
-            pull=select(grasped > 0.5, swing.pull * (1.0 / SUBSTEPS), nothing),
+            position=select(grasped, swing.position, memory.position),
+            velocity=select(grasped, swing.velocity, memory.velocity),
+            pull=select(grasped, swing.pull * (1.0 / SUBSTEPS), nothing),
         )
 
     @property

@@ -227,10 +227,9 @@ class TimedPayload(Component[PayloadMemory]):
         """Internal state of the payload after a possible pick-up or set-down at a
         control instant.
         """
-        grasped, caught, gone, place = self.next_status(
+        return self.next_status(
             memory, t, motion.position(*motion.frame(self.frame or None))
         )
-        return PayloadMemory(held=grasped, caught=caught, gone=gone, place=place)
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
@@ -256,9 +255,9 @@ class TimedPayload(Component[PayloadMemory]):
 
     def next_status(
         self, memory: PayloadMemory, t: Scalar, position_W: Vec3
-    ) -> tuple[Scalar, Scalar, Scalar, Vec3]:
-        """Next internal state of the payload: held, just grasped, set down (1 or 0
-        each), and resting position.
+    ) -> PayloadMemory:
+        """Next grasp status and resting position of the payload, whose frame is at a
+        position (m, world axes).
         """
         carried = memory.held > 0.5
         gone = memory.gone > 0.5
@@ -266,9 +265,12 @@ class TimedPayload(Component[PayloadMemory]):
         # what was let go is not grasped again
         caught = where(carried, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
         dropped = where(carried, where(drop, 1.0, 0.0), 0.0)
-        now = where(dropped > 0.5, 0.0, where(caught > 0.5, 1.0, memory.held))
-        place = select(dropped > 0.5, position_W, memory.place)
-        return now, caught, where(dropped > 0.5, 1.0, memory.gone), place
+        return PayloadMemory(
+            held=where(dropped > 0.5, 0.0, where(caught > 0.5, 1.0, memory.held)),
+            caught=caught,
+            gone=where(dropped > 0.5, 1.0, memory.gone),
+            place=select(dropped > 0.5, position_W, memory.place),
+        )
 
     def events_reached(self, t: Scalar, position_W: Vec3) -> tuple[Scalar, Scalar]:
         """Conditions of pick-up and of set-down, true if met: time reached, and

@@ -48,6 +48,7 @@ class ClosedContact(Contact):
         objects = [each.name for each in self.objects]
         for name, vehicle in vehicles.items():
             if vehicle.followers:
+                # a file of one vehicle has no table agents
                 of = (
                     f"agents.{name}.plant.vehicle"
                     if len(vehicles) > 1

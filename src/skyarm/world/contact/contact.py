@@ -161,17 +161,14 @@ class Contact(ContactSteps):
         if self.points or not tips:
             return self
         # of one vehicle the short name, as logs and files of one vehicle have it
-        if len(vehicles) == 1:
-            return replace(
-                self,
-                points=tuple(
-                    ContactPoint(name=TIP, frame=frame) for frame in tips.values()
-                ),
-            )
-        points = [
-            ContactPoint(name=f"{name}_{TIP}", frame=frame, agent=name)
-            for name, frame in tips.items()
-        ]
+        points = (
+            [ContactPoint(name=TIP, frame=frame) for frame in tips.values()]
+            if len(vehicles) == 1
+            else [
+                ContactPoint(name=f"{name}_{TIP}", frame=frame, agent=name)
+                for name, frame in tips.items()
+            ]
+        )
         return replace(self, points=tuple(points))
 
     def of_agent(self, name: str) -> Contact:

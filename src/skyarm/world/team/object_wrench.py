@@ -71,6 +71,7 @@ from skyarm.world.team.team import (
     Sharing,
     TeamInputs,
     carry_of,
+    columns_of_labels,
     require_whole_periods,
     weight_of,
 )
@@ -104,6 +105,13 @@ member moves its tip."""
 LEAST_LEVER = 0.02
 """Lever (m) of the weight, beyond what forces and fixed grasps of the members bear,
 from which the body tips."""
+
+
+MESSAGES = (
+    ("message_age", "s", "age of the force that others have of a member"),
+    ("messages_lost", "", "number of a member's messages that were lost"),
+)
+"""Logged quantities of the messages: array, unit, meaning."""
 
 
 @immutable
@@ -337,25 +345,7 @@ class ObjectWrench(Sharing):
     def further_columns(self) -> tuple[Column, ...]:
         """Log columns of the messages."""
         agents = [each.agent for each in self.members]
-        ages = (
-            Column(
-                "message_age",
-                each,
-                "s",
-                "age of the force that others have of a member",
-            )
-            for each in agents
-        )
-        lost = (
-            Column(
-                "messages_lost",
-                each,
-                "",
-                "number of a member's messages that were lost",
-            )
-            for each in agents
-        )
-        return (*ages, *lost)
+        return columns_of_labels(MESSAGES, (agents, agents))
 
     def first(self, period: float) -> WrenchMemory:
         """Initial state of the law: nothing shifted."""

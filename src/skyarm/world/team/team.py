@@ -67,6 +67,26 @@ STEP = 0.05
 """Time (s) between the instants at which the end of a cable is planned."""
 
 
+LOGGED = (
+    ("team_position_error", "m", "distance of the body from its desired position"),
+    ("team_turn_error", "rad", "angle of the body from its desired attitude"),
+    ("team_pull", "N", "internal force along the line of two grasps"),
+    ("team_pull_reference", "N", "desired internal force along that line"),
+    ("load_share", "", "vertical force of a member over the weight of the body"),
+)
+"""Logged quantities of a team: array, unit, meaning."""
+
+
+def columns_of_labels(
+    quantities: Sequence[tuple[str, str, str]], labels: Sequence[Sequence[str]]
+) -> tuple[Column, ...]:
+    """Log columns of some quantities, each with one column for each of its labels."""
+    columns = list[Column]()
+    for (array, unit, meaning), own in zip(quantities, labels, strict=True):
+        columns += [Column(array, label, unit, meaning) for label in own]
+    return tuple(columns)
+
+
 @immutable
 class TeamInputs:
     """Inputs of a team's law in a control period, world axes.
@@ -572,51 +592,12 @@ class Team(VirtualMasses, Component[TeamMemory]):
         """Log columns: error of the body's pose, internal pull, and the share of the
         load of each member.
         """
-        pairs = [
-            f"{self.members[i].agent}_{self.members[j].agent}" for i, j in self.pairs
-        ]
-        return (
-            Column(
-                "team_position_error",
-                self.object,
-                "m",
-                "distance of the body from its desired position",
-            ),
-            Column(
-                "team_turn_error",
-                self.object,
-                "rad",
-                "angle of the body from its desired attitude",
-            ),
-            *(
-                Column(
-                    "team_pull",
-                    pair,
-                    "N",
-                    "internal force along the line of two grasps",
-                )
-                for pair in pairs
-            ),
-            *(
-                Column(
-                    "team_pull_reference",
-                    pair,
-                    "N",
-                    "desired internal force along that line",
-                )
-                for pair in pairs
-            ),
-            *(
-                Column(
-                    "load_share",
-                    each.agent,
-                    "",
-                    "vertical force of a member over the weight of the body",
-                )
-                for each in self.members
-            ),
-            *self.further_columns(),
-        )
+        body = (self.object,)
+        agents = [each.agent for each in self.members]
+        pairs = [f"{agents[i]}_{agents[j]}" for i, j in self.pairs]
+        labels = (body, body, pairs, pairs, agents)
+        own = columns_of_labels(LOGGED, labels)
+        return (*own, *self.further_columns())
 
     def columns_of(self, agent: str) -> Sequence[Column]:
         """Log columns without those of other members than ``agent``: pulls are of two
