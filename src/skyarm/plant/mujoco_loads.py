@@ -97,7 +97,7 @@ class Loads:
         model: mujoco.MjModel,
         data: mujoco.MjData,
         around: Together,
-        prefixes: Sequence[str] = ("",),
+        prefixes: Sequence[str],
     ) -> None:
         self._model, self._data = model, data
         beside = [around.of(i) for i in range(len(prefixes))]

@@ -102,7 +102,7 @@ def build_spec(
 def add_vehicle(
     spec: mujoco.MjSpec,
     vehicle: Vehicle,
-    loads: Sequence[TimedPayload] = (),
+    loads: Sequence[TimedPayload],
     prefix: str = "",
 ) -> None:
     """Add the tree of a vehicle to a MuJoCo model specification.

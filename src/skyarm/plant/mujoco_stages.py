@@ -89,8 +89,8 @@ class StagedRungeKutta:
         model: mujoco.MjModel,
         data: mujoco.MjData,
         around: Together,
-        forward: Callable[[mujoco.MjModel, mujoco.MjData], None] = mujoco.mj_forward,
-        welds: Sequence[Welds] = (),
+        forward: Callable[[mujoco.MjModel, mujoco.MjData], None],
+        welds: Sequence[Welds],
     ) -> None:
         self._welds = welds
         self._layout = layout

@@ -188,11 +188,8 @@ class Contact(ContactSteps):
         """Bodies of a vehicle (BASE or index of a link) that bear contact points,
         grippers or grasps.
         """
-        frames = (
-            (each.frame or None for each in self.grippers),
-            (each.frame or None for each in self.grasps),
-        )
-        links = {vehicle.frame(name).link for names in frames for name in names}
+        holders: tuple[Gripper | Grasp, ...] = (*self.grippers, *self.grasps)
+        links = {vehicle.frame(each.frame or None).link for each in holders}
         return links | {point.place(vehicle)[1] for point in self.points}
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:

@@ -18,7 +18,7 @@ from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.component import Wrench
-from skyarm.world.contact.material import LIGHTEST, Material
+from skyarm.world.contact.material import Material
 
 BASE_NAME = "base"
 
@@ -183,9 +183,9 @@ def touch_of(
     slip: Vec3,
     deflection: Vec3,
     step: Scalar,
-    mass: Scalar = LIGHTEST,
+    mass: Scalar,
     *,
-    mean: Scalar | None = None,
+    mean: Scalar | None,
 ) -> Touch:
     """Contact state of one point at one surface, from penetration, slip velocity and
     bristle deflection.
@@ -200,7 +200,7 @@ def touch_of(
         step: longest integration step of the whole contact, s.
         mass: mass (kg) that the pair moves at least.
         mean: time (s) in which a point makes the way that the depth is a mean over; the
-            material's longest step of a contact with a vehicle if left out.
+            material's longest step of a contact with a vehicle if None.
     """
     # a round surface's normal turns
     bristle, along = _across(deflection, axis), _across(slip, axis)

@@ -58,7 +58,7 @@ def contact_scene(
     points: Sequence[ContactPoint],
     objects: Sequence[FreeObject],
     mechanisms: Sequence[Mechanism],
-    grasps: Sequence[Grasp] = (),
+    grasps: Sequence[Grasp],
 ) -> Scene:
     """Drawn shapes and force arrows of the contact model at some instants of a
     flight.

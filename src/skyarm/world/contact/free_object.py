@@ -282,13 +282,14 @@ class FreeObject(Carrier[ObjectMotion]):
             # fixed axes: later rotations stand on the left
             attitude = Quaternion.of_rotation_vector(axis * data(angle)) * attitude
         R = attitude.rotation()
-        start = ObjectMotion(
-            position=self.position + R.apply(self.com),
-            attitude=attitude,
-            velocity=self.velocity,
-            rate=R.apply_T(self.angular_velocity),
+        return as_data(
+            ObjectMotion(
+                position=self.position + R.apply(self.com),
+                attitude=attitude,
+                velocity=self.velocity,
+                rate=R.apply_T(self.angular_velocity),
+            )
         )
-        return as_data(start)
 
     def advance(self, memory: ObjectMotion) -> ObjectMotion:
         """State of the object with the quaternion normalised."""
