@@ -26,7 +26,7 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.assess.along_reference import follow
 from skyarm.studies.assess.flight_loads import flight_parts
 from skyarm.vehicle.vehicle_records import MountedDrive
-from skyarm.world.contact.gripper import GripperCommand
+from skyarm.world.contact.gripper import Command
 
 DOCUMENT = {
     "name": "governed",
@@ -451,7 +451,7 @@ def test_a_flight_that_takes_something_at_an_instant_is_not_governed():
         (Constant(1), False),
         (Windowed(Constant(1), 1.0, 2.0), True),
     ):
-        hand = SimpleNamespace(name="hand", closed=GripperCommand(closed))
+        hand = SimpleNamespace(name="hand", closed=Command(closed))
         steady = SimpleNamespace(guards=())
         flight = SimpleNamespace(
             duration=1.0,

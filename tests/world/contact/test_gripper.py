@@ -16,7 +16,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import RecordError
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Ramp
-from skyarm.world.contact import Contact, FreeObject, Gripper, GripperCommand, Surface
+from skyarm.world.contact import Command, Contact, FreeObject, Gripper, Surface
 from skyarm.world.contact.hold import Hold
 from skyarm.world.contact.holds import _skin
 from support.engines import evaluate
@@ -239,7 +239,7 @@ def test_where_a_grasp_gives_way(kind, force, torque, gives_way):
 
 
 def test_what_gave_way_is_taken_again_only_after_the_gripper_was_opened():
-    contact = gripping(closed=GripperCommand(Ramp(start=0.0, duration=1.0, height=1.0)))
+    contact = gripping(closed=Command(Ramp(start=0.0, duration=1.0, height=1.0)))
     assert float(after(contact, contact.start(0.005, ()), t=0.4).taken) == 0.0, (
         "open until one half"
     )
@@ -263,7 +263,7 @@ def test_what_gave_way_is_taken_again_only_after_the_gripper_was_opened():
 
 
 def test_a_command_lets_go_and_that_is_no_loss():
-    contact = gripping(closed=GripperCommand(Ramp(start=0.0, duration=1.0, height=1.0)))
+    contact = gripping(closed=Command(Ramp(start=0.0, duration=1.0, height=1.0)))
     memory = contact.act(contact.start(0.005, ()), 0.6, 0.005, PointMotion(ARM, START))
     grip = after(contact, memory, t=0.3)
     assert (float(grip.taken), float(grip.lost), float(grip.ready)) == (0.0, 0.0, 1.0)
@@ -358,7 +358,7 @@ def test_every_engine_gives_what_floats_give(engine, tolerance, kind):
         (
             {
                 "kind": "hook",
-                "closed": GripperCommand(Ramp(start=0.0, duration=1.0, height=1.0)),
+                "closed": Command(Ramp(start=0.0, duration=1.0, height=1.0)),
             },
             "must be left out of a hook",
         ),

@@ -7,7 +7,7 @@ from skyarm.world.contact.contact import Contact
 from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.contact_point import ContactPoint, Touch
 from skyarm.world.contact.free_object import FreeObject, ObjectMotion
-from skyarm.world.contact.gripper import Grip, Gripper, GripperCommand
+from skyarm.world.contact.gripper import Command, Grip, Gripper
 from skyarm.world.contact.material import Material
 from skyarm.world.contact.mechanism import Detent, Mechanism, MechanismMotion
 from skyarm.world.contact.surface import Surface
@@ -15,6 +15,7 @@ from skyarm.world.contact.surface import Surface
 __all__ = [
     "CarriedFrame",
     "Carrier",
+    "Command",
     "Contact",
     "ContactMemory",
     "ContactPoint",
@@ -22,7 +23,6 @@ __all__ = [
     "FreeObject",
     "Grip",
     "Gripper",
-    "GripperCommand",
     "Material",
     "Mechanism",
     "MechanismMotion",

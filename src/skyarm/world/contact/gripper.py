@@ -65,13 +65,13 @@ ADHESIVE = ("magnet", "suction")
 
 @positional
 @checked("command")
-class GripperCommand:
+class Command:
     """Command of a gripper over time: closed while its signal is above one half."""
 
     signal: Signal = Constant(1)
 
     @classmethod
-    def from_table(cls, entry: Entry, where: str) -> GripperCommand:
+    def from_table(cls, entry: Entry, where: str) -> Command:
         """Read a gripper command from a value of a scenario file; raises a one-line
         ValueError if invalid.
         """
@@ -125,7 +125,7 @@ class Gripper:
         str, Unit("", "kind of the gripper", rule=coerce.word_of(KINDS))
     ] = "magnet"
     frame: str = ""
-    closed: GripperCommand = field(default_factory=GripperCommand)
+    closed: Command = field(default_factory=Command)
     reach: Annotated[
         Scalar,
         positive(
@@ -187,7 +187,7 @@ class Gripper:
     def __post_init__(self) -> None:
         accept_fields(self, "gripper")
         coerce.fold_zeros(self, "radius")
-        if self.kind == "hook" and self.closed != GripperCommand():
+        if self.kind == "hook" and self.closed != Command():
             raise RecordError(
                 "gripper.closed: must be left out of a hook, which has no command"
             )
