@@ -121,10 +121,11 @@ class Welds:
         self._time = len(leaves((first.components, first.memories)))
         off = mujoco.mjtDisableBit
         # a warm start would outlive a call
+        # constraints are off in a model without grasps (build_spec)
         spec.option.disableflags += int(off.mjDSBL_WARMSTART) - int(
             off.mjDSBL_CONSTRAINT
         )
-        # the solver must not stop early: results would depend on the state before
+        # no early stop: the force has to be that of the spring and the damper
         spec.option.tolerance = 0.0
         coms = {each.name: each.com for each in objects}
         at = dict[str, mujoco.MjsBody]()

@@ -207,6 +207,8 @@ def _grasp_scene(
     if grasp.kind == "cable":
         share = np.linspace(0.0, 1.0, PIECES + 1)[:, None]
         slack = float(grasp.length) ** 2 - ((end - place) ** 2).sum(axis=1)
+        # a parabola of sag f over a span d has a length l with l^2 - d^2 = 16 f^2 / 3,
+        # to second order
         sag = (
             np.sqrt(3.0 * np.maximum(slack, 0.0))[:, None, None]
             * share

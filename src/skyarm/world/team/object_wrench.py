@@ -391,9 +391,11 @@ class ObjectWrench(Sharing):
         arms = self.arms(R)
         standing = 1.0 - share
         loads, moments, ratios, short = team._loads(desired, inputs, arms, holding)
+        # a lost member counts from where the others bear a quarter of the load
         after_loss = where(
             (inputs.holding * len(holding) - sum(holding, 0.0)) * share > 0.25, 1.0, 0.0
         )
+        # past PATIENCE it only grows: a body that is being set down is set down
         overload = (own.overload + dt) * where(
             own.overload < PATIENCE, after_loss * where(short, 1.0, 0.0), 1.0
         )
@@ -461,6 +463,7 @@ class ObjectWrench(Sharing):
             moves = [s + (there - here) for s, there, here in aside]
             moment = moments[i] * share
             of_moment = (moment - inputs.moments[i]) * (
+                # only a fixed grasp has a moment that its observer may forget
                 h * self.blind_moments if member.kind == "fixed" else 0.0
             )
             forgotten = (excess[i] - tilted[i] * (1.0 - TILTING)) * blind, of_moment

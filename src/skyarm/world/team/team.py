@@ -335,6 +335,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
             return arm
         (line,) = self.lines(self.arms(R))
         across, pull = (each - line * each.dot(line) for each in (arm, force))
+        # as far from the line of the grasps as the place is, but along the force
         hung: Vec3 = pull * np.sqrt(across.dot(across) / (pull.dot(pull) + SMALL))
         turned: Vec3 = arm + (hung - across) * where(across.dot(pull) > 0.0, 1.0, 0.0)
         return turned
