@@ -573,11 +573,25 @@ def examine(
         where: scenario at whose start it is called; need not have it.
         place: its parameter path in messages; the kind if left out.
     """
+    part = UserPart(kind, record, place or kind, where, where)
     try:
-        _require_right([UserPart(kind, record, place or kind, where, where)])
+        _require_right([part])
+        if kind == "law":
+            check_controller(part.record)
+            _try_periods(part.record, where)
     except PartError as error:
         return [error.args[0]]
+    except LawError as error:
+        return [_mistake_of_law(error, part.record)]
     return []
+
+
+def _mistake_of_law(error: LawError, controller: Controller) -> Mistake:
+    """Error of a law as data, from its line "PLACE: law NAME WHAT: must INSTEAD"."""
+    owner = f"law {controller.name!r}"
+    place, _, line = str(error).partition(f": {owner} ")
+    what, _, instead = line.partition(": must ")
+    return Mistake(owner, place, what, instead and f"must {instead}")
 
 
 def require_shapes(scenario: Scenario) -> None:
@@ -871,15 +885,20 @@ def check_law(
             law if isinstance(law, Controller) else call_maker(law, name, model, {})
         )
         check_controller(controller)
-    flown, rates = flown.with_controller(controller), flown.rates
+    flown = flown.with_controller(controller)
+    _try_periods(controller, flown)
+    require_shapes(flown)
+
+
+def _try_periods(controller: Controller, flown: Scenario) -> None:
+    """Try a law over the first control periods of a scenario (:func:`try_law`)."""
+    rates = flown.rates
     seen = measurement_of(
         first_state(flown), Vec3(0.0, 0.0, float(flown.agent.plant.gravity))
     )
-    times = Publisher(
-        control_rate=rates.control, reference_rate=rates.reference
-    ).held_time(np.arange(PERIODS))
+    publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
+    times = publisher.held_time(np.arange(PERIODS))
     references = [
         flown.agent.reference.at(float(time)) for time in times[: flown.steps]
     ]
     try_law(controller, 1.0 / rates.control, seen, references)
-    require_shapes(flown)
