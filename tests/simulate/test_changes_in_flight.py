@@ -279,9 +279,7 @@ def test_a_payload_that_is_dropped_leaves_the_vehicle_as_it_was() -> None:
     )
 
 
-def test_changes_by_hand_join_those_of_the_scenario_and_a_snapshot_goes_behind_both() -> (
-    None
-):
+def test_changes_by_hand_join_scheduled_ones_and_a_snapshot_goes_behind_both() -> None:
     session = Session(changing(Change(at=0.2, path=GAIN, value=9.0)))
     for _ in range(10):
         session.step()
@@ -586,9 +584,7 @@ def test_noise_that_a_change_turns_up_is_drawn_from_then_on() -> None:
     assert noise[20:].min() > 0.0
 
 
-def test_friction_that_asks_for_shorter_steps_gets_them_though_only_a_number_changed() -> (
-    None
-):
+def test_friction_that_asks_for_shorter_steps_gets_them_by_a_number_alone() -> None:
     """The same paths, other values: code is shared only where it is integrated in the
     same steps.
     """

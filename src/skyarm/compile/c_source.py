@@ -75,10 +75,11 @@ for subnormal numbers."""
 
 KEEP_IEEE = """\
 /* NaN must stay visible and every operation keep its rounding. */
-#if defined(__FAST_MATH__) || defined(_M_FP_FAST) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) \\
+#if defined(__FAST_MATH__) || defined(_M_FP_FAST) \
+|| (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) \\
     || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__)
-#error "compile without -ffast-math, -ffinite-math-only, -funsafe-math-optimizations or /fp:fast: \
-this code must see NaN and round every operation"
+#error "compile without -ffast-math, -ffinite-math-only, -funsafe-math-optimizations \
+or /fp:fast: this code must see NaN and round every operation"
 #endif
 /* a * b + c rounds twice, as in Python. */
 #if defined(__clang__)

@@ -5,18 +5,19 @@ A draw has no memory: it is a pure function of (seed, episode, channel, step), w
 was drawn before it, in whatever order and on whatever engine. The layout is a promise;
 an engine that draws noise itself must follow it bit by bit.
 
-=========  ==========================================================================================
+=========  =============================================================================
 key        ``k0`` = low 32 bits of the seed, ``k1`` = its high 32 bits (seeds have 64
            bits)
 counter    ``c0`` = block, ``c1`` = step, ``c2`` = channel, ``c3`` = episode (32 bits
            each, unsigned)
 output     four words ``w0 w1 w2 w3`` a block
-uniform j  block ``j // 2``; ``x = w0 + 2**32 w1`` for even j, ``x = w2 + 2**32 w3`` for odd j;
-           ``u = (2 (x >> 12) + 1) * 2**-53``: odd multiples of 2**-53, exact doubles, never 0 or 1, symmetric about 1/2
+uniform j  block ``j // 2``; ``x = w0 + 2**32 w1`` for even j, ``x = w2 + 2**32 w3``
+           for odd j; ``u = (2 (x >> 12) + 1) * 2**-53``: odd multiples of 2**-53, exact
+           doubles, never 0 or 1, symmetric about 1/2
 normal j   from the two uniforms ``a``, ``b`` of block ``j // 2``: ``sqrt(-2 log a)``
            times ``cos(2 pi b)`` for even j, times ``sin(2 pi b)`` for odd j; the
            largest magnitude is sqrt(106 log 2) = 8.57
-=========  ==========================================================================================
+=========  =============================================================================
 
 Words, uniforms and normals are equal on all engines to the bit: log, sin and cos are
 those of :mod:`skyarm.algebra.scalars.elementary`. The step is a whole number of 32
