@@ -492,7 +492,9 @@ class StepFile:
         return f"void {self.name}_{function}(\n    " + ",\n    ".join(arguments) + ")"
 
     def _implementation(self) -> str:
-        name, structs, floats = self.name, self.structs, self.floats
+        name = self.name
+        structs = self.structs
+        floats = self.floats
         read = ("parameters", *self.inputs, "memory")
         inputs = [_place(key, place) for key in read for place in structs[key].places]
         outputs = [

@@ -77,7 +77,8 @@ def counts(
     %.
     """
     cells = [cell for cell in published_cells() if fits is None or fits(cell)]
-    values, shape = column_values(experiments, column, cells), unstated_study()["loss"]
+    values = column_values(experiments, column, cells)
+    shape = unstated_study()["loss"]
     if np.isnan(values).all():
         return {}
     loss = float(losses(values[None, :], cells, shape["width"], shape["knee"]).sum())

@@ -67,7 +67,8 @@ def settings_in(evidence: Record, kind: str) -> Record:
 
 def inferred_scenario(flight: PaperFlight, settings: Record) -> Scenario:
     """Scenario of one flight with inferred settings."""
-    study, name = unstated_study(), f"{flight.case} {flight.controller}"
+    study = unstated_study()
+    name = f"{flight.case} {flight.controller}"
     tables = scenario_tables(study, stated_tables(study, name), name, settings)
     planned = scenario_from(tables, replaced={"plant": flight.plant})
     changed = with_numbers(planned, numbers(study, name, settings))

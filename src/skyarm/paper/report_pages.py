@@ -250,7 +250,9 @@ def experiment_table(case: str, controllers: Mapping[str, Cells]) -> str:
 
 
 def _metric_row(case: str, controller: str, name: str, cell: Record) -> list[Cell]:
-    meant, paper, inferred = metric(name), cell.get("paper"), cell.get("inferred", {})
+    meant = metric(name)
+    paper = cell.get("paper")
+    inferred = cell.get("inferred", {})
     compare = bound_text if meant.bound else difference_text
     return [
         Mark(text=meant.label, title=meant.definition or name),
@@ -406,10 +408,8 @@ def _in_a_line(found: Mapping[str, Sequence[str]]) -> str:
 
 
 def _row(case: str, controller: str, name: str, cell: Record, plant: str) -> list[str]:
-    paper, inferred = (
-        published_number(case, controller, name) or "-",
-        cell.get("inferred", {}),
-    )
+    paper = published_number(case, controller, name) or "-"
+    inferred = cell.get("inferred", {})
     ours = [digits(column.get(each)) for column in (cell, inferred) for each in PLANTS]
     apart = [percent(column.get(plant), cell["paper"]) for column in (cell, inferred)]
     return [metric(name).label, metric(name).unit, controller, paper, *ours, *apart]
@@ -464,8 +464,10 @@ def report_pages(
         for each case. Scripts, styles and images are inside; no address is outside the
         folder.
     """
-    experiments, plant = results.get("experiments", {}), first_plant(results)
-    drawn, files = pictures or {}, case_files(experiments)
+    experiments = results.get("experiments", {})
+    plant = first_plant(results)
+    drawn = pictures or {}
+    files = case_files(experiments)
     sections = [
         ("verdict", "Every count", _counts(results, plant)),
         *([("inferred", "Inferred settings", inferred)] if inferred else []),
@@ -542,7 +544,8 @@ def _case_page(
     figures.
     """
     flown = next((each for each, cases in logs.items() if cases.get(case)), "")
-    flights, redrawn = _flights(case, drawn, flown), _paper_figures(case, drawn, plant)
+    flights = _flights(case, drawn, flown)
+    redrawn = _paper_figures(case, drawn, plant)
     sections = [
         *([("flights", "Flights", flights)] if flights else []),
         ("numbers", "Numbers", experiment_table(case, laws)),

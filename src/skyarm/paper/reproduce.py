@@ -319,7 +319,8 @@ def reproduce(
     require_machine_code()
     if on is not None:
         require_place(on)
-    folder, say = prepare_folder(out, plants), note or (lambda _line: None)
+    folder = prepare_folder(out, plants)
+    say = note or (lambda _line: None)
     evidence = evidence or shipped_evidence()
     with one_writer(folder):
         store = Store.if_kept(folder)

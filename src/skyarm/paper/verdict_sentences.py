@@ -4,6 +4,8 @@ its results.
 
 from __future__ import annotations
 
+from functools import partial
+
 from skyarm.paper.counted_cells import Column, counts, inferred_value, stated_value
 from skyarm.paper.flights import first_plant
 from skyarm.paper.inferred_settings import unstated_study
@@ -15,7 +17,7 @@ from skyarm.paper.published import (
     reversed_orders,
     short_title,
 )
-from skyarm.paper.unstated_study import table_by_name
+from skyarm.paper.unstated_study import PublishedNumber, table_by_name
 from skyarm.records.immutable import positional
 
 NEAR = "within_25%"
@@ -46,7 +48,8 @@ def verdict(results: Record) -> tuple[str, str, str]:
     """Three sentences on the first plant of results: what agrees, what differs, and
     why.
     """
-    experiments, plant = results.get("experiments", {}), first_plant(results)
+    experiments = results.get("experiments", {})
+    plant = first_plant(results)
     stated, inferred = (
         counts(experiments, column(plant)) for column in (stated_value, inferred_value)
     )
@@ -58,7 +61,8 @@ def verdict(results: Record) -> tuple[str, str, str]:
         )
     groups = _groups(experiments, stated_value(plant))
     worst, best = groups[0], groups[-1]
-    near, cells = int(stated[NEAR]), int(stated["cells"])
+    near = int(stated[NEAR])
+    cells = int(stated["cells"])
     agrees = (
         f"{near} of the paper's {cells} numbers agree within 25 %, among them"
         f" {best.count} {best.words}."
@@ -91,14 +95,15 @@ def _groups(experiments: Record, column: Column) -> list[_Group]:
     """
     found = []
     for words in dict.fromkeys(each.quantity for each in METRICS.values()):
-        near = counts(
-            experiments,
-            column,
-            lambda cell, words=words: metric(cell.name).quantity == words,
-        )  # type: ignore[misc]
+        near = counts(experiments, column, partial(_is_of, words))
         if near:
             found.append(_Group(words, int(near[NEAR]), int(near["cells"])))
     return sorted(found, key=lambda group: (group.near / group.cells, group.cells))
+
+
+def _is_of(quantity: str, cell: PublishedNumber) -> bool:
+    """True if a published number is one of a quantity, such as joint errors."""
+    return metric(cell.name).quantity == quantity
 
 
 def _example(experiments: Record, plant: str, quantity: str) -> str:

@@ -221,7 +221,8 @@ def state_arrays(
         x: states, a row each.
         u: commands, a row each.
     """
-    n, rotors = vehicle.n, len(vehicle.rotors)
+    n = vehicle.n
+    rotors = len(vehicle.rotors)
     tilts = (
         {"tilts": x[:, 13 + 2 * n + rotors :], "tilt_commands": u[:, rotors + n :]}
         if vehicle.tilts
@@ -244,8 +245,11 @@ def state_arrays(
 
 def _tables(piece: AgentPiece) -> dict[str, Array]:
     """Log arrays by name, for the part of a flight between two scheduled changes."""
-    scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
-    vehicle, count = scenario.agent.vehicle, len(flown.states)
+    scenario = piece.scenario
+    inputs = piece.inputs
+    flown = piece.flown
+    vehicle = scenario.agent.vehicle
+    count = len(flown.states)
     wind = flown.wind
     start = piece.start - inputs.ticks.start
     stop = start + count
@@ -309,7 +313,9 @@ def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
     """Log arrays of sensor readings and the law's measurement, and a description of
     each sensor for the log.
     """
-    scenario, flown, count = piece.scenario, piece.flown, len(piece.flown.states)
+    scenario = piece.scenario
+    flown = piece.flown
+    count = len(piece.flown.states)
     sensors = {
         name: (i, sensor) for i, (name, sensor) in enumerate(scenario.agent.all_sensors)
     }
@@ -402,11 +408,9 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     """Metadata of one vehicle's flight log as a dictionary: scenario, rates, status,
     versions, digest.
     """
-    guards, own, whole = (
-        scenario.agent.reference.guards,
-        scenario.agent,
-        describe_team(scenario, ending),
-    )
+    guards = scenario.agent.reference.guards
+    own = scenario.agent
+    whole = describe_team(scenario, ending)
     waits = [
         {"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)}
         for each in guards
@@ -441,7 +445,9 @@ def describe_team(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     """Metadata of a flight log that is of all vehicles: scenario, rates, status,
     versions, digest.
     """
-    rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
+    rates = scenario.rates
+    whole = plain(scenario)
+    files = own_files(scenario)
     return {
         "schema": 1,
         "scenario": scenario.name,

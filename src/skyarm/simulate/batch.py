@@ -131,7 +131,8 @@ class Batch:
     ) -> None:
         require_flight(scenario)
         require_rigid_body(scenario)
-        self.scenario, self.paths = scenario, require_paths(scenario, paths)
+        self.scenario = scenario
+        self.paths = require_paths(scenario, paths)
         require_kind("windows", windows, Windows)
         require_kind("stiffest", stiffest, Scenario)
         require_count("effort", effort, 0)
@@ -153,10 +154,8 @@ class Batch:
             required_totals([*own.values()], vehicles[name].n)
             for name, own in self._listed.items()
         ]
-        self._log_every, self._times = (
-            log_every,
-            np.arange(scenario.steps) / scenario.rates.control,
-        )
+        self._log_every = log_every
+        self._times = np.arange(scenario.steps) / scenario.rates.control
         self._masks = self.windows.masks(self._times)
         course = stretches(scenario)
         options = LegOptions(
@@ -258,15 +257,14 @@ class Batch:
         per interval, and all logs.
         """
         last: tuple[Leg, Array] | None = None
-        ends, log = (
-            list[tuple[LoopState, Tallies]](),
-            list[tuple[tuple[Logged, ...], Array]](),
-        )
+        ends = list[tuple[LoopState, Tallies]]()
+        log = list[tuple[tuple[Logged, ...], Array]]()
         for leg in self._legs:
             parameters = leg.parameters(columns, len(episodes))
             carry = leg.begin(parameters, seed, episodes, last)
             carry, logged = leg.fly(carry, parameters, seed, episodes, threads)
-            last, log = (leg, carry), [*log, *logged]
+            last = (leg, carry)
+            log = [*log, *logged]
             ends.append(rebuild(leg.first, iter(list(carry.astype(float)))))
         return ends, log
 
@@ -297,14 +295,13 @@ class Batch:
             name: np.append(0, np.cumsum(mask))[ticks]
             for name, mask in self._masks.items()
         }
-        period, metrics = self.scenario.rates.period, dict[str, Array]()
+        period = self.scenario.rates.period
+        metrics = dict[str, Array]()
         for (agent, names), totals, sums in zip(
             self._listed.items(), self._totals, tallies, strict=True
         ):
-            named, joints = (
-                dict(zip(totals, sums, strict=True)),
-                self.scenario.vehicles[agent].n,
-            )
+            named = dict(zip(totals, sums, strict=True))
+            joints = self.scenario.vehicles[agent].n
             numbers = metric_values([*names.values()], named, instants, joints, period)
             metrics |= {name: numbers[each] for name, each in names.items()}
         return metrics

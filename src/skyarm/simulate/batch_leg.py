@@ -139,9 +139,11 @@ class AgentFeed:
     """
 
     def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
-        self._scenario, inputs = scenario, episode_inputs(scenario)
+        self._scenario = scenario
+        inputs = episode_inputs(scenario)
         self.row: GivenRow = InputRow(time=0.0, reference=())
-        self.table, self.goals = inputs.times[:, None], list[MetricGoal]()
+        self.table = inputs.times[:, None]
+        self.goals = list[MetricGoal]()
         if not (
             scenario.agent.reference.guards
             or any(path.startswith("reference.") for path in paths)
@@ -205,11 +207,9 @@ def _instant(
     """Collect the quantities of one control instant from which the metrics of one
     vehicle are computed.
     """
-    vehicle, waits, command = (
-        stages.scenario.agent.vehicle,
-        stages.waits,
-        sample.command,
-    )
+    vehicle = stages.scenario.agent.vehicle
+    waits = stages.waits
+    command = sample.command
     if not goals:
         free = waits.reference(*waits.instants(waits.log_values(own.clock, ticks))[1])
         goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
@@ -331,9 +331,12 @@ class Leg:
         options: LegOptions,
         before: Sequence[Leg] = (),
     ) -> None:
-        self.periods, self._options = periods, options
-        self._begun, self._overrides = begun, overrides
-        self._shape, self.scenario = overrides.parts_of(begun), overrides.of(begun)
+        self.periods = periods
+        self._options = options
+        self._begun = begun
+        self._overrides = overrides
+        self._shape = overrides.parts_of(begun)
+        self.scenario = overrides.of(begun)
         require_compiled(self.scenario)
         fixed = {
             path
@@ -551,11 +554,9 @@ class Leg:
         """
         if self.code is None:
             return carry, []
-        kernel, logged, every = (
-            self.code.kernel,
-            self.code.logged,
-            max(1, self._options.every),
-        )
+        kernel = self.code.kernel
+        logged = self.code.logged
+        every = max(1, self._options.every)
         limit = np.finfo(kernel.dtype).max
         log: list[tuple[tuple[Logged, ...], Array]] = []
         # samples are kept at multiples of ``every`` from the beginning of the flight

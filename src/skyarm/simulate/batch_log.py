@@ -119,7 +119,8 @@ def _concatenate(
     last one becomes NaN.
     """
     example = next(each for each in reversed(records) if each is not None)
-    count, columns = len(leaves(example)), []
+    count = len(leaves(example))
+    columns = []
     for each, shape in zip(records, shapes, strict=True):
         fits = each is not None and mismatch(example, each, "record") is None
         columns.append(leaves(each) if fits else [np.full(shape, np.nan)] * count)

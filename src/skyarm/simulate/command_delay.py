@@ -26,7 +26,8 @@ def command_delay(scenario: Scenario) -> tuple[Scalar | None, Scalar]:
     """Command delay as a number of whole control periods (None: given by the queue
     length) and a remainder (s).
     """
-    rates, delay = scenario.rates, scenario.agent.delays.command
+    rates = scenario.rates
+    delay = scenario.agent.delays.command
     if scenario.agent.delays.longest_command is None:
         return (
             None,
@@ -43,11 +44,9 @@ def rotor_and_joint_delays(
     """Delays of rotor and joint commands, each as whole control periods and the
     remainder in s.
     """
-    rates, delays, split = (
-        scenario.rates,
-        scenario.agent.delays,
-        list[tuple[Scalar, Scalar]](),
-    )
+    rates = scenario.rates
+    delays = scenario.agent.delays
+    split = list[tuple[Scalar, Scalar]]()
     ratio = rates.physics // rates.control
     for more in (delays.rotors, delays.joints):
         delay = add(delays.command, more)
@@ -78,10 +77,8 @@ def switches(
         rotors: s within the period at which it takes effect in the rotors.
         joints: s within the period at which it takes effect in the joints.
     """
-    rotors_first, joints_first = (
-        joined_parts(after, before),
-        joined_parts(before, after),
-    )
+    rotors_first = joined_parts(after, before)
+    joints_first = joined_parts(before, after)
     if type(joints) is float and type(rotors) is not float and joints == 0.0:
         return [(rotors, joints_first)]
     if type(rotors) is float and type(joints) is not float and rotors == 0.0:
@@ -125,7 +122,8 @@ def arrivals(
             for row in zip(*each, strict=True)
         ]
     ends = [[*accumulate(seconds for seconds, _ in parts)] for parts in each]
-    every, parts = [end for some in ends for end in some], Parts()
+    every = [end for some in ends for end in some]
+    parts = Parts()
     start: Scalar = 0.0
     plain = all(type(end) is float for end in every)
     for end in sorted({*map(float, every)}) if plain else _ascending(every):
@@ -275,7 +273,8 @@ def rotor_numbers(
         )
     if not coerce.is_sequence(speeds):
         raise ScenarioError(f"rotors = {shown(speeds)}: must be {rotors} numbers")
-    numbers, others = tuple(speeds), (0.0,) * (joints + tilts)
+    numbers = tuple(speeds)
+    others = (0.0,) * (joints + tilts)
     plain = set(map(type, numbers)) == {float}  # as every period under an autopilot
     if plain and len(numbers) == rotors:
         taken.require(numbers, "rotors")

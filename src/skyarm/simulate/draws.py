@@ -101,7 +101,8 @@ def draw_plan(scenario: Scenario) -> Draws:
     """
     sensors, components = [], []
     for name, agent in scenario.agents.items():
-        of, vehicle = "" if name == SOLE else f" of {name}", agent.vehicle
+        of = "" if name == SOLE else f" of {name}"
+        vehicle = agent.vehicle
         full, *named = agent.all_sensors
         first = _channel("sensor", of) if of else CHANNEL_SENSORS
         rows = [(first, full[1].uniforms(vehicle))]
@@ -125,7 +126,8 @@ def _by_kind(components: Sequence[AnyComponent], of: str) -> list[tuple[int, int
     """Channel and count of each environment model, by its kind and how many of that
     kind stand before it.
     """
-    rows, before = list[tuple[int, int]](), Counter[str]()
+    rows = list[tuple[int, int]]()
+    before = Counter[str]()
     for component in components:
         kind = type(component).__qualname__
         rows.append(
@@ -148,7 +150,8 @@ def start_draws(scenario: Scenario, seed: int, episode: ArrayLike) -> list[Array
 
     Those of each vehicle in turn, then those of the models that all share.
     """
-    steps, keys = np.array(STARTS), np.asarray(episode)[..., None]
+    steps = np.array(STARTS)
+    keys = np.asarray(episode)[..., None]
     draws = []
     for channel, count in draw_plan(scenario).models:
         numbers = (

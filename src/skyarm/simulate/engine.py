@@ -119,7 +119,8 @@ class EpisodeCode(LoopProgram):
     ) -> None:
         require_shapes(scenario)
         super().__init__(scenario, vary, tuple(numbers), key=key)
-        self.window, self.commands = window or scenario.steps, commands
+        self.window = window or scenario.steps
+        self.commands = commands
         laws = [each.controller for each in scenario.agents.values()]
         self.calls: list[LawCalls] = (
             []
@@ -154,7 +155,8 @@ class EpisodeCode(LoopProgram):
                 program = self._write_program(name, effort)
             elif effort is None:
                 note_repeat(program, scenario)
-            self.program, self.loop = program, program.loop
+            self.program = program
+            self.loop = program.loop
             self.substeps.traced.update(program.substeps)
             self.kernel = Kernel(
                 self.loop, Lanes(1), logging=True, written=program.assembly
@@ -290,15 +292,19 @@ class _PythonSteps:
     def __init__(
         self, loop: Loop, carry: Array, parameters: Array, seed: int, episode: int
     ) -> None:
-        self._loop, self._step, self._keys = loop, loop.stepper(), (seed, episode)
-        self.carry, self.parameters = carry, parameters
+        self._loop = loop
+        self._step = loop.stepper()
+        self._keys = (seed, episode)
+        self.carry = carry
+        self.parameters = parameters
         self.command: tuple[str, tuple[float, ...]] = ("", ())
 
     def read_tables(self, rows: Array, log: Array) -> None:
         """Set the table of closed-loop inputs, one row per control period, and the
         table for the logged samples.
         """
-        self._rows, self._log = rows, log
+        self._rows = rows
+        self._log = log
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:
         """Evaluate control periods ``begin`` to ``end`` of the input table, or up to a
@@ -364,7 +370,9 @@ class Engine:
         numbers: Mapping[str, float] | None = None,
     ) -> None:
         self.scenario = scenario or code.scenario
-        self.code, self.first, self._steps = code, code.first, self.scenario.steps
+        self.code = code
+        self.first = code.first
+        self._steps = self.scenario.steps
         self._inputs = code.inputs
         parameters = doubles(code.numbers if numbers is None else [*numbers.values()])
         self._stepper = self._make_stepper(
@@ -379,7 +387,9 @@ class Engine:
         self._stepper.read_tables(self._rows, self.recorder.table)
         self.tick = self.begun = 0
         self.ended: Ended | None = None
-        self._stretch, self.commanded, self.from_outside = 1, False, math.inf
+        self._stretch = 1
+        self.commanded = False
+        self.from_outside = math.inf
 
     def _make_stepper(
         self, loop: Loop, carry: Array, parameters: Array, *, peek: bool = False
@@ -387,7 +397,8 @@ class Engine:
         """Make the evaluator of a traced program: machine code if the flight is
         compiled, else Python.
         """
-        seed, episode = self.scenario.seed, self.scenario.episode
+        seed = self.scenario.seed
+        episode = self.scenario.episode
         if self.code.kernel is None:
             return _PythonSteps(loop, carry, parameters, seed, episode)
         kernel = Kernel(loop, Lanes(1), logging=True) if peek else self.code.kernel
@@ -453,7 +464,8 @@ class Engine:
         if k >= self._steps or self.ended is not None:
             return False
         if commands:
-            mode, modes = 2.0 if rotors_only else 1.0, len(commands)
+            mode = 2.0 if rotors_only else 1.0
+            modes = len(commands)
             self._rows[k, self._width :][:modes] = [
                 mode if each else 0.0 for each in commands
             ]
@@ -462,7 +474,8 @@ class Engine:
                 if each:
                     self._rows[k, at : at + len(each)] = each
                 at += len(leaves(own.queue[0])) if modes > 1 else 0
-            self.commanded, self.from_outside = True, min(self.from_outside, k)
+            self.commanded = True
+            self.from_outside = min(self.from_outside, k)
         elif self.commanded:
             self._rows[k, self._width :][: len(self.first.agents)] = 0.0
         return self._fly(k + 1)
@@ -478,17 +491,20 @@ class Engine:
         stop = min(
             stop, self.tick + self._stretch, self._first + self.code.window, self._steps
         )
-        begun, before = perf_counter(), self.tick
+        begun = perf_counter()
+        before = self.tick
         if self.commanded:
             self._rows[before:stop, self._width :][:, : len(self.first.agents)] = 0.0
         going = self._fly(stop)
-        size, seconds = self.tick - before, max(perf_counter() - begun, 1e-6)
+        size = self.tick - before
+        seconds = max(perf_counter() - begun, 1e-6)
         self._stretch = max(1, int(size * min(8.0, PIECE / seconds)))
         return going
 
     def _fly(self, stop: int) -> bool:
         """Simulate up to control period ``stop``; False once the flight is over."""
-        carry, first = self._stepper.carry, self._first
+        carry = self._stepper.carry
+        first = self._first
         self._before[:] = carry
         self._stepper.fly(self.tick - first, stop - first, first)
         over = carry[ALIVE] < 0.5
@@ -509,13 +525,12 @@ class Engine:
         """Status, cause and time of the flight's early termination; None after its full
         duration.
         """
-        scenario, now, time = (
-            self.scenario,
-            self.now,
-            self.tick / self.scenario.rates.control,
-        )
+        scenario = self.scenario
+        now = self.now
+        time = self.tick / self.scenario.rates.control
         for i, name in enumerate(scenario.agents):
-            one, own = scenario.of(name), now.agents[i]
+            one = scenario.of(name)
+            own = now.agents[i]
             goal = (
                 self.inputs.each[i].row_at(self.tick, own, now.ticks).reference.position
             )
@@ -591,7 +606,8 @@ class Engine:
         Plants that cannot be traced are replaced by the rigid body. The floats are
         NumPy's, which divide by 0.
         """
-        scenario, ticks = self.scenario, np.array([int(float(now.ticks))])
+        scenario = self.scenario
+        ticks = np.array([int(float(now.ticks))])
         program = LoopProgram(scenario)
         stages = program.stages(())
         rows = self.inputs.rows_at(ticks[0], now)
@@ -630,10 +646,8 @@ class Engine:
     def measurements(self) -> tuple[Measurement, ...]:
         """Measurement that each control law receives in the next period."""
         stepper, output, example = self._peek
-        stepper.carry[:], stepper.parameters[:] = (
-            self._stepper.carry,
-            self._stepper.parameters,
-        )
+        stepper.carry[:] = self._stepper.carry
+        stepper.parameters[:] = self._stepper.parameters
         stepper.read_tables(self._rows[self.tick : self.tick + 1], output)
         stepper.fly(0, 1, start=self.tick)
         return rebuild(example, iter(output[0].tolist()))
@@ -703,7 +717,8 @@ class Engine:
         """
         if not self.code.fits(key, scenario, changed):
             return False
-        self.scenario, self.begun = scenario, self.tick
+        self.scenario = scenario
+        self.begun = self.tick
         self._stepper.parameters[:] = [*numbers.values()]
         if any(word_of(path).startswith("reference.") for path in changed):
             self._rows = self._input_rows()
@@ -717,7 +732,8 @@ class Engine:
         now = other.now
         clocks = clocks_of_change(self.scenario, self.first, now, anew=anew)
         places = component_places(self.scenario), component_places(other.scenario)
-        carried, memories = carry_over(self.first, now, places, clocks), list[Tree]()
+        carried = carry_over(self.first, now, places, clocks)
+        memories = list[Tree]()
         for i, (law, before) in enumerate(zip(self._laws, other._laws, strict=True)):
             kept = carried.agents[i].memory
             if self.code.calls and not law.compiled:
@@ -728,5 +744,8 @@ class Engine:
                 self.code.calls[i].memory = kept
             memories.append(_carried_memory(law, kept) if self.code.calls else kept)
         self._stepper.carry[:] = leaves(_with_memories(carried, memories))
-        self.begun, self.tick, self.ended = other.tick, other.tick, other.ended
-        self.commanded, self.from_outside = other.commanded, other.from_outside
+        self.begun = other.tick
+        self.tick = other.tick
+        self.ended = other.ended
+        self.commanded = other.commanded
+        self.from_outside = other.from_outside

@@ -218,7 +218,8 @@ class UserPart:
 
     def require_wrenches(self, given: Given, wrenches: Any) -> None:
         """Refuse anything but a list of wrenches on bodies that are there."""
-        refuse, whole = partial(self.refusal, method="wrenches"), self.whole.agents
+        refuse = partial(self.refusal, method="wrenches")
+        whole = self.whole.agents
         if not isinstance(wrenches, (list, tuple)) or not all(
             isinstance(each, Wrench) for each in wrenches
         ):
@@ -311,8 +312,10 @@ class UserPart:
         class; functions of what is long.
         """
         scenario = self.scenario
-        agent, period = scenario.agent, scenario.rates.period
-        vehicle, speeds = agent.vehicle, state.rotor_speeds
+        agent = scenario.agent
+        period = scenario.rates.period
+        vehicle = agent.vehicle
+        speeds = state.rotor_speeds
         given: Given = {
             "t": t,
             "state": state,
@@ -380,10 +383,8 @@ class UserPart:
         """Call a method of the model; raise an error if it modifies an argument or
         reads a sensor that is not there.
         """
-        own, values = (
-            self.record,
-            _values(given, CONTRACTS[self.kind].methods[method].arguments),
-        )
+        own = self.record
+        values = _values(given, CONTRACTS[self.kind].methods[method].arguments)
         function = (
             partial(checked_law(own), par=own.par)
             if self.kind == "law"
@@ -395,7 +396,8 @@ class UserPart:
         try:
             result = function(*values)
         except KeyError as error:
-            name, readings = next(iter(error.args), None), given["readings"]
+            name = next(iter(error.args), None)
+            readings = given["readings"]
             if callable(readings) or not isinstance(name, str) or name in readings:
                 raise
             there = (
@@ -441,7 +443,8 @@ class UserPart:
         """Trace one step of the model by its contract; raise a one-line error for a
         mistake in the user's code.
         """
-        memory, first = self.first_memory(), first_state(self.scenario)
+        memory = self.first_memory()
+        first = first_state(self.scenario)
 
         def step(
             moving: Tree, time: Scalars, state: State, draws: Scalars
@@ -500,7 +503,8 @@ def _require_class(part: UserPart) -> None:
         text = getattr(part.record, name, None)
         if not isinstance(text, str):
             raise part.refusal(f"has {name} = {shown(text)}", "must be a text")
-    count, given = part.uniforms, getattr(part.record, "uniforms", None)
+    count = part.uniforms
+    given = getattr(part.record, "uniforms", None)
     if type(count) is not int or not 0 <= count <= MOST_UNIFORMS:
         line = place_of(
             given if callable(given) and own_code(given) is not None else kind
@@ -665,7 +669,8 @@ def _parts_of_agent(
     """List the user-defined models of one vehicle's flight; of the ``first`` vehicle
     those that all share, too.
     """
-    agent, part = scenario.agent, partial(UserPart, scenario=scenario, whole=whole)
+    agent = scenario.agent
+    part = partial(UserPart, scenario=scenario, whole=whole)
     if is_own(agent.controller) and agent.controller.compiled:
         yield part("law", agent.controller, "controller", own=agent.controller.law)
     components = (
@@ -774,7 +779,8 @@ def _try_elsewhere(
     key = repr((loaded_plugins(), places, values))
     if key in TRIED:
         return
-    answered, why = None, ""
+    answered = None
+    why = ""
     try:
         with tempfile.TemporaryDirectory() as folder:
             here = Path(folder).resolve() / DEEP
@@ -877,10 +883,12 @@ def check_law(
         LawError: one line with the law's file and line.
     """
     if isinstance(law, Scenario):
-        flown, controller = law, law.agent.controller
+        flown = law
+        controller = law.agent.controller
     else:
         flown = load_scenario(scenario) if isinstance(scenario, str) else scenario
-        name, model = getattr(law, "__name__", "law"), flown.agent.model
+        name = getattr(law, "__name__", "law")
+        model = flown.agent.model
         controller = (
             law if isinstance(law, Controller) else call_maker(law, name, model, {})
         )

@@ -46,7 +46,8 @@ def first_loop_state(
             row.tolist()
             for row in start_draws(scenario, scenario.seed, scenario.episode)
         ]
-    period, left = scenario.rates.period, iter(draws)
+    period = scenario.rates.period
+    left = iter(draws)
     alone = [scenario.of(name) for name in scenario.agents]
     states = [first_state(each) for each in alone]
     motions = motions_of(
@@ -84,7 +85,8 @@ def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
     """Initial state of one vehicle and its control, from the scenario of its flight and
     its initial state.
     """
-    vehicle, drives = scenario.agent.vehicle, scenario.agent.all_drives
+    vehicle = scenario.agent.vehicle
+    drives = scenario.agent.all_drives
     efforts = hover_trim(vehicle, state.joints, scenario.agent.plant.gravity).efforts
     if drives:
         rows = zip(drives, efforts, state.joints, strict=True)
@@ -114,11 +116,13 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
     reading.
     """
     vehicle, (_, sensor) = scenario.agent.vehicle, scenario.agent.all_sensors[index]
-    waiting, memory = readings_waiting(scenario, index), sensor.start(vehicle)
+    waiting = readings_waiting(scenario, index)
+    memory = sensor.start(vehicle)
     if index == 0:
         blank = blank_measurement(*vehicle.sizes)
         return SensorState(memory=memory, held=(), waiting=(blank,) * waiting)
-    state, draws = example_state(*vehicle.sizes), (0.5,) * sensor.uniforms(vehicle)
+    state = example_state(*vehicle.sizes)
+    draws = (0.5,) * sensor.uniforms(vehicle)
     period = 1.0 / (sensor.frequency or scenario.rates.control)
     _, example = sensor.take(memory, 0.0, state, state.velocity, NO_PUSH, draws, period)
     reading = structure_of(example)
@@ -130,7 +134,8 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
 
 def commands_waiting(scenario: Scenario) -> int:
     """Length of the queue of past commands that the command delay requires."""
-    rates, delays = scenario.rates, scenario.agent.delays
+    rates = scenario.rates
+    delays = scenario.agent.delays
     if delays.longest_command is not None:
         return math.ceil(delays.longest_command * rates.control - 1e-9) + 1
     return round(delays.longest * rates.physics) // (rates.physics // rates.control) + 1

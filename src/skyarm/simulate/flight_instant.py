@@ -103,9 +103,11 @@ class FlightInstant:
         """Time, state and commands of the last control period by their names in a log;
         faster than :attr:`latest`.
         """
-        engine, arrays = self._engine, dict[str, Array]()
+        engine = self._engine
+        arrays = dict[str, Array]()
         start = max(engine.tick - 1, engine.begun)
-        times, agents = engine.inputs.times[start : engine.tick], engine.scenario.agents
+        times = engine.inputs.times[start : engine.tick]
+        agents = engine.scenario.agents
         rows = zip(
             agents.items(),
             engine.recorder.states_and_commands(start, engine.tick),

@@ -39,13 +39,12 @@ class FlightPrograms:
         commands: bool,
         window: int | None,
     ) -> None:
-        self.machine_code, self._paths, self._commands, self._window = (
-            machine_code,
-            paths,
-            commands,
-            window,
-        )
-        self.codes, self.slow = list[EpisodeCode](), ""
+        self.machine_code = machine_code
+        self._paths = paths
+        self._commands = commands
+        self._window = window
+        self.codes = list[EpisodeCode]()
+        self.slow = ""
 
     def engine(self, course: Course) -> Engine:
         """Make the simulator of the scenario in force: machine code if available, else
@@ -70,8 +69,10 @@ class FlightPrograms:
         """Make the simulator in machine code; reuses an earlier program that fits the
         scenario.
         """
-        read, key = self.read(course), self.key(course)
-        numbers, shape = dict(read.numbers), read.parts_of(course.begun)
+        read = self.read(course)
+        key = self.key(course)
+        numbers = dict(read.numbers)
+        shape = read.parts_of(course.begun)
         code = next((code for code in self.codes if code.fits(key, scenario)), None)
         if code is None:
             # code that flies on after a change is made in a hurry: the vehicle is in

@@ -173,10 +173,8 @@ class EpisodeInputs:
         columns = [np.array([float(value)]) for value in self.waits.times(clock, ticks)]
         sample, _, _ = self.waiting_references(columns)
         (since, offset), _ = self.waits.instants(columns)
-        leads, end = (
-            preview_leads(self.scenario.agent.controller.par),
-            float(self.waits.end(clock)),
-        )
+        leads = preview_leads(self.scenario.agent.controller.par)
+        end = float(self.waits.end(clock))
         sample = with_preview(
             sample,
             leads,
@@ -192,10 +190,8 @@ class EpisodeInputs:
         """Closed-loop inputs of the control period that begins with a given state of
         the vehicle and its control.
         """
-        numbers, clock = (
-            iter(self.rows[min(tick, self.ticks[-1]) - self.ticks[0]].tolist()),
-            own.clock,
-        )
+        numbers = iter(self.rows[min(tick, self.ticks[-1]) - self.ticks[0]].tolist())
+        clock = own.clock
         if clock:
             path_time = float(self.waits.path_time(clock))
             return InputRow(
@@ -288,7 +284,8 @@ def episode_inputs(
         ticks: numbers of the instants; all if left out.
         program: traced reference of the scenario, if there is one already.
     """
-    ticks, rates = range(scenario.steps) if ticks is None else ticks, scenario.rates
+    ticks = range(scenario.steps) if ticks is None else ticks
+    rates = scenario.rates
     # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start
     # on its tick
     instants = np.arange(ticks.start, ticks.stop)
@@ -336,15 +333,11 @@ def held_row(scenario: Scenario, ticks: Scalar) -> InputRow[Reference]:
 
 def held_reference(scenario: Scenario, ticks: Scalar) -> Reference:
     """Reference sample that a flight holds in control period number ``ticks``."""
-    rate, ratio = (
-        float(scenario.rates.control),
-        float(scenario.rates.control // scenario.rates.reference),
-    )
+    rate = float(scenario.rates.control)
+    ratio = float(scenario.rates.control // scenario.rates.reference)
     time = floor((ticks + 0.5) / ratio) * ratio / rate
-    leads, motion = (
-        preview_leads(scenario.agent.controller.par),
-        scenario.agent.law_reference,
-    )
+    leads = preview_leads(scenario.agent.controller.par)
+    motion = scenario.agent.law_reference
     reference = with_preview(
         motion.at(time), leads, lambda lead: motion.at(time + lead)
     )

@@ -220,7 +220,8 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
             names the path.
     """
     for name, agent in scenario.agents.items():
-        one, longest = scenario.of(name), agent.delays.longest_command
+        one = scenario.of(name)
+        longest = agent.delays.longest_command
         named = {
             word_of(path): path
             for path in columns
@@ -240,10 +241,8 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
         for path, delay in delays.items():
             late = delay if path == LATE else delays[LATE] + delay
             if not (delay.min() >= 0.0 and late.max() <= longest):
-                wrong, what = (
-                    named[path if path in varied else varied[0]],
-                    ("" if path == LATE else f" with {LATE}"),
-                )
+                wrong = named[path if path in varied else varied[0]]
+                what = "" if path == LATE else f" with {LATE}"
                 raise ScenarioError(
                     f"values[{wrong!r}]: {path}{what} must be from 0 to {LONGEST} ="
                     f" {longest!r}"
@@ -288,7 +287,8 @@ class LaneRules:
     """
 
     def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
-        self._scenario, self._paths = scenario, tuple(paths)
+        self._scenario = scenario
+        self._paths = tuple(paths)
         self._passed: dict[str, tuple[float, float]] = {}
 
     def require(self, values: Mapping[str, ArrayLike]) -> None:

@@ -56,14 +56,17 @@ class _Episode(Session):
         file: ArrayFile | None = None,
         **options: bool,
     ) -> None:
-        self._file, self._window = file, None if file is None else WINDOW
+        self._file = file
+        self._window = None if file is None else WINDOW
         super().__init__(scenario, paths, **options)
 
     def fly(self, stop: int) -> bool:
         """Simulate several control periods, as :meth:`skyarm.Session.fly`; store what
         would be overwritten next.
         """
-        going, engine, file = super().fly(stop), self._engine, self._file
+        going = super().fly(stop)
+        engine = self._engine
+        file = self._file
         if going and file is not None and engine.full:
             flown = (*self._course.flown, engine.piece)
             try:
@@ -112,7 +115,8 @@ def run(
     Raises:
         OSError: the file cannot be written.
     """
-    scenario, folder = as_scenario(scenario), None
+    scenario = as_scenario(scenario)
+    folder = None
     if to is not None:
         require_format(to, "to")
         folder = output_file(os.fspath(to), "to").parent
@@ -184,7 +188,8 @@ def _advance(session: Session, progress: Progress | None) -> None:
         raise ScenarioError(
             f"progress = {shown(progress)}: must be a function of periods flown and all"
         )
-    total, due = session.scenario.steps, 0
+    total = session.scenario.steps
+    due = 0
     every = max(1, total // 100)
     while True:
         if progress is not None and session.tick >= due:

@@ -134,8 +134,10 @@ def measure(
             strict=True,
         )
     ):
-        beside, motion = around.of(i), motions[i]
-        wind, pushes = wind_at(beside, motion), each.pushes(beside, motion, acting[i])
+        beside = around.of(i)
+        motion = motions[i]
+        wind = wind_at(beside, motion)
+        pushes = each.pushes(beside, motion, acting[i])
         read = each.sense(
             loop, now.ticks, forces[i], acting[i], rows[i].time, draws, pushes
         )
@@ -160,7 +162,8 @@ def decide(
     """Evaluate the law of every vehicle, and the clock of a reference whose phases
     wait.
     """
-    decided, references = [], stages.law_references(rows, measured.components)
+    decided = []
+    references = stages.law_references(rows, measured.components)
     loops = zip(
         stages.agents, now.agents, measured.agents, rows, references, strict=True
     )
@@ -187,7 +190,9 @@ def act(
     """Apply commands through delay, joint drives and plant; return the loop state after
     the control period.
     """
-    alive, agents, acting = now.alive, list[AgentLoop](), list[Command]()
+    alive = now.alive
+    agents = list[AgentLoop]()
+    acting = list[Command]()
     for each, own, half, law in zip(
         stages.agents, now.agents, measured.agents, decided, strict=True
     ):
@@ -268,7 +273,8 @@ def make_fleet_period(whole: Stages, substeps: Substeps) -> Period | None:
         another or a model on one alone, where it does not pay, and for code of the
         user's, which may tell vehicles by their names.
     """
-    scenario, agents = whole.scenario, [*whole.scenario.agents.values()]
+    scenario = whole.scenario
+    agents = [*whole.scenario.agents.values()]
     if (
         scenario.steps > SHARES * (len(agents) - 3)
         or whole.shared
@@ -297,7 +303,8 @@ def make_fleet_period(whole: Stages, substeps: Substeps) -> Period | None:
     def period(
         before: LoopState, given: GivenRows, uniforms: Uniforms
     ) -> tuple[LoopState, Sample]:
-        flown, draws = list[tuple[LoopState, Sample]](), whole.draws.shares(uniforms)
+        flown = list[tuple[LoopState, Sample]]()
+        draws = whole.draws.shares(uniforms)
         for i, own in enumerate(before.agents):
             numbers = tuple(chain(*draws.sensors[i], *draws.components[i]))
             record = replace(before, agents=(own,)), given[i : i + 1], numbers

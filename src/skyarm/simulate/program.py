@@ -124,12 +124,12 @@ class LoopProgram:
         key: ProgramKey = AS_IT_IS,
         loops: bool = True,
     ) -> None:
-        self.scenario, self.numbers, self.key = scenario, numbers, key
-        self.vary, self._stiffest, self._loops = (
-            vary or (lambda _: scenario),
-            stiffest or scenario,
-            loops,
-        )
+        self.scenario = scenario
+        self.numbers = numbers
+        self.key = key
+        self.vary = vary or (lambda _: scenario)
+        self._stiffest = stiffest or scenario
+        self._loops = loops
 
     @cached_property
     def first(self) -> LoopState:

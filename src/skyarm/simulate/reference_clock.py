@@ -204,10 +204,8 @@ class Waits:
         if not clock or row.reference != ():
             # without a clock the reference is in the row
             return cast("InputRow[Reference]", row)
-        path_time, reference = (
-            self.path_time(clock),
-            self.previewed_reference(clock, ticks),
-        )
+        path_time = self.path_time(clock)
+        reference = self.previewed_reference(clock, ticks)
         # the hand's command is of this period, not of a sample
         if self._trajectory.load is not None:
             reference = replace(
@@ -287,7 +285,8 @@ class Waits:
         """Held reference sample with preview samples, which end at the next condition
         (guard) of the task.
         """
-        sample, end = self.held_reference(clock, ticks), self.end(clock)
+        sample = self.held_reference(clock, ticks)
+        end = self.end(clock)
         time, offset = self.instants(self.times(clock, ticks))[0]
         return with_preview(
             sample,
@@ -356,7 +355,8 @@ class Waits:
             measurement.quaternion,
             measurement.joints,
         )
-        goal, felt = goal_of(self._vehicle, reference).tool, None
+        goal = goal_of(self._vehicle, reference).tool
+        felt = None
         if self._sensed:
             turned = frame_pose(
                 self._vehicle, self._vehicle.frame(), measurement.joints
@@ -378,7 +378,8 @@ class Waits:
         """Evaluate a task phase's condition (guard); return the reference clock a
         period later, advanced or waiting.
         """
-        n, now = clock.guard, self.terms(clock.guard)
+        n = clock.guard
+        now = self.terms(clock.guard)
         there = clock.place >= now.end - WHOLE
         begins = logical_or(
             clock.place <= now.begin + WHOLE, clock.waited < 0.5 * BEGUN
@@ -403,7 +404,8 @@ class Waits:
         failed = logical_and(logical_and(late, logical_not(enough)), now.fails > 0.5)
         number = where(passed, n + 1.0, n)
         gone = where(passed, where(there, clock.place, now.end), clock.place) + 1.0
-        offset, since = clock.offset, clock.since
+        offset = clock.offset
+        since = clock.since
         # the reference keeps its position when the rest of a phase is skipped
         if self._moves:
             position = self.reference(
@@ -429,10 +431,8 @@ class Waits:
         0.0.
         """
         met: list[Scalar] = []
-        direction, force = (
-            Vec3(*map(data, guard.direction)),
-            (seen.felt if guard.sensed else seen.force),
-        )
+        direction = Vec3(*map(data, guard.direction))
+        force = seen.felt if guard.sensed else seen.force
         if guard.error is not None:
             away = counted_error(seen.tip - seen.goal, seen.push, seen.tip)
             met.append(sqrt(away.dot(away)) <= guard.error)

@@ -105,9 +105,11 @@ class CommandReplay:
         sensed: Callable[[Numbers, State, State], Sequence[Scalar]] = lambda *_: (),
         finer: int = 1,
     ) -> None:
-        self.names, self.step = tuple(start), step
+        self.names = tuple(start)
+        self.step = step
         usual = vehicle_of(start)
-        n, rotors = usual.n, len(usual.rotors)
+        n = usual.n
+        rotors = len(usual.rotors)
         drives = drives_of(usual)
         memories = tuple(each.begin(0.0, 0.0, step) for each in drives)
 
@@ -123,7 +125,8 @@ class CommandReplay:
             )
 
         none = ZERO3_DATA
-        still, late = example_command(n, rotors), (0.0, 0.0)
+        still = example_command(n, rotors)
+        late = (0.0, 0.0)
         self._inputs = Inputs(
             numbers=tuple(start.values()),
             thrust=1.0,
@@ -213,13 +216,11 @@ class ReplayedFlights:
         self.memories = stepper.carry[count:]
         self.inputs, _ = _views(inputs, stepper.parameters)
         for part in ("before", "after"):
-            fields, rows = (
-                {
-                    "rotor_speeds": "speeds",
-                    "efforts": "setpoints",
-                },
-                self.inputs.pop(part),
-            )
+            fields = {
+                "rotor_speeds": "speeds",
+                "efforts": "setpoints",
+            }
+            rows = self.inputs.pop(part)
             commands, _ = _views(getattr(inputs, part), rows)
             self.inputs |= {
                 f"{name}_{part}": commands[field] for field, name in fields.items()
@@ -243,8 +244,10 @@ def _views(record: Dataclass, rows: Array) -> tuple[dict[str, Array], int]:
     """Views of the array rows that hold each field of a dataclass, by field name, and
     the total number of rows.
     """
-    views, first = dict[str, Array](), 0
+    views = dict[str, Array]()
+    first = 0
     for name in field_names(type(record)) or ():
         last = first + len(leaves(getattr(record, name)))
-        views[name], first = rows[first:last], last
+        views[name] = rows[first:last]
+        first = last
     return views, first

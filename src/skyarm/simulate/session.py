@@ -239,11 +239,13 @@ class Session(FlightInstant):
         # a law that is called may act on things outside: it is not called again
         if self.scenario.is_compiled and ended.cause.endswith("is not finite"):
             again = type(self)(self.plan, machine_code=self._programs.machine_code)
-            before, again.returns = again._engine, False
+            before = again._engine
+            again.returns = False
             now = before.now
             # a number may be on its way for some periods, as in a sensor's delay
             while again.tick < self.tick and again.step() and not again._engine.has_nan:
-                before, now = again._engine, again.now
+                before = again._engine
+                now = again.now
             if line := first_not_finite(lambda: before.evaluate(before.evaluate(now))):
                 engine.ended = replace(ended, cause=f"{ended.cause}; first in {line}")
         return False

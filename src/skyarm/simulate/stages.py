@@ -111,10 +111,12 @@ class Stages:
         commands: Sequence[Command] = (),
         given: Sequence[Scalar] = (),
     ) -> None:
-        self.scenario, self.period = scenario, scenario.rates.period
+        self.scenario = scenario
+        self.period = scenario.rates.period
         self.worlds = tuple(each.plant for each in scenario.agents.values())
         self.own = tuple(map(scenario.own_components, scenario.agents.values()))
-        self.shared, self.draws = scenario.shared_components, draw_plan(scenario)
+        self.shared = scenario.shared_components
+        self.draws = draw_plan(scenario)
         self._eventful = any(
             map(_acts, (*self.shared, *(each for some in self.own for each in some)))
         )
@@ -164,11 +166,9 @@ class Stages:
             Internal states of each vehicle's own models and of the shared ones, and the
             plant's inputs.
         """
-        draws, time, first = (
-            self.draws.shares(uniforms),
-            rows[0].time,
-            now.agents[0].state,
-        )
+        draws = self.draws.shares(uniforms)
+        time = rows[0].time
+        first = now.agents[0].state
         own = [
             self._advance_models(models, loop.components, time, loop.state, numbers)
             for models, loop, numbers in zip(
@@ -194,7 +194,8 @@ class Stages:
                 tuple(self.scenario.agents),
             )
             for each, motion, row in zip(self.agents, motions, rows, strict=True):
-                motion.task_time, motion.time = each.waits.task_time(row), time
+                motion.task_time = each.waits.task_time(row)
+                motion.time = time
                 motion.solids = self.scenario.environment.solids
             for each, motion, models, memories in zip(
                 self.agents, motions, self.own, own, strict=True
@@ -251,10 +252,8 @@ class Stages:
         team = self.scenario.team
         for i, each in enumerate(self.shared):
             if each is team:
-                contact, touching = (
-                    cast("Contact", self.shared[-1]),
-                    cast("ContactMemory", shared[-1]),
-                )
+                contact = cast("Contact", self.shared[-1])
+                touching = cast("ContactMemory", shared[-1])
                 rows = zip(motion.agents, now.agents, strict=True)
                 borne = {
                     name: self._borne(name, loop, motion.agents[name], team.steers)
@@ -285,13 +284,10 @@ class Stages:
         self, rows: Sequence[InputRow[Reference]], shared: Memories
     ) -> list[Reference]:
         """Reference that each law receives, with the instructions of a team's law."""
-        given, team = (
-            [
-                each.law_reference(row)
-                for each, row in zip(self.agents, rows, strict=True)
-            ],
-            self.scenario.team,
-        )
+        given = [
+            each.law_reference(row) for each, row in zip(self.agents, rows, strict=True)
+        ]
+        team = self.scenario.team
         for model, memory in zip(self.shared, shared, strict=True):
             if model is team:
                 instructions = team.instructions(cast("TeamMemory", memory))
@@ -382,8 +378,11 @@ class AgentStages:
         command: Command | None = None,
         given: Scalar | None = None,
     ) -> None:
-        self.scenario, self._command, self._given = scenario, command, given
-        self.period, own = scenario.rates.period, scenario.agent
+        self.scenario = scenario
+        self._command = command
+        self._given = given
+        self.period = scenario.rates.period
+        own = scenario.agent
         self.sensors = own.all_sensors
         self.waits = Waits(scenario)
         self._law = checked_law(own.controller)
@@ -472,7 +471,9 @@ class AgentStages:
         The reading of a force sensor on the tip's link is added to the law's
         measurement.
         """
-        going, arrived, state = [], dict[str, Tree](), own.state
+        going = []
+        arrived = dict[str, Tree]()
+        state = own.state
         feeling = [
             i for i, (_, sensor) in enumerate(self.sensors) if sensor.feels is not None
         ]
@@ -489,10 +490,8 @@ class AgentStages:
             last: Tree = ()
             if every > 1:
                 now_due = due(ticks, every)
-                memory, reading = (
-                    blend(now_due, memory, now.memory),
-                    blend(now_due, reading, now.held),
-                )
+                memory = blend(now_due, memory, now.memory)
+                reading = blend(now_due, reading, now.held)
                 last = reading
             # until the first reading has arrived the estimator sees that one
             seen = (*(blend(ticks < 0.5, reading, old) for old in now.waiting), reading)
@@ -531,10 +530,8 @@ class AgentStages:
         """
         if not self._awaits_load:
             return read
-        tip, each_memory = (
-            self.scenario.agent.vehicle.end_effector,
-            zip(self._models, memories, strict=True),
-        )
+        tip = self.scenario.agent.vehicle.end_effector
+        each_memory = zip(self._models, memories, strict=True)
         (name,) = self.scenario.agents
         reports = [
             report
@@ -554,10 +551,8 @@ class AgentStages:
         """Evaluate the law, or take the user's command in its place, which leaves the
         law's state unchanged.
         """
-        controller, vehicle = (
-            self.scenario.agent.controller,
-            self.scenario.agent.vehicle,
-        )
+        controller = self.scenario.agent.controller
+        vehicle = self.scenario.agent.vehicle
         if self._command is not None and self._given is None:
             return memory, with_rest(vehicle, self._command)
 
@@ -658,16 +653,15 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
     """
     if same(scenario.agent.tracking_start, 0):
         return going
-    still, resting = (
-        scenario.agent.law_reference.at(0.0),
-        time < scenario.agent.tracking_start,
-    )
+    still = scenario.agent.law_reference.at(0.0)
+    resting = time < scenario.agent.tracking_start
     resting_samples = tuple(
         n for value, _, _ in samples(still) for n in (value, 0.0, 0.0)
     )
     values: list[Scalar] = []
     for name, moving in parts(going).items():
-        rest, several = getattr(still, name), isinstance(moving, (Vec3, tuple))
+        rest = getattr(still, name)
+        several = isinstance(moving, (Vec3, tuple))
         numbers = tuple(moving) if several else (moving,)
         if name in POSES:
             pose = tuple(rest) if several else (rest,)

@@ -325,11 +325,9 @@ def split_by_row(loop: Loop) -> tuple[Loop, Loop]:
         Program whose carry is the row and whose log are the numbers that follow it; the
         step.
     """
-    nodes, inputs, outputs = (
-        loop.program.nodes,
-        loop.program.inputs,
-        loop.program.outputs,
-    )
+    nodes = loop.program.nodes
+    inputs = loop.program.inputs
+    outputs = loop.program.outputs
     end = loop.carry + loop.parameters + loop.row
     row = inputs[end - loop.row : end]
     known, rest = _split(nodes, row)
@@ -371,12 +369,11 @@ def _addresses(writer: Writer, base: str, first: str, count: int) -> Iterator[st
     Each is a step of ``%lanes`` from the last: a multiplication for every one was a
     quarter of a program's text.
     """
-    at, skip = base, first
+    at = base
+    skip = first
     for _ in range(count):
-        at, skip = (
-            writer.emit(f"getelementptr {writer.lanes.scalar}, ptr {at}, i64 {skip}"),
-            "%lanes",
-        )
+        at = writer.emit(f"getelementptr {writer.lanes.scalar}, ptr {at}, i64 {skip}")
+        skip = "%lanes"
         yield at
 
 

@@ -110,13 +110,11 @@ class Node:
     def __init__(
         self, graph: Graph, index: int, op: str, args: tuple[Node, ...], value: Any
     ) -> None:
-        self.graph, self.index, self.op, self.args, self.value = (
-            graph,
-            index,
-            op,
-            args,
-            value,
-        )
+        self.graph = graph
+        self.index = index
+        self.op = op
+        self.args = args
+        self.value = value
 
     def __add__(self, other: Scalar) -> Scalar:
         """Add an addition to the traced program."""
