@@ -436,11 +436,11 @@ def test_a_law_that_cannot_be_traced_flies_alone_and_in_no_batch() -> None:
 
 
 def test_progress_is_told_of_a_flight_that_changes() -> None:
-    told: list[tuple[int, int]] = []
-    run(changing(CHANGES[0]), lambda done, total: told.append((done, total)))
-    assert told[0] == (0, 60)
-    assert told[-1] == (60, 60)
-    assert sorted(told) == told
+    reports: list[tuple[int, int]] = []
+    run(changing(CHANGES[0]), lambda done, total: reports.append((done, total)))
+    assert reports[0] == (0, 60)
+    assert reports[-1] == (60, 60)
+    assert sorted(reports) == reports
 
 
 def test_an_ending_after_a_change_says_when_and_under_which_number() -> None:

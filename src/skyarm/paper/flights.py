@@ -8,6 +8,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from functools import cache, partial
+from itertools import chain, product
 
 import numpy as np
 
@@ -73,9 +74,7 @@ def flights(plants: Sequence[str] = PLANTS) -> list[PaperFlight]:
     """All flights of Barakou et al. 2026 for the given kinds of simulated plant."""
     return [
         PaperFlight(case, controller, plant)
-        for plant in plants
-        for case in CASES
-        for controller in CONTROLLERS
+        for plant, case, controller in product(plants, CASES, CONTROLLERS)
     ]
 
 
@@ -135,12 +134,8 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
         suffix: {name: _with_suffix(metric, suffix) for name, metric in named.items()}
         for suffix in ("", CONTINUOUS)
     }
-    names = dict.fromkeys(
-        m
-        for each in twins.values()
-        for m in each.values()
-        if not m.startswith("settling_time")
-    )
+    every = chain.from_iterable(each.values() for each in twins.values())
+    names = dict.fromkeys(m for m in every if not m.startswith("settling_time"))
     windows = Windows(
         steady=WINDOWS[case], transient=TRANSIENT, gust=GUST, hover=HOVER, holds=holds
     )
@@ -244,12 +239,9 @@ def first_plant(results: Record) -> str:
     named = results.get("settings", {}).get("plants")
     if named:
         return str(named[0])
-    cells = [
-        cell
-        for case in results.get("experiments", {}).values()
-        for c in case.values()
-        for cell in c.values()
-    ]
+    cases = results.get("experiments", {}).values()
+    laws = [cells for case in cases for cells in case.values()]
+    cells = [cell for each in laws for cell in each.values()]
     return next(
         (
             plant

@@ -122,13 +122,9 @@ def finite_or_none(value: Number) -> float | None:
 
 def digits(value: Number) -> str:
     """Text of a number with three significant digits; a dash for None."""
-    return (
-        "-"
-        if value is None
-        else "0"
-        if value == 0.0
-        else f"{value:#.3g}".removesuffix(".")
-    )
+    if value is None:
+        return "-"
+    return "0" if value == 0.0 else f"{value:#.3g}".removesuffix(".")
 
 
 def relative(ours: Number, paper: Number) -> float | None:

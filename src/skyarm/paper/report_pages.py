@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from importlib import resources
+from itertools import chain
 
 from skyarm.log.flight_log import Log
 from skyarm.paper import report_text as prose
@@ -112,13 +113,9 @@ def bound_text(ours: Number, paper: Number) -> str:
     missing.
     """
     value, bound = finite_or_none(ours), finite_or_none(paper)
-    return (
-        DASH
-        if value is None or bound is None
-        else "below"
-        if value <= bound
-        else "above"
-    )
+    if value is None or bound is None:
+        return DASH
+    return "below" if value <= bound else "above"
 
 
 def _paper_cell(case: str, controller: str, name: str, paper: Number) -> Cell:
@@ -384,17 +381,14 @@ def markdown_tables(results: Record) -> str:
         ),
     ]
     for case, controllers in results["experiments"].items():
-        names = [
-            n
-            for n in dict.fromkeys(n for c in controllers.values() for n in c)
-            if not n.endswith(CONTINUOUS)
-        ]
-        rows = [
-            _row(case, controller, name, cells[name], plant)
-            for name in names
-            for controller, cells in controllers.items()
-            if name in cells
-        ]
+        every = dict.fromkeys(chain.from_iterable(controllers.values()))
+        rows = []
+        for name in (n for n in every if not n.endswith(CONTINUOUS)):
+            rows += [
+                _row(case, controller, name, cells[name], plant)
+                for controller, cells in controllers.items()
+                if name in cells
+            ]
         blocks += [f"## {title_of(case)}", markdown(head, rows)]
     blocks += ["## What stays open", "\n".join(f"- {line}" for line in OPEN)]
     return "\n\n".join(blocks) + "\n"
@@ -626,12 +620,11 @@ def _assumptions() -> str:
 
 
 def _episodes(logs: Logs) -> str:
-    flown = [
-        (f"{plant}, {title_of(case)}, {law}", log)
-        for plant, cases in logs.items()
-        for case, laws in cases.items()
-        for law, log in laws.items()
-    ]
+    flown = []
+    for plant, cases in logs.items():
+        for case, laws in cases.items():
+            title = f"{plant}, {title_of(case)}"
+            flown += [(f"{title}, {law}", log) for law, log in laws.items()]
     if not flown:
         return ""
     ended = [(name, log) for name, log in flown if log.status != "completed"]

@@ -90,12 +90,8 @@ class Campaign:
 
     def all_logs(self) -> list[Log]:
         """Flight logs of all cases of Barakou et al. 2026."""
-        return [
-            log
-            for cases in self.logs.values()
-            for pair in cases.values()
-            for log in pair.values()
-        ]
+        pairs = [pair for cases in self.logs.values() for pair in cases.values()]
+        return [log for pair in pairs for log in pair.values()]
 
     def keep(self, work: Work, rows: Rows) -> None:
         """Store the results of one simulated flight."""
@@ -129,19 +125,18 @@ def works(
         inferred: fly them.
     """
     planned = [work_of(flight, scenario(flight)) for flight in flights(plants)]
-    planned += [
-        work_of(flight, each.change(scenario(flight)), each.name)
-        for each in chosen
-        if each.change is not None
-        for flight in flights(plants[:1])
-        if flight.case in each.cases
-    ]
-    evidence = evidence or shipped_evidence()
-    planned += [
-        inferred_work(flight, evidence, kind)
-        for kind, flown in ((INFERRED, plants), (PREDICTED, plants[:1]))
-        for flight in (flights(flown) if inferred else ())
-    ]
+    first = flights(plants[:1])
+    for each in chosen:
+        if each.change is not None:
+            planned += [
+                work_of(flight, each.change(scenario(flight)), each.name)
+                for flight in first
+                if flight.case in each.cases
+            ]
+    if inferred:
+        evidence = evidence or shipped_evidence()
+        for kind, flown in ((INFERRED, flights(plants)), (PREDICTED, first)):
+            planned += [inferred_work(flight, evidence, kind) for flight in flown]
     return planned
 
 

@@ -28,9 +28,9 @@ LAWS = {"CT": "the paper's law CT", "PD": "its baseline PD"}
 
 @positional
 class _Group:
-    """Numbers of one quantity, and how many of them agree."""
+    """Numbers of one quantity, such as joint errors, and how many of them agree."""
 
-    words: str
+    quantity: str
     near: int
     cells: int
 
@@ -65,7 +65,7 @@ def verdict(results: Record) -> tuple[str, str, str]:
     cells = int(stated["cells"])
     agrees = (
         f"{near} of the paper's {cells} numbers agree within 25 %, among them"
-        f" {best.count} {best.words}."
+        f" {best.count} {best.quantity}."
     )
     if near == cells:
         return (
@@ -74,8 +74,8 @@ def verdict(results: Record) -> tuple[str, str, str]:
             "The settings that the paper states are enough.",
         )
     differs = (
-        f"{worst.words.capitalize()} agree least,"
-        f" {worst.count}{_example(experiments, plant, worst.words)}."
+        f"{worst.quantity.capitalize()} agree least,"
+        f" {worst.count}{_example(experiments, plant, worst.quantity)}."
     )
     if not inferred:
         return (
@@ -94,10 +94,10 @@ def _groups(experiments: Record, column: Column) -> list[_Group]:
     group is last.
     """
     found = []
-    for words in dict.fromkeys(each.quantity for each in METRICS.values()):
-        near = counts(experiments, column, partial(_is_of, words))
+    for quantity in dict.fromkeys(each.quantity for each in METRICS.values()):
+        near = counts(experiments, column, partial(_is_of, quantity))
         if near:
-            found.append(_Group(words, int(near[NEAR]), int(near["cells"])))
+            found.append(_Group(quantity, int(near[NEAR]), int(near["cells"])))
     return sorted(found, key=lambda group: (group.near / group.cells, group.cells))
 
 

@@ -133,8 +133,6 @@ def join_pieces(
     scenario: Scenario,
     pieces: Sequence[Piece | StoredPiece],
     ending: Ended | None,
-    *,
-    info: dict[str, Any] | None = None,
 ) -> Log:
     """Concatenate the parts of a flight before and after each scheduled change into one
     log.
@@ -143,7 +141,6 @@ def join_pieces(
         scenario: scenario of the flight, as the log records it.
         pieces: at least one.
         ending: None for a flight that was completed.
-        info: metadata of the log, if known already.
     """
     flown = {
         name: [
@@ -153,7 +150,7 @@ def join_pieces(
         for name in scenario.agents
     }
     logs = {
-        name: log_of_agent(scenario.of(name), each, ending, info=info)
+        name: log_of_agent(scenario.of(name), each, ending)
         for name, each in flown.items()
     }
     return (
@@ -415,30 +412,22 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         {"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)}
         for each in guards
     ]
-    return {
-        **{
-            name: whole[name]
-            for name in ("schema", "scenario", "title", "plant", "integrator")
-        },
+    opening = ("schema", "scenario", "title", "plant", "integrator")
+    closing = ("scenario_record", "digest")
+    info = {
+        **{name: whole[name] for name in opening},
         "plant_vehicle": own.vehicle.name,
         "plant_gravity": float(own.plant.gravity),
         "model_vehicle": own.model.vehicle.name,
         "model_gravity": float(own.model.gravity),
         "controller": own.controller.name,
-        **{
-            name: value
-            for name, value in whole.items()
-            if name not in ("scenario_record", "digest")
-        },
-        **(
-            {"phases": [phase.name for phase in own.reference.phases]}
-            if own.reference.phases
-            else {}
-        ),
-        **({"waits": waits} if waits else {}),
-        "scenario_record": whole["scenario_record"],
-        "digest": whole["digest"],
+        **{name: whole[name] for name in whole if name not in closing},
     }
+    if own.reference.phases:
+        info["phases"] = [phase.name for phase in own.reference.phases]
+    if waits:
+        info["waits"] = waits
+    return info | {name: whole[name] for name in closing}
 
 
 def describe_team(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:

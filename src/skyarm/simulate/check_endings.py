@@ -167,14 +167,14 @@ def statuses(
     with np.errstate(all="ignore"):
         varied = with_numbers(scenario, numbers)
         every = endings_of(varied)
-        words = np.array(
+        names = np.array(
             ["completed", *(ending.status for ending in every), PHASE_FAILED]
         )
         # a command that is not finite leaves a sound state behind
         number = np.where(ended, 1, 0)
         for end in ends:
             if end.failed is not None:
-                number = np.where(end.failed, len(words) - 1, number)
+                number = np.where(end.failed, len(names) - 1, number)
         # as in a single run, the first vehicle that meets an ending says which
         each = [*zip(map(varied.of, varied.agents), ends, strict=True)][::-1]
         for slack, asked in ((SLACK, ended), (0, np.ones(lanes, dtype=bool))):
@@ -185,4 +185,4 @@ def statuses(
                 number = np.where(
                     asked & ~np.broadcast_to(np.asarray(fine), (lanes,)), index, number
                 )
-    return words[number]
+    return names[number]

@@ -31,6 +31,7 @@ from skyarm.dynamics import State
 from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
 from skyarm.records.arrays import Array, doubles
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.records.path_names import word_of
 from skyarm.records.restore import restore
@@ -331,18 +332,28 @@ class _PythonSteps:
         self.carry[:] = now
 
 
-EngineState = tuple[
-    Scenario,
-    FlightInputs,
-    Array,
-    int,
-    int,
-    Ended | None,
-    tuple[Array, Array, Array, Any, float],
-]
-"""State of an engine: scenario, its inputs and their rows, start of the piece, tick,
-end; loop state, parameters, log, memory of a law, first period of a command from
-outside."""
+@positional
+class EngineState:
+    """State of an engine between two control periods.
+
+    Attributes:
+        scenario, inputs, rows: scenario that is flown, its inputs and their table.
+        begun, tick, ended, from_outside: as of :class:`Engine`.
+        carry, parameters: loop state and parameters of the program. table: log so far.
+        memories: internal states of laws that are called.
+    """
+
+    scenario: Scenario
+    inputs: FlightInputs
+    rows: Array
+    begun: int
+    tick: int
+    ended: Ended | None
+    from_outside: float
+    carry: Array
+    parameters: Array
+    table: Array
+    memories: list[Any]
 
 
 class Engine:
@@ -382,7 +393,7 @@ class Engine:
         self._first = 0  # period of the inputs' first row
         self._rows = self._input_rows()
         # of a row but for the commands
-        self._width = self._rows.shape[1] - self._command_inputs
+        self._width = self.inputs.rows.shape[1]
         self.recorder = FlightRecorder(code.sample, len(self._rows))
         self._stepper.read_tables(self._rows, self.recorder.table)
         self.tick = self.begun = 0
@@ -409,18 +420,16 @@ class Engine:
         commands from the user.
         """
         rows = self.inputs.rows
-        return (
-            np.hstack([rows, np.zeros((len(rows), self._command_inputs))])
-            if self.code.commands
-            else rows
-        )
+        if not self.code.commands:
+            return rows
+        # a mode for each vehicle, then the numbers of each command
+        room = len(self._command_sizes) + sum(self._command_sizes)
+        return np.hstack([rows, np.zeros((len(rows), room))])
 
     @cached_property
-    def _command_inputs(self) -> int:
-        """Number of inputs of a control period that are commands from the user, each
-        with its mode.
-        """
-        return sum(1 + len(leaves(own.queue[0])) for own in self.first.agents)
+    def _command_sizes(self) -> list[int]:
+        """Count of numbers in a command of each vehicle."""
+        return [len(leaves(own.queue[0])) for own in self.first.agents]
 
     @property
     def inputs(self) -> FlightInputs:
@@ -470,10 +479,10 @@ class Engine:
                 mode if each else 0.0 for each in commands
             ]
             at = self._width + modes
-            for each, own in zip(commands, self.first.agents, strict=True):
+            for each, size in zip(commands, self._command_sizes, strict=True):
                 if each:
                     self._rows[k, at : at + len(each)] = each
-                at += len(leaves(own.queue[0])) if modes > 1 else 0
+                at += size
             self.commanded = True
             self.from_outside = min(self.from_outside, k)
         elif self.commanded:
@@ -654,49 +663,39 @@ class Engine:
 
     def snapshot(self) -> EngineState:
         """Copy of the simulator's state, from which :meth:`restore` continues."""
-        stepper = self._stepper
-        memories = copy.deepcopy([each.memory for each in self.code.calls])
-        numbers = (
-            stepper.carry.copy(),
-            stepper.parameters.copy(),
-            self.recorder.table,
-            memories,
-            self.from_outside,
-        )
-        return (
-            self.scenario,
-            self._inputs,
-            self._rows,
-            self.begun,
-            self.tick,
-            self.ended,
-            numbers,
+        return EngineState(
+            scenario=self.scenario,
+            inputs=self._inputs,
+            rows=self._rows,
+            begun=self.begun,
+            tick=self.tick,
+            ended=self.ended,
+            from_outside=self.from_outside,
+            carry=self._stepper.carry.copy(),
+            parameters=self._stepper.parameters.copy(),
+            table=self.recorder.table,
+            memories=copy.deepcopy([each.memory for each in self.code.calls]),
         )
 
     def restore(self, state: EngineState) -> None:
         """Return to the simulator state of a snapshot."""
-        (
-            self.scenario,
-            self._inputs,
-            self._rows,
-            self.begun,
-            self.tick,
-            self.ended,
-            numbers,
-        ) = state
-        (
-            self._stepper.carry[:],
-            self._stepper.parameters[:],
-            table,
-            memories,
-            self.from_outside,
-        ) = numbers
+        self.scenario = state.scenario
+        self._inputs = state.inputs
+        self._rows = state.rows
+        self.begun = state.begun
+        self.tick = state.tick
+        self.ended = state.ended
+        self.from_outside = state.from_outside
+        self._stepper.carry[:] = state.carry
+        self._stepper.parameters[:] = state.parameters
         # of the snapshot's table the flight may have overwritten what follows: it goes
         # on in one of its own
-        self.recorder.table = np.empty_like(table)
-        self.recorder.table[: self.tick] = table[: self.tick]
+        self.recorder.table = np.empty_like(state.table)
+        self.recorder.table[: self.tick] = state.table[: self.tick]
         self._stepper.read_tables(self._rows, self.recorder.table)
-        for calls, memory in zip(self.code.calls, copy.deepcopy(memories), strict=True):
+        # copied again: what a law does with its memory must not reach the snapshot
+        memories = copy.deepcopy(state.memories)
+        for calls, memory in zip(self.code.calls, memories, strict=True):
             calls.memory = memory
 
     def give(

@@ -772,9 +772,8 @@ def _try_elsewhere(
     ]
     if ANSWERING or not any(map(is_of_plugin, codes)):
         return
-    values = [
-        pair for part in own for pair in walk(part.record) if not is_leaf(pair[1])
-    ]
+    pairs = [pair for part in own for pair in walk(part.record)]
+    values = [pair for pair in pairs if not is_leaf(pair[1])]
     places = [f"{code.co_filename}:{code.co_firstlineno}" for code in codes]
     key = repr((loaded_plugins(), places, values))
     if key in TRIED:

@@ -77,13 +77,13 @@ class EpisodeInputs:
         fed = InputRow(
             time=self.times,
             reference=self.held_reference,
-            told=self.told_reference,
+            scaled=self.scaled_reference,
             path_time=self.path_time,
         )
         return table_of(fed, len(self.ticks))
 
     @cached_property
-    def told_reference(self) -> Reference | tuple[()]:
+    def scaled_reference(self) -> Reference | tuple[()]:
         """Time-scaled sampled reference as a Reference of arrays; empty without time
         scaling.
         """
@@ -126,11 +126,11 @@ class EpisodeInputs:
         """Closed-loop inputs at one instant, reference included, with zeros as numbers,
         to trace a program from.
         """
-        scaled = structure_of(self.told_reference)
+        scaled = structure_of(self.scaled_reference)
         return InputRow(
             time=0.0,
             reference=self.reference_example,
-            told=scaled,
+            scaled=scaled,
             path_time=0.0 if scaled else (),
         )
 

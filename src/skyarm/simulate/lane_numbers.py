@@ -249,7 +249,7 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
                 )
 
 
-TRIED = 1e-3
+TRIAL_NOISE = 1e-3
 """Noise value allowed by every field, used in trials."""
 
 REFUSALS = (ValueError, ArithmeticError)
@@ -267,7 +267,7 @@ def require_draws(scenario: Scenario, paths: Sequence[str]) -> None:
     for path in paths:
         if (
             word_of(path).startswith("sensors.")
-            and draws_needed(with_numbers(scenario, {path: TRIED})) != drawn
+            and draws_needed(with_numbers(scenario, {path: TRIAL_NOISE})) != drawn
         ):
             raise ScenarioError(
                 f"paths: {path}: is 0 in this scenario, and a batch draws no numbers"

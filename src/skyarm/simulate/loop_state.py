@@ -137,15 +137,15 @@ class InputRow(Generic[Wanted_co]):
     """Inputs of the closed loop at a control instant: time and reference.
 
     Of a scenario whose phases wait it is the time alone, a ``GivenRow``; the loop puts
-    the reference there, and ``path_time``. ``told`` is the time-scaled sample that the
-    law receives in its place and ``path_time`` the reference's time, s
+    the reference there, and ``path_time``. ``scaled`` is the time-scaled sample that
+    the law receives in its place and ``path_time`` the reference's time, s
     (:mod:`skyarm.reference.path_time`); both are empty where none is planned:
     structure.
     """
 
     time: Scalar
     reference: Wanted_co
-    told: Reference | tuple[()] = ()
+    scaled: Reference | tuple[()] = ()
     path_time: Scalar | tuple[()] = ()
 
 

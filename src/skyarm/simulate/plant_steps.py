@@ -180,8 +180,9 @@ class StagesInPython(Stages):
         self, name: str, command: Command | None, given: Scalar | None
     ) -> AgentStages:
         """Stages of one vehicle, whose law is called where it cannot be traced."""
+        calls, example = self._called[name]
         return AgentStagesInPython(
-            self.scenario.of(name), *self._called[name], command, given
+            self.scenario.of(name), calls, example, command, given
         )
 
     def alive(self, now: LoopState, rows: Sequence[InputRow[Reference]]) -> Scalar:

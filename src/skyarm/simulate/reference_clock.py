@@ -56,7 +56,7 @@ T = TypeVar("T")
 
 
 @immutable
-class Seen:
+class GuardInputs:
     """Measured quantities by which the conditions (guards) that end task phases are
     evaluated.
 
@@ -129,14 +129,10 @@ class Waits:
         self._ratio = scenario.rates.control // scenario.rates.reference
         self._vehicle = scenario.agent.model.vehicle
         self._moves = any(guard.early for guard in self.guards)
-        self.switches = tuple(
-            dict.fromkeys(
-                name
-                for guard in self.guards
-                for name in (guard.closed, guard.open)
-                if name
-            )
-        )
+        switches = [
+            each for guard in self.guards for each in (guard.closed, guard.open)
+        ]
+        self.switches = tuple(dict.fromkeys(filter(None, switches)))
         self._sensed = any(guard.sensed for guard in self.guards)
         self._measures = any(guard.distance is not None for guard in self.guards)
         self._terms = tuple(map(self._terms_of, self.guards))
@@ -212,7 +208,7 @@ class Waits:
                 reference, load=(self._trajectory.load.derivatives(path_time)[0],)
             )
         return InputRow(
-            time=row.time, reference=reference, told=row.told, path_time=path_time
+            time=row.time, reference=reference, scaled=row.scaled, path_time=path_time
         )
 
     def is_sound(self, clock: Clock) -> Scalar:
@@ -345,7 +341,7 @@ class Waits:
 
     def guard_inputs(
         self, measurement: Measurement, reference: Reference, force: Vec3 | None
-    ) -> Seen:
+    ) -> GuardInputs:
         """Measured and desired tip position, forces and tactile switches, for
         evaluating conditions (guards).
         """
@@ -365,7 +361,7 @@ class Waits:
                 turned.apply(Vec3(*measurement.tip_force))
             )
         switches = measurement.switches if self.switches else ()
-        return Seen(
+        return GuardInputs(
             tip=tip,
             goal=goal,
             push=reference.push,
@@ -374,7 +370,9 @@ class Waits:
             switches=switches,
         )
 
-    def following(self, clock: PathClock, ticks: Scalar, seen: Seen) -> PathClock:
+    def following(
+        self, clock: PathClock, ticks: Scalar, seen: GuardInputs
+    ) -> PathClock:
         """Evaluate a task phase's condition (guard); return the reference clock a
         period later, advanced or waiting.
         """
@@ -426,7 +424,9 @@ class Waits:
             since=since,
         )
 
-    def _holds(self, guard: Guard, seen: Seen, origin: Vec3 | tuple[()]) -> Scalar:
+    def _holds(
+        self, guard: Guard, seen: GuardInputs, origin: Vec3 | tuple[()]
+    ) -> Scalar:
         """1.0 if all conditions of a guard are met by the measured quantities, else
         0.0.
         """

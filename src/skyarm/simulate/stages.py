@@ -265,13 +265,13 @@ class Stages:
                 )
 
     def _borne(
-        self, name: str, loop: AgentLoop, motion: PointMotion, told: bool
+        self, name: str, loop: AgentLoop, motion: PointMotion, steers: bool
     ) -> Borne:
-        """Load at a tip as the vehicle's law estimates it; of one that is ``told``
-        nothing, limits alone, for logs.
+        """Load at a tip as the vehicle's law estimates it; limits alone, for logs,
+        where the team steers by none.
         """
         found = part_of(loop.memory, "carrying")
-        if is_record(found) and told:
+        if is_record(found) and steers:
             return cast("Borne", found)
         from skyarm.world.team import NothingBorne
 
@@ -453,7 +453,7 @@ class AgentStages:
         """Reference that the law receives: time-scaled where planned; the initial pose
         until tracking starts.
         """
-        return joined_reference(self.scenario, row.told or row.reference, row.time)
+        return joined_reference(self.scenario, row.scaled or row.reference, row.time)
 
     def sense(
         self,

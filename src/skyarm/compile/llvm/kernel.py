@@ -322,7 +322,7 @@ def work_behind(command: str, text: str) -> None:
     with suppress(OSError), tempfile.TemporaryFile() as file:
         file.write(text.encode())
         file.seek(0)
-        words = [
+        arguments = [
             sys.executable,
             "-P",
             "-c",
@@ -331,7 +331,11 @@ def work_behind(command: str, text: str) -> None:
         quiet = subprocess.DEVNULL
         _behind.append(
             subprocess.Popen(
-                words, stdin=file, stdout=quiet, stderr=quiet, start_new_session=True
+                arguments,
+                stdin=file,
+                stdout=quiet,
+                stderr=quiet,
+                start_new_session=True,
             )
         )
 

@@ -284,7 +284,7 @@ def _call() -> list[str]:
     """Assembly of a second entry function, whose only argument is a pointer to the
     array of all arguments.
     """
-    kinds = ["ptr"] * 5 + ["i64"] * 7
+    kinds = [argument.split()[0] for argument in ARGUMENTS]
     lines = [f"define void @{CALL}(ptr %arguments) {{"]
     for k, kind in enumerate(kinds):
         lines.append(f"  %at{k} = getelementptr i64, ptr %arguments, i64 {k}")
