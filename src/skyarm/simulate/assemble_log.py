@@ -154,6 +154,7 @@ def join_pieces(
         for name, each in flown.items()
     }
     return (
+        # a log of one vehicle has the short form of files, without names of vehicles
         next(iter(logs.values()))
         if len(logs) == 1
         else _of_team(logs, scenario, ending)
@@ -191,8 +192,10 @@ def log_of_agent(
     sources: dict[str, dict[str, Any]] = {}
     for _, descriptions in parts:
         for name, source in descriptions.items():
+            # a change may give a sensor further fields; the first part has the rates
             sources.setdefault(name, source)["fields"] |= source["fields"]
     arrays: Mapping[str, Array] = join(tables) if len(tables) > 1 else tables[0]
+    # arrays in a file stay there: a dictionary would read them all
     if not isinstance(tables[0], ArraysByName):
         arrays = dict(arrays)
     described = describe(scenario, ending) if info is None else info
@@ -248,6 +251,7 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
     vehicle = scenario.agent.vehicle
     count = len(flown.states)
     wind = flown.wind
+    # inputs of a long flight begin at its window, not at its first period
     start = piece.start - inputs.ticks.start
     stop = start + count
 
@@ -282,6 +286,8 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
         tables["path_time"] = path_time
     if scenario.agent.reference.phases:
         tables["phase"] = phase_numbers(scenario.agent.reference, path_time)
+    # a task in the tip has a desired position of its own; else that of the level
+    # vehicle
     own = (
         {"held": table(sampled.tip, late), "reference": table(free.tip)}
         if free.tip
@@ -355,6 +361,7 @@ def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
             else scenario.agent.vehicle.frame(sensor.feels or None).name
         )
         mount = None
+        # at the base's origin is the rule, which a file need not repeat
         if not (at_origin(sensor.mounted_at) and at_origin(sensor.turned_by)):
             mount = [*map(float, (*sensor.mounted_at, *sensor.turned_by))]
         late = readings_waiting(scenario, i)
@@ -391,6 +398,7 @@ def _references(
     """Sampled-and-held reference, continuous reference and path time (s) at the logged
     instants of a flight.
     """
+    # its reference is where the clock was in flight, which no table knows before
     if inputs.waits.guards:
         return (*inputs.waiting_references(flown.led.T), 0)
     led = (
@@ -412,6 +420,7 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         {"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)}
         for each in guards
     ]
+    # the order of a log's info is that of its file, whose readers see it
     opening = ("schema", "scenario", "title", "plant", "integrator")
     closing = ("scenario_record", "digest")
     info = {

@@ -82,6 +82,7 @@ class Outcome:
         return self._only("log").log
 
     def _only(self, name: str) -> AgentOutcome:
+        # outcome.state is of an only vehicle; among several a choice would be a guess
         if len(self.agents) > 1:
             names = ", ".join(self.agents)
             raise OfOneAgentError(
@@ -229,6 +230,7 @@ class Batch:
         ended = ends[-1]
         ticks = np.asarray(ended[0].ticks).astype(int)
         completed = ticks >= self.scenario.steps
+        # from the last states, not in flight: causes cost nothing in the loop
         status = self._statuses(columns, [loop for loop, _ in ends], ticks, ~completed)
         logs = (
             batch_logs(log, self._times[:: self._log_every])
@@ -265,6 +267,7 @@ class Batch:
             carry, logged = leg.fly(carry, parameters, seed, episodes, threads)
             last = (leg, carry)
             log = [*log, *logged]
+            # floats of 64 bits: sums of 32 bits are divided and compared below
             ends.append(rebuild(leg.first, iter(list(carry.astype(float)))))
         return ends, log
 

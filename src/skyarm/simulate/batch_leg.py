@@ -181,6 +181,7 @@ class AgentFeed:
             return row, goals
         reference = row.reference or held_reference(varied, ticks)
         if not goals:
+            # evaluated in the loop, as each lane has a motion of its own
             row = InputRow(time=row.time, reference=reference)
         both = reference, varied.agent.reference.at(row.time)
         return row, tuple(goal_of(varied.agent.vehicle, each.dense()) for each in both)
@@ -193,6 +194,7 @@ class AgentFeed:
         nodes = [
             c for c in goal_of(varied.agent.vehicle, still).tool if isinstance(c, Node)
         ]
+        # constants fold: an input that is left is a varied number of the arm
         return any(node.op == "input" for node in live(nodes))
 
 
@@ -372,11 +374,13 @@ class Leg:
         self._program = LoopProgram(
             self.scenario, self._lane_scenario, numbers, stiffest=stiff, key=key
         )
+        # totals travel with the loop state, so that a leg hands both on
         self.first = (self._program.first, tuple(map(first_totals, options.wanted)))
         used = dict.fromkeys(window for each in options.wanted for _, window, _ in each)
         masks = {name: options.masks[name] for name in used}
         self._feed = Feed(self.scenario, (*self._free, *self._swept), masks)
         self.rows: Array = self._feed.rows[periods.start : periods.stop]
+        # most changes set numbers alone: a leg then flies the code of an earlier one
         made = (leg.code for leg in before if leg.code is not None)
         self.code: LegCode | None = next(
             (code for code in made if code.program.serves(key, self._program.plant)),
@@ -505,6 +509,8 @@ class Leg:
         """Payload masses of laws' models in this leg, as far as they follow from masses
         that vary, (lanes,) each.
         """
+        # models follow payloads (believed): a varied mass is one of the law's model,
+        # too
         loads = {
             path: column
             for path, column in given.items()
@@ -624,6 +630,7 @@ def lane_statuses(
         for path, column in values.items()
         if word_of(path).startswith("reference.")
     }
+    # lanes that diverged hold infinities, which are no reason for a warning
     with np.errstate(all="ignore"):
         varied = with_numbers(scenario, motion)
         ends = [
@@ -640,6 +647,7 @@ def _lane_end(varied: Scenario, own: AgentLoop, ticks: Array) -> LaneEnd:
     if own.clock:
         reference = Waits(varied).held_reference(own.clock, ticks)
     else:
+        # after the last period its sample is still held
         reference = held_reference(varied, np.minimum(ticks, varied.steps - 1))
     failed = np.asarray(own.clock.failed) > 0.5 if own.clock else None
     return LaneEnd(own.state, table_of(reference.dense().position, len(ticks)), failed)

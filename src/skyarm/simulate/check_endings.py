@@ -66,6 +66,7 @@ def healthy(scenario: Scenario, state: State, goal: Vec3) -> Scalar:
     """True while no termination condition is met; a state with NaN meets one."""
     fine: Scalar = True
     for ending in endings_of(scenario):
+        # without slack: these are the bits that decide
         fine = _both(fine, ending.fine(scenario, state, goal, 0))
     return fine
 
@@ -83,6 +84,7 @@ def find_ending(
     """
     state = rebuild(example_state(*scenario.agent.vehicle.sizes), iter(x))
     for ending in endings_of(scenario):
+        # in the order of the loop: the first ending that is met names the flight's end
         if not ending.fine(scenario, state, Vec3(*goal), 0):
             try:
                 cause = ending.cause(scenario, state, Vec3(*goal))
@@ -176,7 +178,9 @@ def statuses(
             if end.failed is not None:
                 number = np.where(end.failed, len(names) - 1, number)
         # as in a single run, the first vehicle that meets an ending says which
+        # later writing wins, so the last vehicle and its last ending come first
         each = [*zip(map(varied.of, varied.agents), ends, strict=True)][::-1]
+        # with slack where a lane ended; an ending that is met exactly overwrites that
         for slack, asked in ((SLACK, ended), (0, np.ones(lanes, dtype=bool))):
             for (one, end), index in (
                 product(each, range(len(every), 0, -1)) if asked.any() else ()

@@ -79,6 +79,7 @@ def switches(
     """
     rotors_first = joined_parts(after, before)
     joints_first = joined_parts(before, after)
+    # an interval of constant length zero would be integrated for nothing
     if type(joints) is float and type(rotors) is not float and joints == 0.0:
         return [(rotors, joints_first)]
     if type(rotors) is float and type(joints) is not float and rotors == 0.0:
@@ -114,6 +115,7 @@ def arrivals(
         [(rest[0], old)] if len(rest) == 1 else switches(old, new, *rest)
         for rest, old, new in zip(late, before, after, strict=True)
     ]
+    # equal delays of all vehicles, the usual case, need no sorting
     if all(
         len(rest) == len(late[0]) and all(map(same, rest, late[0])) for rest in late
     ):
@@ -130,6 +132,7 @@ def arrivals(
         now = list[Command]()
         for some, own, new in zip(ends, each, after, strict=True):
             command = new
+            # the earliest of its arrivals is tested last, so that it wins
             for at, (_, old) in reversed([*zip(some, own, strict=True)]):
                 command = blend(at < end, command, old)
             now.append(command)
@@ -145,6 +148,7 @@ def _ascending(values: Sequence[Scalar]) -> list[Scalar]:
     ordered = list[Scalar]()
     for value in values:
         largest = value
+        # insertion by minimum and maximum: traced numbers allow no branch
         for i, other in enumerate(ordered):
             ordered[i], largest = minimum(other, largest), maximum(other, largest)
         ordered.append(largest)
@@ -161,6 +165,7 @@ def command_in_force(queue: Sequence[Command], whole: Scalar | None) -> Command:
         return queue[len(queue) - 1 - round(whole)]
     in_force = queue[-1]
     for age, command in enumerate(queue[-2::-1], start=1):
+        # ages are whole numbers: halfway between them rounding decides nothing
         in_force = blend(whole < age - 0.5, in_force, command)
     return in_force
 
@@ -250,6 +255,7 @@ def numbers_of_command(command: Command, taken: CommandRange) -> tuple[float, ..
         command = dataclasses.replace(command, tilts=(0.0,) * tilts)
     numbers = (*command.rotor_speeds, *command.efforts, *command.tilts)
     floats = tuple(number for number in numbers if type(number) is float)
+    # the check of each number by type is fast; conversion is for the odd call
     floats = floats if len(floats) == len(numbers) else _plain_numbers(command)
     taken.require(floats, "command.rotor_speeds")
     return floats

@@ -109,6 +109,7 @@ class Course:
             )
         at = tick / self.begun.rates.control
         made = [Change(at=at, path=path, value=value) for path, value in values.items()]
+        # tried on a copy: a change that is refused leaves the flight as it is
         overrides, now = try_changes(
             self.begun, self.now, self.overrides, [("", change) for change in made]
         )
@@ -125,5 +126,6 @@ class Course:
     ) -> Course:
         if coming:
             now = replace(now, changes=coming)
+        # a change at the very beginning ends no piece
         flown = (*self.flown, piece) if len(piece.flown[0].states) else self.flown
         return Course(self.begun, now, (*self.made, *made), coming, overrides, flown)

@@ -79,6 +79,7 @@ class Draws:
         """Split the random numbers of a control period among the sensors and the wind,
         force and contact models.
         """
+        # in the order of ``channels``: what one part takes the next cannot
         left = iter(row)
 
         def shares_of(pairs: tuple[tuple[int, int], ...]) -> list[Scalars]:
@@ -104,6 +105,8 @@ def draw_plan(scenario: Scenario) -> Draws:
         of = "" if name == SOLE else f" of {name}"
         vehicle = agent.vehicle
         full, *named = agent.all_sensors
+        # the sole vehicle keeps the first channels, whose noise logs of old versions
+        # have
         first = _channel("sensor", of) if of else CHANNEL_SENSORS
         rows = [(first, full[1].uniforms(vehicle))]
         sensors.append(
@@ -167,4 +170,5 @@ def _channel(kind: str, name: str) -> int:
     """Index of the random-number stream of a named sensor or model: a hash, larger than
     the built-in indices.
     """
+    # crc32 has no seed of its own, as hash() has: the same in every process
     return zlib.crc32(f"{kind} {name}".encode()) | 2**31

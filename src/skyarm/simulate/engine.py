@@ -138,6 +138,8 @@ class EpisodeCode(LoopProgram):
                 self.first, [_carried_memory(law, own.memory) for law, own in pairs]
             )
         self._shared = (
+            # a fleet's shared code is for run(): of a session or of numbers nobody
+            # knows the length
             machine_code and effort is None and not (commands or self.numbers)
         )
         self._called: CalledPlant | None = None
@@ -190,6 +192,7 @@ class EpisodeCode(LoopProgram):
         return program
 
     def _trace(self, cut: Cut) -> Loop:
+        # an example of a command: without commands the program has no such inputs
         waiting = [own.queue[0] for own in self.first.agents] if self.commands else []
         row = PeriodRow(
             given=self.inputs.row_examples,
@@ -252,6 +255,7 @@ class EpisodeCode(LoopProgram):
         """
         if self.kernel is None or key != self.key:
             return False
+        # only these numbers fix integration steps, which need a plant to be counted
         if changed is not None and not any(
             word_of(path).startswith(("plant.", *STATED)) for path in changed
         ):
@@ -389,6 +393,7 @@ class Engine:
         self._stepper = self._make_stepper(
             code.loop, np.array(leaves(code.carry), dtype=float), parameters
         )
+        # one array for good: a copy in each stretch would be garbage
         self._before = self._stepper.carry.copy()
         self._first = 0  # period of the inputs' first row
         self._rows = self._input_rows()
@@ -412,6 +417,7 @@ class Engine:
         episode = self.scenario.episode
         if self.code.kernel is None:
             return _PythonSteps(loop, carry, parameters, seed, episode)
+        # a peek has a program of its own; its code is made at the first one
         kernel = Kernel(loop, Lanes(1), logging=True) if peek else self.code.kernel
         return Stepper(kernel, carry, parameters, seed=seed, episode=episode)
 
@@ -483,6 +489,8 @@ class Engine:
                 if each:
                     self._rows[k, at : at + len(each)] = each
                 at += size
+            # restore leaves it: rows behind may still hold modes, which have to be
+            # zeroed
             self.commanded = True
             self.from_outside = min(self.from_outside, k)
         elif self.commanded:
@@ -507,6 +515,7 @@ class Engine:
         going = self._fly(stop)
         size = self.tick - before
         seconds = max(perf_counter() - begun, 1e-6)
+        # eightfold at most, as the time of a few periods is a poor measure
         self._stretch = max(1, int(size * min(8.0, PIECE / seconds)))
         return going
 
@@ -543,6 +552,8 @@ class Engine:
             goal = (
                 self.inputs.each[i].row_at(self.tick, own, now.ticks).reference.position
             )
+            # the state first, as in the loop: a command that is not finite may follow
+            # from it
             ending = find_ending(one, time, leaves(own.state), [float(c) for c in goal])
             ending = ending or failed_phase(one, time, own.clock)
             if ending is not None:
@@ -563,6 +574,8 @@ class Engine:
             ending = ending_of_command(scenario.of(name), time, command)
             if ending is not None:
                 return self._with_name(name, ending)
+        # the loop and these functions share their conditions: to get here is a fault of
+        # ours
         raise RuntimeError(
             f"at {time} s: an episode has ended in which no ending finds anything wrong"
         )
@@ -714,11 +727,13 @@ class Engine:
             changed: paths of the numbers that are other than before.
             key: key of the program that the scenario needs.
         """
+        # the program stays: only its parameters and rows are new
         if not self.code.fits(key, scenario, changed):
             return False
         self.scenario = scenario
         self.begun = self.tick
         self._stepper.parameters[:] = [*numbers.values()]
+        # rows hold the reference; other numbers are parameters
         if any(word_of(path).startswith("reference.") for path in changed):
             self._rows = self._input_rows()
             self._stepper.read_tables(self._rows, self.recorder.table)

@@ -139,6 +139,7 @@ class UserPart:
         function = getattr(
             self.record, method or next(iter(CONTRACTS[self.kind].methods), ""), None
         )
+        # the method itself, if the user wrote it; else his class, which inherits it
         line = place or place_of(
             function if own_code(function) else self.own or type(self.record)
         )
@@ -180,6 +181,7 @@ class UserPart:
                 and isinstance(each, str)
             ):
                 continue
+            # an int is right here: it is read as a number, never kept in a memory
             if kind_of(plain) != "a number" and type(plain) not in (int, wanted.also):
                 free = (
                     ", or a tuple or a frozen dataclass of numbers"
@@ -357,6 +359,7 @@ class UserPart:
         keeps once it is called for.
         """
         whole, (own,) = self.whole, self.scenario.agents
+        # the others stand at their starts: the part is tried in sight of the whole team
         states = {name: first_state(whole.of(name)) for name in whole.agents} | {
             own: state
         }
@@ -421,6 +424,7 @@ class UserPart:
         begin: Any = getattr(self.record, start, ())
         memory: Tree = begin
         if arguments:
+            # one half of a uniform number is the median of what it stands for
             draws = [0.5] * (2 * self.uniforms)
             values = _values(
                 self.arguments_at(0.0, first_state(self.scenario), draws), arguments
@@ -449,6 +453,7 @@ class UserPart:
         def step(
             moving: Tree, time: Scalars, state: State, draws: Scalars
         ) -> Mapping[str, Any]:
+            # traced: what a method does with plain numbers shows no branch on them
             given = self.arguments_at(time[0], state, draws) | {"memory": moving}
             results = {}
             for name, method in CONTRACTS[self.kind].methods.items():
@@ -544,6 +549,7 @@ def _fingerprints(own: Sequence[UserPart], *, anew: bool = False) -> list[Finger
     texts = []
     for part in own:
         try:
+            # a function within a record has no constructor to call again
             constructed = anew and part.own is None
             texts.append(
                 (
@@ -621,12 +627,14 @@ def _require_right(own: Sequence[UserPart]) -> None:
     """
     for part in own:
         _require_class(part)
+    # as constructed first: what a part has stored in itself since differs from it
     anew, once, twice = (_fingerprints(own, anew=anew) for anew in (True, False, False))
 
     def compare(
         first: list[Fingerprint], other: list[Fingerprint], where: str, why: str
     ) -> None:
         for part, here, there in zip(own, first, other, strict=True):
+            # the first trace failed as well: there is nothing to compare it with
             if FAILED in here:
                 continue
             if FAILED in there:
@@ -775,6 +783,7 @@ def _try_elsewhere(
     pairs = [pair for part in own for pair in walk(part.record)]
     values = [pair for pair in pairs if not is_leaf(pair[1])]
     places = [f"{code.co_filename}:{code.co_firstlineno}" for code in codes]
+    # numbers are left out: they are inputs of a trace, and vary in a study
     key = repr((loaded_plugins(), places, values))
     if key in TRIED:
         return
@@ -786,6 +795,7 @@ def _try_elsewhere(
             here.mkdir(parents=True)
             for _, value in values:
                 _lend_file(value, here)
+            # another one than here, also where the user has fixed his own
             seed = "1" if os.environ.get("PYTHONHASHSEED") == "0" else "0"
             done = subprocess.run(
                 [
@@ -793,6 +803,7 @@ def _try_elsewhere(
                     "-B",
                     "-c",
                     PROGRAM,
+                    # absolute, as the other process stands in another folder
                     json.dumps([os.path.abspath(path) for path in sys.path]),
                 ],
                 input=pickle.dumps((luggage(), pack(own))),
@@ -803,6 +814,7 @@ def _try_elsewhere(
                 timeout=SECONDS,
                 check=False,
             )
+        # a traceback ends with its cause
         last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
         why = f"it ended with code {done.returncode}: {last}".removesuffix(": ")
         answered = json.loads(done.stdout)
@@ -819,6 +831,7 @@ def _try_elsewhere(
         )
     else:
         compare(answered)
+    # only after the comparison, whose error comes again at the next try
     TRIED.add(key)
 
 
@@ -834,12 +847,14 @@ def _lend_file(name: object, folder: Path) -> None:
     ):
         return
     there = Path(os.path.normpath(folder / name))
+    # never outside the temporary folder, however often a name goes up
     if there.exists() or not there.is_relative_to(folder.parents[DEEP.count("/")]):
         return
     there.parent.mkdir(parents=True, exist_ok=True)
     try:
         there.symlink_to(os.path.abspath(name))
     except OSError:
+        # Windows allows links to administrators alone
         shutil.copy(name, there)
 
 

@@ -66,6 +66,7 @@ def first_loop_state(
     rows = [
         (model, model.start(period, next(left))) for model in scenario.shared_components
     ]
+    # by the first vehicle's motion, as in every later period (Stages.surround)
     components = tuple(
         model.settle(memory, motions[0], still) for model, memory in rows
     )
@@ -87,6 +88,7 @@ def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
     """
     vehicle = scenario.agent.vehicle
     drives = scenario.agent.all_drives
+    # joints hold the arm from the first instant, whatever the law will do
     efforts = hover_trim(vehicle, state.joints, scenario.agent.plant.gravity).efforts
     if drives:
         rows = zip(drives, efforts, state.joints, strict=True)
@@ -118,6 +120,7 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
     vehicle, (_, sensor) = scenario.agent.vehicle, scenario.agent.all_sensors[index]
     waiting = readings_waiting(scenario, index)
     memory = sensor.start(vehicle)
+    # the full state needs no call: its blank has the structure of every measurement
     if index == 0:
         blank = blank_measurement(*vehicle.sizes)
         return SensorState(memory=memory, held=(), waiting=(blank,) * waiting)
@@ -137,7 +140,9 @@ def commands_waiting(scenario: Scenario) -> int:
     rates = scenario.rates
     delays = scenario.agent.delays
     if delays.longest_command is not None:
+        # 1e-9: a multiple of the period up to rounding; one more: the command that acts
         return math.ceil(delays.longest_command * rates.control - 1e-9) + 1
+    # delays end on physics steps; the rest within a period is no place in the queue
     return round(delays.longest * rates.physics) // (rates.physics // rates.control) + 1
 
 

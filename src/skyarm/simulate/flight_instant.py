@@ -114,6 +114,7 @@ class FlightInstant:
             strict=True,
         )
         for (name, agent), (states, commands) in rows:
+            # a log names the arrays of an only vehicle without its name (team_log)
             own = state_arrays(agent.vehicle, times, states, commands)
             arrays |= (
                 own
@@ -125,6 +126,7 @@ class FlightInstant:
     def _require_one(self, word: str) -> None:
         """Raise an error about what is of one vehicle if the session flies several."""
         agents = self._engine.scenario.agents
+        # session.state and its like are of an only vehicle, in files and scripts alike
         if len(agents) > 1:
             raise ScenarioError(
                 f"session.{word}: is of one agent; session.now.agents is of"

@@ -51,6 +51,7 @@ class FlightPrograms:
         Python.
         """
         scenario = course.now
+        # the other plants are Python: they are called from it
         if self.machine_code and scenario.kind == "rigid_body" and scenario.is_compiled:
             try:
                 return self._compile(course, scenario)
@@ -73,11 +74,14 @@ class FlightPrograms:
         key = self.key(course)
         numbers = dict(read.numbers)
         shape = read.parts_of(course.begun)
+        # going back and forth between two scenarios compiles each once
         code = next((code for code in self.codes if code.fits(key, scenario)), None)
         if code is None:
             # code that flies on after a change is made in a hurry: the vehicle is in
             # the air
             quick = course.overrides is not NONE or course.coming or self._paths
+            # a session's length is open: full effort; that of run() is weighed
+            # (Assembly.pays)
             effort = 0 if quick else 2 if self._commands else None
 
             def vary(values: Sequence[Scalar]) -> Scenario:

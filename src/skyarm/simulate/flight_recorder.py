@@ -41,6 +41,7 @@ class FlightRecorder:
         rows = self.table[start - self.first : stop - self.first]
         samples = list[LoggedSamples]()
         rows = rows.copy() if kept else rows
+        # columns in place of numbers: each field becomes the array of its course
         columns = rebuild(self._sample, iter(rows.T))
         for own, (first, command, measured, found, led, end) in zip(
             columns.agents, self._marks, strict=True
@@ -112,6 +113,7 @@ class FlightRecorder:
         marks = list[list[int]]()
         begin = len(leaves(self._sample.alive))
         for own in self._sample.agents:
+            # in the order of AgentSample's fields, which is that of a row
             later = (own.measurement, own.readings, own.wind)
             sizes = [
                 len(leaves(part))

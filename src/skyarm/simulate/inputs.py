@@ -170,6 +170,7 @@ class EpisodeInputs:
         """Reference sample of a control period, at the clock of a task, which stops
         while a phase waits.
         """
+        # by the program of the tables, so that it has their bits
         columns = [np.array([float(value)]) for value in self.waits.times(clock, ticks)]
         sample, _, _ = self.waiting_references(columns)
         (since, offset), _ = self.waits.instants(columns)
@@ -190,6 +191,7 @@ class EpisodeInputs:
         """Closed-loop inputs of the control period that begins with a given state of
         the vehicle and its control.
         """
+        # after the last period the last row still holds the reference
         numbers = iter(self.rows[min(tick, self.ticks[-1]) - self.ticks[0]].tolist())
         clock = own.clock
         if clock:
@@ -232,7 +234,10 @@ class FlightInputs:
     ) -> None:
         self.scenario = scenario
         ticks = range(
-            first, min(first + (window or scenario.steps) + 1, scenario.steps)
+            # one more: a flight that ends in the window's last period is judged by the
+            # next row
+            first,
+            min(first + (window or scenario.steps) + 1, scenario.steps),
         )
         self.each: tuple[EpisodeInputs, ...] = tuple(
             episode_inputs(
@@ -254,6 +259,7 @@ class FlightInputs:
         vehicle in turn.
         """
         first, *others = (each.rows for each in self.each)
+        # the table of an only vehicle is taken as it is: hstack would copy it
         return np.hstack([first, *others]) if others else first
 
     @property
@@ -335,6 +341,7 @@ def held_reference(scenario: Scenario, ticks: Scalar) -> Reference:
     """Reference sample that a flight holds in control period number ``ticks``."""
     rate = float(scenario.rates.control)
     ratio = float(scenario.rates.control // scenario.rates.reference)
+    # half a tick, so that rounding of the quotient never finds the sample before
     time = floor((ticks + 0.5) / ratio) * ratio / rate
     leads = preview_leads(scenario.agent.controller.par)
     motion = scenario.agent.law_reference

@@ -67,6 +67,7 @@ class _Episode(Session):
         going = super().fly(stop)
         engine = self._engine
         file = self._file
+        # stored before the flight goes on, which would overwrite the table's rows
         if going and file is not None and engine.full:
             flown = (*self._course.flown, engine.piece)
             try:
@@ -75,6 +76,7 @@ class _Episode(Session):
                     for each in flown
                 )
             except OSError as error:
+                # a full disk ends the flight: what has been flown is still a log
                 engine.ended = Ended(
                     RUNNING, f"log: must be writable ({error.strerror})", self.time
                 )
@@ -162,6 +164,7 @@ def run_until_interrupted(
         interrupted: BaseException | None = None
         try:
             _advance(session, progress)
+        # an error is raised at once; a signal or Ctrl-C leaves the log up to then
         except Exception:
             raise
         except BaseException as error:
@@ -177,6 +180,7 @@ def _new_session(
         warnings.warn(
             f"{session.slow}; flying as Python floats: {SLOWER}",
             SlowFlightWarning,
+            # the line of the user who called run()
             stacklevel=4,
         )
     return session
@@ -190,6 +194,7 @@ def _advance(session: Session, progress: Progress | None) -> None:
         )
     total = session.scenario.steps
     due = 0
+    # each report ends a stretch of machine code: a hundred of them cost little
     every = max(1, total // 100)
     while True:
         if progress is not None and session.tick >= due:

@@ -246,6 +246,7 @@ def _carry_agent(new: AgentLoop, old: AgentLoop, clock: Clock) -> AgentLoop:
     as before.
     """
     drives = (
+        # drives have no names: of another number none is known to be the same
         zip(new.drives, old.drives, strict=True)
         if len(new.drives) == len(old.drives)
         else ()
@@ -262,6 +263,7 @@ def _carry_agent(new: AgentLoop, old: AgentLoop, clock: Clock) -> AgentLoop:
 
 
 def _kept(new: Record, old: Record) -> Record:
+    # numbers of another structure mean something else: such a part begins anew
     return new if mismatch(new, old, "memory") else old
 
 

@@ -116,9 +116,11 @@ class RigidBodySteps:
         """States of vehicles and contacts after a control period in which new commands
         arrive.
         """
+        # an impact comes at a control instant, before anything is integrated
         now = after_impacts(self._worlds, states, around), around.coupled_memories()
         left: Scalar = self._period
         for seconds, commands in arrivals(self._late, before, after):
+            # a varied delay may be zero: an integration over nothing is then not taken
             if type(seconds) is not float:
                 now = blend(
                     seconds > 0.0, self._hold(now, commands, around, seconds), now
@@ -132,6 +134,7 @@ class RigidBodySteps:
         self, now: Moved, commands: Sequence[Command], around: Together, seconds: Scalar
     ) -> Moved:
         """States of vehicles and contacts after an interval with constant commands."""
+        # a traced interval may be as long as the period: its steps are those of one
         count = self._substeps(seconds if type(seconds) is float else self._period)
         return hold(
             self._worlds, self._integrator, count, now, commands, around, seconds
@@ -245,8 +248,10 @@ class AgentStagesInPython(AgentStages):
         count = len(leaves((self._example, memory)))
 
         def call(given: Flat, numbers: Flat) -> Flat:
+            # mode 1, a command from outside: the law is not called, so its memory stays
             if given and 0.5 < given[0] < 1.5:
                 return (0.0,) * count
+            # kept outside the program, as it may be any object
             self._calls.memory, command = law(
                 self._calls.memory, *rebuild(inputs, iter(numbers))
             )
@@ -271,6 +276,7 @@ def _graph_of(record: Tree) -> Graph:
     """Computation graph of the traced program to which the scalars of a dataclass
     belong.
     """
+    # one traced number is enough: all of a trace belong to one graph
     return next(leaf.graph for leaf in leaves(record) if isinstance(leaf, Node))
 
 
@@ -304,6 +310,7 @@ class CalledPlant:
             for name in DELAYS
         ):
             steps = delay * scenario.rates.physics
+            # of a step; a delay in decimals is no whole binary number of steps
             if abs(steps - round(steps)) > 1e-6:
                 raise ScenarioError(
                     f"delays.{name} = {delay!r}: must be a whole number of physics"

@@ -144,6 +144,7 @@ class LoopProgram:
     @cached_property
     def plant(self) -> RigidBodyPlant:
         """Plant of the stiffest scenario."""
+        # the first state is only that of the stiffest scenario if they are one
         same = self._stiffest is self.scenario
         return rigid_body_plant(self._stiffest, self.first if same else None)
 
@@ -211,7 +212,10 @@ class LoopProgram:
     def start_draws(self) -> tuple[Scalars, ...]:
         """Uniform numbers that start each environment model, as an example."""
         return tuple(
-            (0.5,) * (2 * count) for _, count in draw_plan(self.scenario).models
+            # two of each, as a model starts from two steps of its channel
+            # (draws.STARTS)
+            (0.5,) * (2 * count)
+            for _, count in draw_plan(self.scenario).models
         )
 
     @cached_property
@@ -231,6 +235,7 @@ class LoopProgram:
             episodes: (flights,), the other key.
         """
         columns = [*numbers]
+        # lanes vary numbers, never models: the channels are those of the scenario
         for draws in start_draws(self.scenario, seed, episodes):
             columns += [*draws.T]
         return evaluate(self._start, columns, len(episodes))

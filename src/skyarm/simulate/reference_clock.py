@@ -190,6 +190,7 @@ class Waits:
             return ()
         guard: Scalar = 0.0
         for terms in self._terms:
+            # counted, not searched: the number may be traced, of many lanes at once
             guard = guard + where(ticks > terms.end + WHOLE, 1.0, 0.0)
         return replace(first, place=ticks, held=ticks, guard=guard, waited=BEGUN)
 
@@ -379,13 +380,18 @@ class Waits:
         n = clock.guard
         now = self.terms(clock.guard)
         there = clock.place >= now.end - WHOLE
+        # a phase begins where the clock reaches it, or where a change takes over in its
+        # middle
         begins = logical_or(
             clock.place <= now.begin + WHOLE, clock.waited < 0.5 * BEGUN
         )
+        # a phase of no length waits at its beginning: its first period alone is fresh
         fresh = logical_and(begins, clock.waited < 0.5)
         origin = (
             blend(fresh, seen.tip, clock.origin) if self._measures else clock.origin
         )
+        # one that may end early is looked at from its second period on, as distances
+        # count from the first
         looks = (
             logical_or(there, logical_and(now.early > 0.5, logical_not(fresh)))
             if self._moves
@@ -396,11 +402,13 @@ class Waits:
             > 0.5
         )
         reached = where(logical_and(looks, holds), clock.reached + 1.0, 0.0)
+        # held for so many periods after the first that met it; 1e-6 of one is rounding
         enough = reached > now.hold + (1.0 - 1e-6)
         late = logical_and(there, clock.waited >= now.timeout - 1e-6)
         passed = logical_or(enough, late)
         failed = logical_and(logical_and(late, logical_not(enough)), now.fails > 0.5)
         number = where(passed, n + 1.0, n)
+        # an early end skips what is left of the phase, by the jump of the offset below
         gone = where(passed, where(there, clock.place, now.end), clock.place) + 1.0
         offset = clock.offset
         since = clock.since
@@ -414,6 +422,7 @@ class Waits:
             )
         return replace(
             self._hold_sample(clock, ticks),
+            # the clock stands still at the end of the next phase that waits
             place=minimum(gone, self.terms(number).end),
             guard=number,
             waited=where(passed, 0.0, where(there, clock.waited + 1.0, 0.0)),
@@ -458,6 +467,7 @@ def _select(n: Scalar, values: Sequence[T]) -> T:
     end.
     """
     element = values[-1]
+    # the last test wins, so the smallest index comes last
     for i in reversed(range(len(values) - 1)):
         element = blend(n < i + 0.5, values[i], element)
     return element
@@ -467,6 +477,7 @@ def due(ticks: Scalar, every: int) -> Scalar:
     """True in every ``every``-th control period; ``ticks`` is the number of the
     period.
     """
+    # half a period, so that rounding of the quotient never loses a multiple
     late = ticks - floor(ticks / float(every) + 0.5 / every) * float(every)
     fresh: Scalar = late < 0.5
     return fresh
@@ -522,5 +533,6 @@ def _clock_of_change(
     if first.clock == () or not (anew or other):
         return ()
     begun = Waits(scenario).begun_at(now.ticks)
+    # lanes that have ended keep the clock that ended them, which names the cause
     clock = begun if other else blend(now.alive > 0.5, begun, own.clock)
     return clock

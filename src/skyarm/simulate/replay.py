@@ -78,6 +78,8 @@ class Inputs:
     late: tuple[Scalar, Scalar]
 
 
+# no cut of LoopProgram: it has neither a scenario nor its sensors, law, delays and
+# random numbers; its lanes differ in inputs, which a PeriodRow gives all lanes alike
 class CommandReplay:
     """Compiled plant model that flies under logged commands.
 
@@ -114,6 +116,7 @@ class CommandReplay:
         memories = tuple(each.begin(0.0, 0.0, step) for each in drives)
 
         def around(vehicle: Vehicle, given: Inputs, memories: Memories) -> Surroundings:
+            # the joints' share is an int, structure: identification scales thrust alone
             left = Effectiveness(rotors=(given.thrust,) * rotors, joints=(1,) * n)
             push = (given.force, given.torque)
             return Surroundings(
@@ -144,6 +147,7 @@ class CommandReplay:
             "rk4",
         )
         usually = plant.substeps(step)
+        # a search compares steps: it may ask for finer ones than stability needs
         self.substeps = max(finer, usually.near)
         count = usually._replace(near=self.substeps)
 
@@ -160,6 +164,7 @@ class CommandReplay:
                 setpoints,
                 before.joints,
                 before.joint_rates,
+                # there is no drive at all where every joint takes a torque
                 strict=False,
             )
             memories = tuple(
@@ -170,6 +175,8 @@ class CommandReplay:
             beside = Together((around(vehicle, given, memories),))
             now: Moved = (before,), ()
             left: Scalar = step
+            # as in a control period (RigidBodySteps), so that a log is met to its
+            # delays
             for seconds, command in switches(given.before, given.after, *given.late):
                 now = hold(worlds, "rk4", count, now, (command,), beside, seconds)
                 left = left - seconds
@@ -226,12 +233,14 @@ class ReplayedFlights:
                 f"{name}_{part}": commands[field] for field, name in fields.items()
             }
         self.logged: Array = stepper.logged
+        # zeros of a new array are no attitude
         self.state["quaternion"][0] = 1.0
         self.inputs["thrust"][:] = 1.0
         self.inputs["numbers"][:] = np.array(inputs.numbers, dtype=float)[:, None]
 
     def step(self) -> None:
         """Simulate one step of all flights."""
+        # inputs are written in place, those of the padding lanes have to follow
         self._stepper.fill()
         self._stepper.step()
 

@@ -187,6 +187,7 @@ class Session(FlightInstant):
         one under its law.
         """
         if len(self._taken) == 1:
+            # an only vehicle's command needs no table with its name
             (taken,) = self._taken.values()
             return [numbers(given, taken)]
         if not isinstance(given, Mapping) or not given.keys() <= self._taken.keys():
@@ -238,6 +239,7 @@ class Session(FlightInstant):
             return False
         # a law that is called may act on things outside: it is not called again
         if self.scenario.is_compiled and ended.cause.endswith("is not finite"):
+            # flown anew, as the state of the last sound period is not kept
             again = type(self)(self.plan, machine_code=self._programs.machine_code)
             before = again._engine
             again.returns = False
@@ -267,6 +269,7 @@ class Session(FlightInstant):
             engine.ended or running_status(self._course.now, engine.tick),
         )
         if engine.from_outside < engine.tick:
+            # a team's log has the mark in each vehicle's, which may be saved alone
             for each in (log, *getattr(log, "agents", {}).values()):
                 each.info["commanded"] = True
         return log
@@ -361,6 +364,7 @@ class Session(FlightInstant):
             )
             engine.take_over(self._engine, anew=anew)
             self._engine = engine
+        # last: whatever was refused above leaves the session as it was
         self._course = course
         self._taken = course.command_ranges
 

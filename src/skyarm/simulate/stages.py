@@ -117,6 +117,8 @@ class Stages:
         self.own = tuple(map(scenario.own_components, scenario.agents.values()))
         self.shared = scenario.shared_components
         self.draws = draw_plan(scenario)
+        # the motion of all vehicles costs operations: it is computed for models with
+        # events alone
         self._eventful = any(
             map(_acts, (*self.shared, *(each for some in self.own for each in some)))
         )
@@ -154,6 +156,8 @@ class Stages:
                 fine, healthy(each.scenario, loop.state, row.reference.position)
             )
             sound = each.waits.is_sound(loop.clock)
+            # without guards the clock is sound for certain, so that no operation is
+            # added
             fine = fine if sound is True else logical_and(fine, sound)
         return where(fine, 1.0, 0.0)
 
@@ -178,12 +182,16 @@ class Stages:
         for each, loop, models, memories in zip(
             self.agents, now.agents, self.own, own, strict=True
         ):
+            # a battery is loaded by the command in force, as this period's arrives
+            # later in it
             speeds = each.acting(loop.queue).rotor_speeds
             pairs = zip(models, memories, strict=True)
             memories[:] = [
                 model.supply(memory, self.period, loop.state, speeds)
                 for model, memory in pairs
             ]
+        # a model that all share stands at no vehicle; it is given the state of the
+        # first
         shared = self._advance_models(
             self.shared, now.components, time, first, draws.shared
         )
@@ -252,6 +260,8 @@ class Stages:
         team = self.scenario.team
         for i, each in enumerate(self.shared):
             if each is team:
+                # the contact model is the last of the shared ones
+                # (Scenario.placed_shared)
                 contact = cast("Contact", self.shared[-1])
                 touching = cast("ContactMemory", shared[-1])
                 rows = zip(motion.agents, now.agents, strict=True)
@@ -271,6 +281,7 @@ class Stages:
         where the team steers by none.
         """
         found = part_of(loop.memory, "carrying")
+        # a law without such an estimate has none of the carried body to hand on
         if is_record(found) and steers:
             return cast("Borne", found)
         from skyarm.world.team import NothingBorne
@@ -428,6 +439,7 @@ class AgentStages:
         frames = [
             sensor.feels for _, sensor in self.sensors if sensor.feels is not None
         ]
+        # they take a forward dynamics more: only where a force sensor reads them
         loads = (
             load_wrenches(self.scenario.agent.plant.loads, around, motion, acting)
             if frames
@@ -478,6 +490,7 @@ class AgentStages:
             i for i, (_, sensor) in enumerate(self.sensors) if sensor.feels is not None
         ]
         felt = dict(zip(feeling, pushes, strict=True))
+        # in the order of Draws.shares, which deals out the random numbers by position
         for i, ((name, sensor), now) in enumerate(
             zip(self.sensors, own.sensors, strict=True)
         ):
@@ -538,6 +551,7 @@ class AgentStages:
             for each, memory in each_memory
             for report in each.holds(memory, tip, name)
         ]
+        # several grippers may stand at one tip: it holds once any of them does
         holds = (functools.reduce(maximum, reports),) if reports else ()
         return replace(read, measurement=replace(read.measurement, holds=holds))
 
@@ -553,6 +567,7 @@ class AgentStages:
         """
         controller = self.scenario.agent.controller
         vehicle = self.scenario.agent.vehicle
+        # always the user's: the law is not even traced, which shortens the program
         if self._command is not None and self._given is None:
             return memory, with_rest(vehicle, self._command)
 
@@ -571,11 +586,15 @@ class AgentStages:
             )
 
         given = memory, measurement, reference, self._command, self._given
+        # what a payload adds at a path time is a traced number, no constant of shared
+        # code
         loads_change = (
             self.waits.with_task_loads(controller.par, path_time) is not controller.par
         )
         if not self.scenario.others or not controller.compiled or loads_change:
             return choose(given)
+        # laws of equal functions and constants share code, though partial made them
+        # anew
         functions, constants = bound_by(controller.law)
         constants = (controller.par, controller.name, vehicle, *constants)
         return compiled_once((functions, self.period), choose, given, constants)
@@ -601,6 +620,7 @@ class AgentStages:
         command that now acts.
         """
         going = alive > 0.5
+        # NaN compares false, so that this one comparison refuses it as it does infinity
         for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
             going = logical_and(going, absolute(value) < float("inf"))
         # the log has what the law computed, motors do what they can
@@ -651,6 +671,7 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
     Costs nothing where the law follows from the first instant. Structural numbers stay:
     they do not move.
     """
+    # an int 0 is structure; a float may be another in the next lane
     if same(scenario.agent.tracking_start, 0):
         return going
     still = scenario.agent.law_reference.at(0.0)
@@ -708,6 +729,7 @@ def load_wrenches(
     forces = dynamics.load_forces(vehicle, loads, motion.state, base, joints)
     return tuple(
         Wrench(
+            # the load pushes back with the opposite of the force that moves it
             force_W=-motion.to_world(each.force, link),
             torque_W=-motion.to_world(each.torque, link),
             body=link,
@@ -761,6 +783,7 @@ def beyond(vehicle: Vehicle, link: int) -> set[int]:
     """Indices of a link and of all links that it carries; for the base, of all
     links.
     """
+    # parents come before their children, so that one pass finds them all
     links = {link}
     if link == BASE:
         return {BASE, *range(len(vehicle.moving))}
