@@ -50,6 +50,7 @@ def settings_table(evidence: Record) -> Table:
         )
     for name, taken in study["fit"]["choices"].items():
         choice = table_by_name(study["choices"], name)
+        # a choice has no range: what was not taken stands in its place
         others = [each["words"] for each in choice["options"] if each["name"] != taken]
         rows.append(
             (

@@ -56,6 +56,7 @@ def is_of_this_study(evidence: Record) -> bool:
     flights = {
         each["name"]: stated_tables(study, each["name"]) for each in study["flights"]
     }
+    # settings of another study are shown with a note, not refused
     return bool(evidence.get("study_digest") == study_digest(study, flights))
 
 

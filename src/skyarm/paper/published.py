@@ -112,6 +112,7 @@ def short_title(case: str) -> str:
 def phrase(name: str) -> str:
     """Label of a metric inside of a sentence, such as "mean joint error"."""
     label = metric(name).label
+    # an abbreviation such as IAE keeps its capitals
     return label if label[:2].isupper() else label[:1].lower() + label[1:]
 
 
@@ -134,6 +135,7 @@ def relative(ours: Number, paper: Number) -> float | None:
     than the paper's is below -1. None where either is missing or the paper's is zero.
     """
     a, b = finite_or_none(ours), finite_or_none(paper)
+    # divided with its sign: a larger magnitude is positive for negative numbers, too
     return None if a is None or not b else (a - b) / b
 
 
@@ -162,6 +164,7 @@ def reversed_orders(experiments: Record, plant: str) -> list[tuple[str, str]]:
                 for column in ("paper", plant)
                 for c in (cell, other)
             ]
+            # a number that only one law has makes no order
             if None in values:
                 continue
             theirs, ours = (

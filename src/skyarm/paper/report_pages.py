@@ -122,6 +122,7 @@ def _paper_cell(case: str, controller: str, name: str, paper: Number) -> Cell:
     """HTML table cell of a published number with its printed digits."""
     if paper is None and published_number(case, controller, name):
         return typographic(published_number(case, controller, name))
+    # printed digits stand only for the number that was compared
     written = printed_number(case, controller, name)
     return number_cell(
         paper, written=written if written and float(written) == paper else ""
@@ -188,6 +189,7 @@ def counts_table(experiments: Experiments) -> str:
         for plant in PLANTS
     }
     groups = []
+    # from the widest share, which the verdict is about, to the closest
     for share in (25, 10, 5):
         rows = []
         for case in experiments:
@@ -537,6 +539,7 @@ def _case_page(
     """Report page of a case: plots of its flights, table of its numbers, and redrawn
     figures.
     """
+    # figures show the first plant that has flown the case
     flown = next((each for each, cases in logs.items() if cases.get(case)), "")
     flights = _flights(case, drawn, flown)
     redrawn = _paper_figures(case, drawn, plant)
@@ -553,6 +556,7 @@ def _case_page(
 def _kinds(case: str) -> dict[str, str]:
     """Kinds of plots of a case's flights, each with its words."""
     kinds = {"tracking": "base and joints", "tip": "tip and its error"}
+    # Case 3 alone flies a path; elsewhere the base hovers
     return kinds | {"path": "path of the tip"} if case == "case3" else kinds
 
 

@@ -97,10 +97,12 @@ class Campaign:
         """Store the results of one simulated flight."""
         case, law, plant, settings = map(str, work.fixed.values())
         self.found.setdefault(settings, {})[case, law, plant] = {
+            # JSON has no NaN
             name: None if np.isnan(column[0]) else float(column[0])
             for name, column in rows.items()
             if column.dtype.kind == "f" and name != "end_time"
         }
+        # logs of the stated settings alone: they are drawn and written
         if work.keeps_log:
             content = self.files[plant, case, law] = rows["log"][0]
             self.logs.setdefault(plant, {}).setdefault(case, {})[law] = log_from_npz(
@@ -240,6 +242,7 @@ class Drawing:
             self._left = self._drawings(logs())
         if self._left:
             self._left[0]()
+            # only after it is drawn: what fails stays, and is raised at the end
             del self._left[0]
         return bool(self._left)
 
@@ -311,12 +314,14 @@ def reproduce(
         NoMachineCodeError: before any flight; as Python floats all flights take hours.
         OSError: the folder or a file in it cannot be written; raised before any flight.
     """
+    # before any flight: as Python floats all of them take hours
     require_machine_code()
     if on is not None:
         require_place(on)
     folder = prepare_folder(out, plants)
     say = note or (lambda _line: None)
     evidence = evidence or shipped_evidence()
+    # two commands would mix their flights in one folder
     with one_writer(folder):
         store = Store.if_kept(folder)
         if store is None:
@@ -392,6 +397,7 @@ def prepare_folder(out: PathLike, plants: Sequence[str]) -> Path:
     folder = require_writable(out)
     for inner in ("figures", *(f"logs/{plant}" for plant in plants)):
         require_writable(folder / inner)
+    # hours of flights should not end in a file that cannot be written
     require_replaceable(*_files(folder, plants))
     return folder
 
@@ -415,6 +421,7 @@ def _files(folder: Path, plants: Sequence[str]) -> list[Path]:
 
 
 def _json(value: Record) -> bytes:
+    # NaN would be no JSON: it is an error here, not a file that others refuse
     return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
 
 

@@ -98,6 +98,7 @@ def _groups(experiments: Record, column: Column) -> list[_Group]:
         near = counts(experiments, column, partial(_is_of, quantity))
         if near:
             found.append(_Group(quantity, int(near[NEAR]), int(near["cells"])))
+    # by share, and of equal shares by size: the largest is the strongest evidence
     return sorted(found, key=lambda group: (group.near / group.cells, group.cells))
 
 
@@ -113,6 +114,7 @@ def _example(experiments: Record, plant: str, quantity: str) -> str:
     for case, name in reversed_orders(experiments, plant):
         if metric(name).quantity == quantity:
             ct, pd = (abs(experiments[case][law][name]["paper"]) for law in LAWS)
+            # magnitudes: of these metrics the smaller is the better
             theirs, ours = LAWS.values() if ct < pd else reversed(LAWS.values())
             where = f"by {phrase(name)} in {short_title(case)}"
             return (

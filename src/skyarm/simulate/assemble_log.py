@@ -420,7 +420,7 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         {"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)}
         for each in guards
     ]
-    # the order of a log's info is that of its file, whose readers see it
+    # the order of a log's info is that of its file
     opening = ("schema", "scenario", "title", "plant", "integrator")
     closing = ("scenario_record", "digest")
     info = {

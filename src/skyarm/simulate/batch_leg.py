@@ -374,7 +374,6 @@ class Leg:
         self._program = LoopProgram(
             self.scenario, self._lane_scenario, numbers, stiffest=stiff, key=key
         )
-        # totals travel with the loop state, so that a leg hands both on
         self.first = (self._program.first, tuple(map(first_totals, options.wanted)))
         used = dict.fromkeys(window for each in options.wanted for _, window, _ in each)
         masks = {name: options.masks[name] for name in used}

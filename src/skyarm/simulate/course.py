@@ -109,7 +109,6 @@ class Course:
             )
         at = tick / self.begun.rates.control
         made = [Change(at=at, path=path, value=value) for path, value in values.items()]
-        # tried on a copy: a change that is refused leaves the flight as it is
         overrides, now = try_changes(
             self.begun, self.now, self.overrides, [("", change) for change in made]
         )

@@ -105,8 +105,7 @@ def draw_plan(scenario: Scenario) -> Draws:
         of = "" if name == SOLE else f" of {name}"
         vehicle = agent.vehicle
         full, *named = agent.all_sensors
-        # the sole vehicle keeps the first channels, whose noise logs of old versions
-        # have
+        # an only vehicle has the built-in channels, so that its flights keep their bits
         first = _channel("sensor", of) if of else CHANNEL_SENSORS
         rows = [(first, full[1].uniforms(vehicle))]
         sensors.append(

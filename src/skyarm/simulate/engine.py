@@ -138,8 +138,8 @@ class EpisodeCode(LoopProgram):
                 self.first, [_carried_memory(law, own.memory) for law, own in pairs]
             )
         self._shared = (
-            # a fleet's shared code is for run(): of a session or of numbers nobody
-            # knows the length
+            # a shared period reads neither numbers nor commands, which differ between
+            # vehicles
             machine_code and effort is None and not (commands or self.numbers)
         )
         self._called: CalledPlant | None = None
@@ -192,7 +192,6 @@ class EpisodeCode(LoopProgram):
         return program
 
     def _trace(self, cut: Cut) -> Loop:
-        # an example of a command: without commands the program has no such inputs
         waiting = [own.queue[0] for own in self.first.agents] if self.commands else []
         row = PeriodRow(
             given=self.inputs.row_examples,
@@ -727,7 +726,6 @@ class Engine:
             changed: paths of the numbers that are other than before.
             key: key of the program that the scenario needs.
         """
-        # the program stays: only its parameters and rows are new
         if not self.code.fits(key, scenario, changed):
             return False
         self.scenario = scenario

@@ -453,7 +453,7 @@ class UserPart:
         def step(
             moving: Tree, time: Scalars, state: State, draws: Scalars
         ) -> Mapping[str, Any]:
-            # traced: what a method does with plain numbers shows no branch on them
+            # traced numbers refuse a branch, which no machine code has
             given = self.arguments_at(time[0], state, draws) | {"memory": moving}
             results = {}
             for name, method in CONTRACTS[self.kind].methods.items():

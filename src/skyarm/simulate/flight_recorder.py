@@ -41,7 +41,7 @@ class FlightRecorder:
         rows = self.table[start - self.first : stop - self.first]
         samples = list[LoggedSamples]()
         rows = rows.copy() if kept else rows
-        # columns in place of numbers: each field becomes the array of its course
+        # columns in place of numbers: each field becomes an array over time
         columns = rebuild(self._sample, iter(rows.T))
         for own, (first, command, measured, found, led, end) in zip(
             columns.agents, self._marks, strict=True

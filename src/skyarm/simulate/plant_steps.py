@@ -310,7 +310,7 @@ class CalledPlant:
             for name in DELAYS
         ):
             steps = delay * scenario.rates.physics
-            # of a step; a delay in decimals is no whole binary number of steps
+            # a delay in decimals is a whole number of steps only up to rounding
             if abs(steps - round(steps)) > 1e-6:
                 raise ScenarioError(
                     f"delays.{name} = {delay!r}: must be a whole number of physics"

@@ -70,7 +70,7 @@ def program_name(scenario: Scenario, *details: object) -> str:
     content = json.dumps([plain(scenario), details])
     if "<lambda>" in content:  # two of one place have one name
         return ""
-    # a trim is solved by NumPy, so that its last bits are constants of the program
+    # numbers that NumPy's linear algebra has made are constants of a program
     variables = sorted(
         each for each in os.environ.items() if each[0].startswith(ALGEBRA)
     )
@@ -145,6 +145,6 @@ def store_program(name: str, program: FlightProgram) -> None:
         )
         object_cache.store(
             name,
-            # level 1: assembly shrinks by most of its size, and a command waits for it
+            # level 1, the fastest, as a command waits for it
             zlib.compress(json.dumps(plain(replace(program, loop=shape))).encode(), 1),
         )

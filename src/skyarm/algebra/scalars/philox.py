@@ -128,6 +128,7 @@ def normal(
     :func:`uniform`.
     Source: Box, Muller 1958.
     """
+    # whole pairs, so that the first numbers are the same for any count
     pairs = uniforms(seed, episode, channel, steps, count + count % 2)
     both = np.stack(
         [*map(np.asarray, normal_pair(pairs[..., 0::2], pairs[..., 1::2]))], axis=-1
@@ -160,6 +161,7 @@ def normals(uniforms: Sequence[Scalar]) -> list[Scalar]:
 
 def _unit(low: Words, high: Words) -> NDArray[np.float64]:
     """Uniform numbers in (0, 1) from pairs of random 32-bit words."""
+    # 52 bits: each number is the middle of its interval, so that none is 0 or 1
     bits = ((high << np.uint64(32)) | low) >> np.uint64(12)
     return (bits * np.uint64(2) + np.uint64(1)).astype(np.float64) * 2.0**-53
 

@@ -152,6 +152,7 @@ def _sine_cosine(x: Taylor) -> tuple[Taylor, Taylor]:
                 add(up, mul(slope[j], c[k - j])),
                 add(down, mul(slope[j], s[k - j])),
             )
+        # an int 1 folds: no multiplication for the first coefficient
         share = 1 if k == 1 else 1.0 / k
         s.append(mul(up, share))
         c.append(mul(neg(down), share))
@@ -220,6 +221,7 @@ def inverse_root(x: Scalar, halvings: int = 1) -> Scalar:
     if not isinstance(x, Taylor):
         return value
     exponent, coefficients = -(0.5**halvings), [value]
+    # (x^-1/2)^2 = 1 / x saves a division
     inverse = mul(value, value) if halvings == 1 else functions.divide(1.0, x.c[0])
     steps = [mul(c, inverse) for c in x.c]
     for k in range(1, len(x.c)):
