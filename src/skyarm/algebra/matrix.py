@@ -213,15 +213,11 @@ class Sym3:
 
     def __add__(self, other: Sym3) -> Sym3:
         """Sum of two symmetric matrices."""
-        return Sym3(
-            *(add(a, b) for a, b in zip(self.entries, other.entries, strict=True))
-        )
+        return Sym3(*map(add, self.entries, other.entries))
 
     def __sub__(self, other: Sym3) -> Sym3:
         """Difference of two symmetric matrices."""
-        return Sym3(
-            *(sub(a, b) for a, b in zip(self.entries, other.entries, strict=True))
-        )
+        return Sym3(*map(sub, self.entries, other.entries))
 
     def __mul__(self, scalar: Scalar) -> Sym3:
         """Product of the matrix with a scalar."""

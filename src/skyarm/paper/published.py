@@ -66,9 +66,8 @@ def published_number(case: str, controller: str, metric: str) -> str:
     """Published number as printed in the table or stated in the text; "" if there is
     none.
     """
-    return printed_number(case, controller, metric) or _TABLES["said"].get(
-        case, {}
-    ).get(controller, {}).get(metric, "")
+    said = _TABLES["said"].get(case, {}).get(controller, {})
+    return printed_number(case, controller, metric) or said.get(metric, "")
 
 
 @positional

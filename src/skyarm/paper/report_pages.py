@@ -188,24 +188,18 @@ def counts_table(experiments: Experiments) -> str:
         for title, column in (("as stated", stated_value), ("inferred", inferred_value))
         for plant in PLANTS
     }
+    found = {
+        case: [counts(experiments, each, in_case(case)) for each in columns.values()]
+        for case in experiments
+    }
     groups = []
     # from the widest share, which the verdict is about, to the closest
     for share in (25, 10, 5):
-        rows = []
-        for case in experiments:
-            found = [
-                counts(experiments, column, in_case(case))
-                for column in columns.values()
-            ]
-            rows.append(
-                [
-                    title_of(case),
-                    *(
-                        str(each[f"within_{share}%"]) if each else DASH
-                        for each in found
-                    ),
-                ]
-            )
+        name = f"within_{share}%"
+        rows = [
+            [title_of(case), *(str(each[name]) if each else DASH for each in numbers)]
+            for case, numbers in found.items()
+        ]
         groups.append((f"within {share} %", rows))
     return grouped_table(
         ["Case", *columns],

@@ -37,7 +37,7 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import at_origin
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.first_state import readings_waiting
-from skyarm.simulate.inputs import EpisodeInputs, FlightInputs
+from skyarm.simulate.inputs import EpisodeInputs, FlightInputs, table_of
 from skyarm.vehicle import Vehicle
 from skyarm.world import WindSample
 from skyarm.world.component import Column, by_array
@@ -256,12 +256,9 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
     stop = start + count
 
     def table(record: Iterable[Scalar | Array], start: int = 0) -> Array:
-        columns = [doubles(c) for c in record]
-        columns = [
-            c[start : start + count] if c.ndim else np.broadcast_to(c, (count,))
-            for c in columns
-        ]
-        return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
+        columns = map(doubles, record)
+        rows = tuple(c[start : start + count] if c.ndim else c for c in columns)
+        return table_of(rows, count)
 
     state = state_arrays(
         vehicle, inputs.times[start:stop].copy(), flown.states, flown.commands

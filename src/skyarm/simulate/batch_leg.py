@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from skyarm.algebra import Scalar, Scalars
-from skyarm.algebra.scalars import logical_and, where
+from skyarm.algebra.scalars import where
 from skyarm.compile import trace
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -32,7 +32,7 @@ from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch_log import Logged
-from skyarm.simulate.check_endings import LaneEnd, statuses
+from skyarm.simulate.check_endings import LaneEnd, both_hold, columns_below, statuses
 from skyarm.simulate.first_state import component_places
 from skyarm.simulate.inputs import episode_inputs, held_reference, table_of
 from skyarm.simulate.lane_numbers import require_compiled, require_short_steps
@@ -427,8 +427,7 @@ class Leg:
                 for agent, own, row, sample, goal in each
             ]
             counted = {
-                name: alive if within is True else logical_and(alive, within)
-                for name, within in inside.items()
+                name: both_hold(alive, within) for name, within in inside.items()
             }
             # a leg may count nothing
             rows_of_totals = zip(tallies, options.wanted, instants, strict=False)
@@ -512,8 +511,8 @@ class Leg:
         # too
         loads = {
             path: column
-            for path, column in given.items()
-            if word_of(path).startswith("payloads.") and path.endswith(".mass")
+            for path, column in columns_below(given, ("payloads.",)).items()
+            if path.endswith(".mass")
         }
         if not loads:
             return {}
@@ -624,11 +623,7 @@ def lane_statuses(
         ticks: control periods flown.
         ended: True where the lane stopped before its time.
     """
-    motion = {
-        path: column
-        for path, column in values.items()
-        if word_of(path).startswith("reference.")
-    }
+    motion = columns_below(values, ("reference.",))
     # lanes that diverged hold infinities, which are no reason for a warning
     with np.errstate(all="ignore"):
         varied = with_numbers(scenario, motion)

@@ -67,13 +67,15 @@ def healthy(scenario: Scenario, state: State, goal: Vec3) -> Scalar:
     fine: Scalar = True
     for ending in endings_of(scenario):
         # without slack: these are the bits that decide
-        fine = _both(fine, ending.fine(scenario, state, goal, 0))
+        fine = both_hold(fine, ending.fine(scenario, state, goal, 0))
     return fine
 
 
-def _both(a: Scalar, b: Scalar) -> Scalar:
+def both_hold(a: Scalar, b: Scalar) -> Scalar:
     """Logical and of two conditions; a constant True is dropped."""
-    return b if a is True else a if b is True else logical_and(a, b)
+    if a is True:
+        return b
+    return a if b is True else logical_and(a, b)
 
 
 def find_ending(
@@ -123,6 +125,17 @@ def ending_of_command(
     return None if cause is None else Ended("diverged", cause, time)
 
 
+def columns_below(
+    values: Mapping[str, Array], prefixes: tuple[str, ...]
+) -> dict[str, Array]:
+    """Varied numbers whose path begins with one of some prefixes, of any vehicle."""
+    return {
+        path: column
+        for path, column in values.items()
+        if word_of(path).startswith(prefixes)
+    }
+
+
 OF_CAUSES = ("plant.vehicle.", "endings.", "world.")
 """Prefixes of the paths of numbers that decide when an episode ends."""
 
@@ -160,11 +173,7 @@ def statuses(
     """
     # limits, the places of rotors and joints, and the endings' own numbers are all that
     # the causes depend on
-    numbers = {
-        path: column
-        for path, column in values.items()
-        if word_of(path).startswith(OF_CAUSES)
-    }
+    numbers = columns_below(values, OF_CAUSES)
     lanes = len(ended)
     with np.errstate(all="ignore"):
         varied = with_numbers(scenario, numbers)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import zlib
 from collections import Counter
 from collections.abc import Sequence
-from itertools import islice
+from itertools import chain, islice
 from typing import NamedTuple
 
 import numpy as np
@@ -59,21 +59,15 @@ class Draws:
         """Channel and count of every environment model: those of each vehicle in turn,
         then the shared ones.
         """
-        return (*(pair for pairs in self.components for pair in pairs), *self.shared)
+        return (*chain.from_iterable(self.components), *self.shared)
 
     @property
     def channels(self) -> tuple[tuple[int, int], ...]:
         """List the random-number streams in use, as pairs of stream number and random
         numbers per control period.
         """
-        return tuple(
-            pair
-            for pair in (
-                *(pair for pairs in self.sensors for pair in pairs),
-                *self.models,
-            )
-            if pair[1]
-        )
+        every = chain(chain.from_iterable(self.sensors), self.models)
+        return tuple(pair for pair in every if pair[1])
 
     def shares(self, row: Sequence[Scalar]) -> Shares:
         """Split the random numbers of a control period among the sensors and the wind,
@@ -108,15 +102,11 @@ def draw_plan(scenario: Scenario) -> Draws:
         # an only vehicle has the built-in channels, so that its flights keep their bits
         first = _channel("sensor", of) if of else CHANNEL_SENSORS
         rows = [(first, full[1].uniforms(vehicle))]
-        sensors.append(
-            (
-                *rows,
-                *(
-                    (_channel("sensor", each + of), one.uniforms(vehicle))
-                    for each, one in named
-                ),
-            )
-        )
+        rows += [
+            (_channel("sensor", each + of), one.uniforms(vehicle))
+            for each, one in named
+        ]
+        sensors.append(tuple(rows))
         wind, *added = scenario.own_components(agent)
         channel = _channel("wind", of) if of else CHANNEL_TURBULENCE
         components.append(((channel, wind.uniforms), *_by_kind(added, of)))

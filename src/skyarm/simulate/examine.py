@@ -69,7 +69,6 @@ from skyarm.records.registry import RegistryError
 from skyarm.records.registry.contract import CONTRACTS, Mistake, Numbers, class_mistake
 from skyarm.records.registry.plugins import is_of_plugin, loaded_plugins
 from skyarm.records.travel import luggage, pack, unload
-from skyarm.reference import Publisher
 from skyarm.reference.preview import with_preview
 from skyarm.reference.signals import Signal
 from skyarm.scenario.paths import is_of_agent
@@ -79,6 +78,7 @@ from skyarm.scenario.without_effect import WEIGHT, readings_at
 from skyarm.sensing.measurement import Measurement, measurement_of
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.sensing.sensor_kinds import declared_reading
+from skyarm.simulate.inputs import held_times
 from skyarm.vehicle import BASE
 from skyarm.world import Wrench
 from skyarm.world.component import MOST_UNIFORMS
@@ -914,13 +914,9 @@ def check_law(
 
 def _try_periods(controller: Controller, flown: Scenario) -> None:
     """Try a law over the first control periods of a scenario (:func:`try_law`)."""
-    rates = flown.rates
     seen = measurement_of(
         first_state(flown), Vec3(0.0, 0.0, float(flown.agent.plant.gravity))
     )
-    publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
-    times = publisher.held_time(np.arange(PERIODS))
-    references = [
-        flown.agent.reference.at(float(time)) for time in times[: flown.steps]
-    ]
-    try_law(controller, 1.0 / rates.control, seen, references)
+    times = held_times(flown, np.arange(min(PERIODS, flown.steps)))
+    references = [flown.agent.reference.at(float(time)) for time in times]
+    try_law(controller, 1.0 / flown.rates.control, seen, references)

@@ -90,11 +90,8 @@ class EpisodeInputs:
         path = self.scenario.agent.path_time
         if path is None:
             return ()
-        rates = self.scenario.rates
-        publisher = Publisher(
-            control_rate=rates.control, reference_rate=rates.reference
-        )
-        times = publisher.held_time(np.arange(self.ticks.start, self.ticks.stop))
+        instants = np.arange(self.ticks.start, self.ticks.stop)
+        times = held_times(self.scenario, instants)
 
         def at(lead: Scalar) -> Reference:
             s = path.derivatives(times + lead)
@@ -291,14 +288,11 @@ def episode_inputs(
         program: traced reference of the scenario, if there is one already.
     """
     ticks = range(scenario.steps) if ticks is None else ticks
-    rates = scenario.rates
     # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start
     # on its tick
     instants = np.arange(ticks.start, ticks.stop)
-    times = instants / rates.control
-    held = Publisher(
-        control_rate=rates.control, reference_rate=rates.reference
-    ).held_time(instants)
+    times = instants / scenario.rates.control
+    held = held_times(scenario, instants)
     program = program or _motion(scenario)
 
     def at(lead: Scalar) -> Reference:
@@ -311,6 +305,13 @@ def episode_inputs(
     if published.load:
         published = replace(published, load=_sample(program, times).load)
     return EpisodeInputs(scenario, ticks, times, published, program)
+
+
+def held_times(scenario: Scenario, ticks: Array) -> Array:
+    """Times (s) of the reference samples that are held in control periods ``ticks``."""
+    rates = scenario.rates
+    publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
+    return publisher.held_time(ticks)
 
 
 def _motion(scenario: Scenario) -> Program:

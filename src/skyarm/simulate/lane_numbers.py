@@ -315,7 +315,8 @@ class LaneRules:
             )
         least, most = table.argmin(axis=1), table.argmax(axis=1)
         looked_at: dict[int, None] = {}
-        for path, row, first, last in zip(named, table, least, most, strict=True):
+        rows = [*zip(named, table, least, most, strict=True)]
+        for path, row, first, last in rows:
             low, high = self._passed.get(path, (np.inf, -np.inf))
             looked_at |= {
                 int(k): None for k in (first, last) if not low <= row[k] <= high
@@ -323,7 +324,7 @@ class LaneRules:
         # a scenario is built for each, which takes milliseconds: extremes stand for all
         for k in looked_at:
             self._check_lane(dict(zip(named, table[:, k].tolist(), strict=True)), k)
-        for path, row, first, last in zip(named, table, least, most, strict=True):
+        for path, row, first, last in rows:
             low, high = self._passed.get(path, (np.inf, -np.inf))
             self._passed[path] = (
                 float(min(low, row[first])),

@@ -176,9 +176,7 @@ class Session(FlightInstant):
                 if command is None
                 else self._of_each("command", command, numbers_of_command)
             )
-        if self._course.coming and going:
-            self._apply_due_changes()
-        return going or self._name_cause()
+        return self._goes_on(going)
 
     def _of_each(
         self, field: str, given: object, numbers: Callable[..., tuple[float, ...]]
@@ -219,7 +217,10 @@ class Session(FlightInstant):
             stop = min(
                 stop, self._course.coming[0].tick(self._course.begun.rates.control)
             )
-        going = self._engine.fly(stop)
+        return self._goes_on(self._engine.fly(stop))
+
+    def _goes_on(self, going: bool) -> bool:
+        """Apply due changes to a flight that goes on, or name the cause of its end."""
         if self._course.coming and going:
             self._apply_due_changes()
         return going or self._name_cause()

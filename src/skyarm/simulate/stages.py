@@ -46,7 +46,7 @@ from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import NO_PUSH, Push, specific_force_at
 from skyarm.sensing.sensor_kinds import ForceReading, SwitchReading
-from skyarm.simulate.check_endings import healthy
+from skyarm.simulate.check_endings import both_hold, healthy
 from skyarm.simulate.command_delay import (
     command_delay,
     command_in_force,
@@ -156,9 +156,8 @@ class Stages:
                 fine, healthy(each.scenario, loop.state, row.reference.position)
             )
             sound = each.waits.is_sound(loop.clock)
-            # without guards the clock is sound for certain, so that no operation is
-            # added
-            fine = fine if sound is True else logical_and(fine, sound)
+            # without guards the clock is sound for certain: no operation is added
+            fine = both_hold(fine, sound)
         return where(fine, 1.0, 0.0)
 
     def surround(

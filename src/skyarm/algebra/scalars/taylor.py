@@ -77,27 +77,21 @@ class Taylor:
 
     def __add__(self, other: Scalar) -> Taylor:
         """Sum of two Taylor series."""
-        return Taylor(
-            [add(a, b) for a, b in zip(self.c, self._terms(other), strict=False)]
-        )
+        return Taylor([*map(add, self.c, self._terms(other))])
 
     __radd__ = __add__
 
     def __sub__(self, other: Scalar) -> Taylor:
         """Difference of two Taylor series."""
-        return Taylor(
-            [sub(a, b) for a, b in zip(self.c, self._terms(other), strict=False)]
-        )
+        return Taylor([*map(sub, self.c, self._terms(other))])
 
     def __rsub__(self, other: Scalar) -> Taylor:
         """Difference of a constant and this Taylor series."""
-        return Taylor(
-            [sub(a, b) for a, b in zip(self._terms(other), self.c, strict=False)]
-        )
+        return Taylor([*map(sub, self._terms(other), self.c)])
 
     def __neg__(self) -> Taylor:
         """Negated Taylor series."""
-        return Taylor([neg(a) for a in self.c])
+        return Taylor([*map(neg, self.c)])
 
     def __mul__(self, other: Scalar) -> Taylor:
         """Product of two Taylor series (Cauchy product)."""

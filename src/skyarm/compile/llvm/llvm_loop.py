@@ -83,15 +83,13 @@ def _philox(
     k0, k1 = keys
     for index in range(ROUNDS):
         if index:
-            k0 = writer.emit(
-                f"and {words}"
-                f" {writer.emit(f'add {words} {k0}, {splat(KEY_INCREMENTS[0])}')},"
-                f" {splat(LOW)}"
-            )
-            k1 = writer.emit(
-                f"and {words}"
-                f" {writer.emit(f'add {words} {k1}, {splat(KEY_INCREMENTS[1])}')},"
-                f" {splat(LOW)}"
+            k0, k1 = (
+                writer.emit(
+                    f"and {words}"
+                    f" {writer.emit(f'add {words} {k}, {splat(increment)}')},"
+                    f" {splat(LOW)}"
+                )
+                for k, increment in zip((k0, k1), KEY_INCREMENTS, strict=True)
             )
         p0 = writer.emit(f"mul {words} {c0}, {splat(MULTIPLIERS[0])}")
         p1 = writer.emit(f"mul {words} {c2}, {splat(MULTIPLIERS[1])}")

@@ -169,14 +169,14 @@ class Writer:
         ends = [self.names[arg.index] for arg in block.args[len(slots) :]]
         # phis come first in a block, but name what its end computes
         phis = [
-            f"  %{label}.i = phi i64 [ 1, %{label}.entry ], [ %{label}.next, %{label} ]"
+            f" = phi {vector} [ {start}, %{label}.entry ], [ {end}, %{label} ]"
+            for start, end in zip(starts, ends, strict=True)
         ]
-        for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
-            phis.append(
-                f"  %{label}.s{k} = phi {vector} [ {start}, %{label}.entry ], [ {end},"
-                f" %{label} ]"
-            )
-        self.lines[heads:heads] = phis
+        count_phi = f" = phi i64 [ 1, %{label}.entry ], [ %{label}.next, %{label} ]"
+        self.lines[heads:heads] = [
+            f"  %{label}.i{count_phi}",
+            *(f"  %{label}.s{k}{phi}" for k, phi in enumerate(phis)),
+        ]
         self.lines += [
             f"  %{label}.next = add i64 %{label}.i, 1",
             f"  %{label}.more = icmp slt i64 %{label}.i, {count}",
@@ -188,11 +188,7 @@ class Writer:
             f"  br i1 {more}, label %{label}, label %{label}.exit",
             f"{label}.exit:",
         ]
-        for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
-            self.do(
-                f"  %{label}.e{k} = phi {vector} [ {start}, %{label}.entry ], [ {end},"
-                f" %{label} ]"
-            )
+        self.lines += [f"  %{label}.e{k}{phi}" for k, phi in enumerate(phis)]
 
     def scratch(self, nodes: Iterable[Node]) -> None:
         """Write assembly that reserves memory for arguments and results of the shared
