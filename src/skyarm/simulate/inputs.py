@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from skyarm.algebra.scalars import floor
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.control.controller import preview_leads
-from skyarm.records.arrays import Array, doubles
+from skyarm.records.arrays import AnyArray, Array, doubles
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.reference import Publisher, Reference
 from skyarm.reference.path_time import by_flight_time
@@ -307,7 +308,7 @@ def episode_inputs(
     return EpisodeInputs(scenario, ticks, times, published, program)
 
 
-def held_times(scenario: Scenario, ticks: Array) -> Array:
+def held_times(scenario: Scenario, ticks: AnyArray) -> Any:
     """Times (s) of the reference samples that are held in control periods ``ticks``."""
     rates = scenario.rates
     publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)

@@ -95,13 +95,13 @@ def pause_collection() -> Iterator[None]:
                 gc.enable()
 
 
-def _comparison(op: str, *, turned: bool = False) -> Callable[[Node, Scalar], Scalar]:
+def _comparison(op: str, *, turned: bool = False) -> Callable[[Node, Scalar], Any]:
     """Make a comparison operator, which adds a condition to the traced program.
 
     ``turned``: a > b is b < a.
     """
 
-    def method(self: Node, other: Scalar) -> Scalar:
+    def method(self: Node, other: Scalar) -> Any:
         if type(other) is Taylor:
             return NotImplemented
         pair = (other, self) if turned else (self, other)
