@@ -200,6 +200,9 @@ OTHER = 0.01
 an accelerometer."""
 
 
+# no cut of LoopProgram: its measurement comes from outside, and no scenario, plant,
+# sensor or delay takes part; its carry has the modelled rotors and a set point's
+# integral
 class OutsideLaw:
     """Control law evaluated in real time on measured values, compiled to machine code
     if it can be traced.
