@@ -41,8 +41,8 @@ class Turn(NamedTuple):
     Attributes:
         memory: law's memory, ``()`` where it is not used. measurement, reference: law's
             inputs of the period.
-        law: scenario's law. par: its constants, with the model. told: True for joints
-            commanded by setpoints.
+        law: scenario's law. par: its constants, with the model. setpoints: True for
+            joints commanded by setpoints.
     """
 
     memory: Tree
@@ -50,7 +50,7 @@ class Turn(NamedTuple):
     reference: Reference
     law: Decide
     par: Any
-    told: tuple[bool, ...]
+    setpoints: tuple[bool, ...]
 
     @property
     def model(self) -> Model:
@@ -118,20 +118,21 @@ class Actions:
         """
         links = now.model.vehicle.links
         spans = [
-            self._span(link.joint, each)
-            for link, each in zip(links, now.told, strict=True)
+            self._span(link.joint, setpoint)
+            for link, setpoint in zip(links, now.setpoints, strict=True)
         ]
         return list(zip(action[len(action) - len(links) :], spans, strict=True))
 
-    def _span(self, joint: Joint, told: bool) -> tuple[Scalar, Scalar]:
+    def _span(self, joint: Joint, setpoint: bool) -> tuple[Scalar, Scalar]:
         if self.joints is not None:
             return 0.0, self.joints
-        if told:
+        if setpoint:
             return middle_and_half(joint.lower, joint.upper)
         limit = joint.effort_limit
-        return 0.0, (
-            float(limit) if concrete(limit) and 0.0 < limit < math.inf else USUAL_EFFORT
-        )
+        # a limit of 0 is a passive joint's: its number does nothing, but has a scale
+        if concrete(limit) and 0.0 < limit < math.inf:
+            return 0.0, float(limit)
+        return 0.0, USUAL_EFFORT
 
 
 _AUTHORITY = (
@@ -217,6 +218,7 @@ class RatesAndThrust(Actions):
         speeds, squares = mix(
             now.par.mixer, torque, weight * (1.0 + self.thrust * action[3])
         )
+        # the mixer counts on thrust by squared speed; a table has its own speed for it
         if any(rotor.table is not None for rotor in model.vehicle.rotors):
             rows = zip(model.vehicle.rotors, squares, strict=True)
             speeds = tuple(
@@ -267,7 +269,12 @@ class References(Actions):
             for p, a in zip(reference.tip, action[:3], strict=False)
         )
         shifted = replace(
-            reference, position=position, joints=joints, tip=tip, ahead=()
+            # a preview of the path without the offset would contradict it
+            reference,
+            position=position,
+            joints=joints,
+            tip=tip,
+            ahead=(),
         )
         return now.law(now.memory, now.measurement, shifted)
 
@@ -294,12 +301,10 @@ class Residual(Actions):
         following, own = now.law(now.memory, now.measurement, now.reference)
         pairs = zip(own.rotor_speeds, _hover(now.model), action, strict=False)
         speeds = tuple(w + self.span * hover * a for w, hover, a in pairs)
-        efforts = tuple(
-            u + a * half
-            for u, (a, (_, half)) in zip(
-                own.efforts, self.spans(action, now), strict=True
-            )
-        )
+        rows = zip(own.efforts, self.spans(action, now), strict=True)
+        # the law's command takes the place of the middle of the range
+        efforts = tuple(u + a * half for u, (a, (_, half)) in rows)
+        # rotor angles are the law's own; no action corrects them
         sent = replace(within_limits(now, speeds, efforts), tilts=own.tilts)
         return with_correction(following, now.par, own, sent), sent
 
@@ -319,6 +324,7 @@ def middle_and_half(lower: Scalar, upper: Scalar) -> tuple[Scalar, Scalar]:
     """
     if _free(-lower) and _free(upper):
         return 0.0, USUAL_EFFORT
+    # one end is enough for a range of the usual width
     low = upper - 2.0 * USUAL_EFFORT if _free(-lower) else lower
     high = lower + 2.0 * USUAL_EFFORT if _free(upper) else upper
     return (low + high) * 0.5, (high - low) * 0.5
@@ -331,7 +337,7 @@ def within_limits(now: Turn, speeds: Scalars, efforts: Scalars) -> Command:
         clip(w, rotor.min_speed, rotor.max_speed)
         for w, rotor in zip(speeds, vehicle.rotors, strict=True)
     )
-    rows = zip(efforts, vehicle.links, now.told, strict=True)
+    rows = zip(efforts, vehicle.links, now.setpoints, strict=True)
     limited = tuple(
         (
             u
