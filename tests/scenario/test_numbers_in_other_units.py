@@ -96,8 +96,12 @@ kind = "encoders"
 [estimator]
 kind = "ekf"
 {filter}
-[world]
-surfaces = [{{name = "wall", shape = "box", size = [1.0, 1.0, 1.0], position = [50.0, 0.0, 0.5]{surface}}}]
+[[world.surfaces]]
+name = "wall"
+shape = "box"
+size = [1.0, 1.0, 1.0]
+position = [50.0, 0.0, 0.5]
+{surface}
 """
 
 

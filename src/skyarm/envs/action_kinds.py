@@ -16,12 +16,11 @@ from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.dynamics.actuators.rotor import speed_of_push
-from skyarm.envs.observed_quantities import above_zero
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
-from skyarm.records.units import nonnegative
+from skyarm.records.units import nonnegative, positive
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Joint, Vehicle
@@ -141,7 +140,7 @@ _AUTHORITY = (
 
 HoverShare = Annotated[
     float,
-    above_zero(
+    positive(
         "",
         "change of rotor speed at an action of 1, as a fraction of the hover speed",
         effect=_AUTHORITY,
@@ -182,11 +181,11 @@ class RatesAndThrust(Actions):
     """
 
     rate: Annotated[
-        float, above_zero("rad/s", "body rate at an action of 1", effect=_AUTHORITY)
+        float, positive("rad/s", "body rate at an action of 1", effect=_AUTHORITY)
     ] = 4.0
     thrust: Annotated[
         float,
-        above_zero(
+        positive(
             "",
             "change of thrust at an action of 1, as a fraction of the weight",
             effect=_AUTHORITY,
@@ -194,7 +193,7 @@ class RatesAndThrust(Actions):
     ] = 0.8
     bandwidth: Annotated[
         float,
-        above_zero(
+        positive(
             "1/s",
             "bandwidth of the rate controller",
             effect="higher values follow the action faster and amplify noise",
@@ -239,11 +238,11 @@ class References(Actions):
 
     position: Annotated[
         float,
-        above_zero("m", "displacement of the position reference at an action of 1"),
+        positive("m", "displacement of the position reference at an action of 1"),
     ] = 0.5
     angle: Annotated[
         float,
-        above_zero("rad or m", "displacement of a joint reference at an action of 1"),
+        positive("rad or m", "displacement of a joint reference at an action of 1"),
     ] = 0.5
 
     asks_law = True

@@ -190,9 +190,7 @@ class PlanSolver:
         taken = (np.zeros(0), np.zeros(0), np.zeros(0))
         bent = np.zeros((s.nt + s.nu,) * 2)
         for k in range(iterations):
-            forces = np.hstack(
-                [y + penalty * now.goals, np.maximum(z + penalty * now.limits, 0.0)]
-            )
+            forces = np.hstack(multipliers(y, z, penalty, now))
             if not len(J):
                 J = s.jacobians(x, u, problem.data)
                 J[-1, s.costs] = 0.0
@@ -225,6 +223,7 @@ class PlanSolver:
             inner += 1
             done = -slope < lax * max(1e-3, cost) or damping >= MOST_DAMPING
             solved = violation < TOLERANCE and -slope < 1e-4 * max(1e-2, cost)
+            updated = multipliers(y, z, penalty, now)
             yield Solution(
                 x=x,
                 u=u,
@@ -236,18 +235,12 @@ class PlanSolver:
                 gap=now.gap,
                 goals=now.goals,
                 limits=now.limits,
-                forces=(
-                    y + penalty * now.goals,
-                    np.maximum(z + penalty * now.limits, 0.0),
-                ),
+                forces=updated,
             )
             if solved or stuck >= STUCK or not np.isfinite(cost):
                 return
             if done or inner >= PATIENCE:
-                y = y + penalty * now.goals
-                z = np.where(
-                    problem.limits, np.maximum(z + penalty * now.limits, 0.0), 0.0
-                )
+                y, z = updated[0], np.where(problem.limits, updated[1], 0.0)
                 if violation <= 0.25 * before:
                     stuck = 0
                 elif done and -slope < SETTLED * penalty * violation**2:
@@ -285,6 +278,11 @@ class PlanSolver:
             )
             Q[k] += penalty * (rows.T @ rows)
         return Q
+
+
+def multipliers(y: Array, z: Array, penalty: float, at: _Values) -> tuple[Array, Array]:
+    """Multipliers of goals and limits after an update with the values of a motion."""
+    return y + penalty * at.goals, np.maximum(z + penalty * at.limits, 0.0)
 
 
 def inputs_first(J: Array, nt: int) -> Array:

@@ -435,7 +435,7 @@ class PlanStage:
                 "inputs": [*u[:m]],
                 "arm": [a * 1.0 for a in x[at.arm]],
             },
-            inputs=self._input_limits(x, u, spins, efforts, data),
+            inputs=self._input_limits(x, u, efforts, data),
             limits=self._state_limits(x, state, data),
         )
 
@@ -479,7 +479,6 @@ class PlanStage:
         self,
         x: Sequence[Scalar],
         u: Sequence[Scalar],
-        spins: Scalars,
         efforts: Sequence[Scalar],
         data: StageData,
     ) -> list[tuple[str, Scalar]]:

@@ -290,20 +290,19 @@ def _require_arrays(arrays: dict[str, Any], at: str) -> None:
             else SHAPES[name]
         )
         # between nodes
-        (first, *more), rows = (
-            arrays[name].shape or (0,),
-            len(t) - (name in ("inputs", "gains")),
-        )
+        first, *more = arrays[name].shape or (0,)
+        rows = len(t) - (name in ("inputs", "gains"))
         if (
             first != rows
             or len(more) != len(axes)
             or any(x and k not in x for x, k in zip(axes, more, strict=True))
         ):
-            words = ",".join(
+            columns = ",".join(
                 f" {lengths[0]}" if lengths else " any number" for lengths in axes
             )
             raise ValueError(
-                f"{at}: {name} of shape {arrays[name].shape}: must be ({rows},{words})"
+                f"{at}: {name} of shape {arrays[name].shape}: must be"
+                f" ({rows},{columns})"
             )
     if not (np.diff(t) > 0.0).all():
         raise ValueError(f"{at}: t: must increase from node to node")

@@ -173,13 +173,10 @@ class Reference:
             mapped = tuple(
                 map(function, value if isinstance(value, Vec3 | tuple) else (value,))
             )
-            values[name] = (
-                Vec3(*mapped)
-                if isinstance(value, Vec3)
-                else mapped
-                if isinstance(value, tuple)
-                else mapped[0]
-            )
+            if isinstance(value, Vec3):
+                values[name] = Vec3(*mapped)
+            else:
+                values[name] = mapped if isinstance(value, tuple) else mapped[0]
         return Reference(**values)
 
     def dense(self) -> Reference:
@@ -406,6 +403,7 @@ def circle(
         yaw: rad.
         joints: signals or numbers.
     """
+    # a start of minus infinity would make every angle infinite
     origin = 0.0 if isinstance(start, float) and math.isinf(start) else start
     motion = [
         Windowed(
@@ -479,7 +477,7 @@ def phase_numbers(trajectory: Trajectory, path_time: Scalar) -> Array:
 
 def failure_words(trajectory: Trajectory, guard: Guard) -> str:
     """Error text for a task phase whose end condition was not met in time."""
-    words = {
+    texts = {
         "force": "no contact of {:g} N",
         "force_below": "force not below {:g} N",
         "closed": "switch '{}' not closed",
@@ -487,9 +485,9 @@ def failure_words(trajectory: Trajectory, guard: Guard) -> str:
         "distance": "not moved by {:g} m",
         "error": "error not below {:g} m",
     }
-    values = {name: getattr(guard, name) for name in words}
+    values = {name: getattr(guard, name) for name in texts}
     asked = [
-        words[name].format(value)
+        texts[name].format(value)
         for name, value in values.items()
         if value not in (None, "")
     ]
