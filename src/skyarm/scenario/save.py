@@ -57,6 +57,10 @@ replaces."""
 INSTANTS = ("pick", "drop")
 """Keys of a payload that the phases of a task set."""
 
+WRITTEN_ANEW = ("numbers", "changes")
+"""Tables of the base that are not read: all of theirs is written anew, and files that
+changes name need not be where the base's folder is."""
+
 Tables = dict[str, Any]
 
 
@@ -129,7 +133,7 @@ def tables_of(
     """
     target = _until_end(scenario)
     stated = _with_agents(
-        {name: each for name, each in tables.items() if name != "numbers"},
+        {name: each for name, each in tables.items() if name not in WRITTEN_ANEW},
         target.agents,
     )
     laws = {
