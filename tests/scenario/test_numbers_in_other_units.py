@@ -127,7 +127,7 @@ position = [50.0, 0.0, 0.5]
         ),
         (
             "surface",
-            ", angles = [0.0, 0.0, 90.0]",
+            "angles = [0.0, 0.0, 90.0]",
             "world.surfaces[wall].angles = 90 rad: is more than",
         ),
     ],

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Quaternion, Vec3
+from skyarm.algebra.frames import continuous
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
@@ -43,7 +44,6 @@ from skyarm.records.arrays import Array, doubles, float_array, norm, stack_value
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
-from skyarm.reference.planned_motion import same_signs
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Clearances, clearances
 from skyarm.world.scene.vehicle_shapes import boom_and_disc
@@ -963,7 +963,7 @@ def _plan_of(
     free = stage.stage.free
     x = best.x.copy()
     # q and -q are one attitude, but a reference interpolates between the numbers
-    x[:, 3:7] = same_signs(x[:, 3:7])
+    x[:, 3:7] = continuous(x[:, 3:7])
     steps = (
         problem.data[:-1, 0]
         + problem.data[:-1, 1 : 1 + free] @ best.x[0, stage.nx - free :]

@@ -253,7 +253,8 @@ class Windowed(Signal):
         """Names, in parameter paths, of window limits and inner parameters; ``start``
         also shifts an inner sine.
         """
-        below_it = below(("signal",), path_names(self.signal)) | Signal.path_names(self)
+        inner = below(("signal",), path_names(self.signal))
+        below_it = {**inner, **Signal.path_names(self)}
         if isinstance(self.signal, Shifted) and isinstance(self.signal.signal, Sine):
             # a circle's start opens its window and is where its angle counts from
             below_it["start"] = (("start",), ("signal", "delay"))
@@ -289,7 +290,8 @@ class Shifted(Signal):
         """Names, in parameter paths, of the delay and of the delayed signal's
         parameters.
         """
-        return below(("signal",), path_names(self.signal)) | Signal.path_names(self)
+        inner = below(("signal",), path_names(self.signal))
+        return {**inner, **Signal.path_names(self)}
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives of the signal at t - delay."""

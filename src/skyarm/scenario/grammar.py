@@ -194,7 +194,7 @@ def default_in_words(value: object) -> str:
 
 def _exact(value: float) -> str:
     """Number with the digits that a file needs for the same one."""
-    # ten digits hide rounding such as 0.30000000000000004, where they are enough
+    # ten digits where they are the same number, else all that it has
     text = f"{value:.10g}"
     return text if float(text) == value else repr(float(value))
 
@@ -233,10 +233,10 @@ def _of_signals() -> Iterator[GrammarRow]:
 
 
 def _by_hand(
-    words: tuple[word_texts.HandWord, ...], named: str, at: str
+    keys: tuple[word_texts.HandWord, ...], named: str, at: str
 ) -> Iterator[GrammarRow]:
     """Keys of a shipped kind that a function reads from its table."""
-    for each in words:
+    for each in keys:
         if each.kind == named:
             entry = SIGNAL if each.entry == "signal" else each.entry
             when = (
@@ -335,18 +335,18 @@ def _of_record(
         called: fields that the record around it calls otherwise.
     """
     called = called or {}
-    words = {**words_of_fields(kind), **called}
+    keys = {**words_of_fields(kind), **called}
     lifted, declared, usual = lifted_fields(kind), declared_fields(kind), defaults(kind)
     bases = [each.__name__ for each in kind.__mro__]
     inside: set[tuple[str, type]] = set()
     for name, (annotation, unit) in declared.items():
         if any((base, name) in NO_WORDS for base in bases):
             continue
-        word = words.get(name, name)
+        word = keys.get(name, name)
         is_list = typing.get_origin(annotation) is tuple and _records_in(annotation)
         lists = "[]" if is_list and word == name else ""
         # else it is another spelling of that field's word
-        if words.get(name) not in declared:
+        if keys.get(name) not in declared:
             when = "never" if unit.fixed else varies
             if name in lifted:
                 when = f"where {lifted[name]} is stated"

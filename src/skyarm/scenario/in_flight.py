@@ -193,15 +193,15 @@ class Overrides:
         if not gains:
             return {}
         changed = Overrides(self.parts, tuple(numbers.items())).of(scenario)
-        return {
-            path: number_at(changed, path)
-            for name, agent in changed.agents.items()
-            if any(
-                prefix_of(changed, name) in (path.removesuffix(word_of(path)), "")
-                for path in gains
-            )
-            for path in measured_paths(changed, name)
-        }
+        # of gains of the only vehicle no path has a prefix
+        owners = {path.removesuffix(word_of(path)) for path in gains}
+        limits: dict[str, float] = {}
+        for name in changed.agents:
+            prefix = prefix_of(changed, name)
+            if not prefix or prefix in owners:
+                for path in measured_paths(changed, name):
+                    limits[path] = number_at(changed, path)
+        return limits
 
     def holds(self, scenario: Scenario, path: str) -> bool:
         """True if the parameter at a path is overridden, also under another name, as

@@ -305,12 +305,12 @@ def delay_words() -> dict[str, tuple[Place, str]]:
     """Parameters that may vary only if another field is stated: path -> record, and
     name of that other field.
     """
-    return {
-        f"{slot.path}.{name}": (slot.place, other)
-        for slot in slots(Scenario)
-        if isinstance(slot.type, type)
-        for name, other in lifted_fields(slot.type).items()
-    }
+    found: dict[str, tuple[Place, str]] = {}
+    for slot in slots(Scenario):
+        if isinstance(slot.type, type):
+            for name, other in lifted_fields(slot.type).items():
+                found[f"{slot.path}.{name}"] = (slot.place, other)
+    return found
 
 
 def place_of_delay(scenario: Scenario, path: str) -> Place | None:

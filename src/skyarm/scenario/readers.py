@@ -637,7 +637,7 @@ def initial_state(fields: Fields, scenario: Scenario) -> State:
     surface with rotors off.
     """
     stands = fields.flag("standing", False)
-    words = words_of_fields(State)
+    keys = words_of_fields(State)
     # keys are taken from the table below
     stated = {*fields.table}
     start = scenario.agent.reference.at(0.0)
@@ -674,7 +674,7 @@ def initial_state(fields: Fields, scenario: Scenario) -> State:
         left_out = [
             name
             for name in field_names(State) or ()
-            if words.get(name, name) not in stated
+            if keys.get(name, name) not in stated
         ]
         return PartialState.of(state, left_out, scenario.agent.vehicle)
     from skyarm.world.contact.static_equilibrium import stand_vehicle

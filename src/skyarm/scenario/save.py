@@ -212,13 +212,13 @@ def _added_loads(begun: Scenario, target: Scenario) -> dict[str, Any]:
     """Masses (kg) by parameter path of the point masses that a scenario has at frames,
     beyond those of another.
     """
-    paths = {
-        load: f"{prefix_of(target, name)}plant.payload.{frame.name}.mass"
-        for name, agent in target.agents.items()
-        for load in agent.plant.loads[len(begun.agents[name].plant.loads) :]
-        for frame in agent.vehicle.frames
-        if load == agent.vehicle.point_mass(load[1].mass, frame.name)
-    }
+    paths: dict[Any, str] = {}
+    for name, agent in target.agents.items():
+        prefix = f"{prefix_of(target, name)}plant.payload."
+        for load in agent.plant.loads[len(begun.agents[name].plant.loads) :]:
+            for frame in agent.vehicle.frames:
+                if load == agent.vehicle.point_mass(load[1].mass, frame.name):
+                    paths[load] = f"{prefix}{frame.name}.mass"
     return {path: body.mass for (_, body), path in paths.items()}
 
 

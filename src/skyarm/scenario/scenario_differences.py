@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import get_origin
 
 from skyarm.log.log_differences import more_lines
@@ -46,13 +46,11 @@ def scenario_differences(a: object, b: object) -> dict[str, tuple[Plain, Plain]]
 
 def _leaves(data: Plain, names: FieldPath) -> Iterator[tuple[FieldPath, Plain]]:
     """Field path and value of each number, text or flag in a scenario's plain data."""
-    inner = (
-        data.items()
-        if isinstance(data, Mapping)
-        else enumerate(data)
-        if isinstance(data, list)
-        else ()
-    )
+    inner: Iterable[tuple[object, Plain]] = ()
+    if isinstance(data, Mapping):
+        inner = data.items()
+    elif isinstance(data, list):
+        inner = enumerate(data)
     if not inner:
         yield names, data
     for name, each in inner:

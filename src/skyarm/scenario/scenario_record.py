@@ -205,9 +205,9 @@ class PartialState(State):
 
     def to_entry(self) -> dict[str, Entry]:
         """Table [initial] of a scenario file: the stated fields."""
-        words = words_of_fields(State)
+        keys = words_of_fields(State)
         return {
-            words.get(name, name): entry_of(value)
+            keys.get(name, name): entry_of(value)
             for name, value in leaves.parts(self).items()
             if name not in (*self.left_out, "left_out")
         }
@@ -728,14 +728,8 @@ class Agent:
     def all_drives(self) -> tuple[Drive, ...]:
         """Drive of each joint in order; empty if every joint is commanded by torque."""
         given = {each.joint: each.drive for each in self.joint_drives}
-        return (
-            tuple(
-                given.get(joint.name, TORQUE_DRIVE)
-                for joint in self.plant.vehicle.joints
-            )
-            if given
-            else ()
-        )
+        joints = self.plant.vehicle.joints if given else ()
+        return tuple(given.get(joint.name, TORQUE_DRIVE) for joint in joints)
 
     def placed_models(
         self, environment: Environment

@@ -267,11 +267,8 @@ def _unread_readings(scenario: Scenario) -> Iterator[str]:
     given = sensors or scenario.agent.has_estimator
     if not given or autopilot_of(scenario.agent.controller) is not None:
         return
-    model, vehicle, state = (
-        scenario.agent.model,
-        scenario.agent.vehicle,
-        first_state(scenario),
-    )
+    model, vehicle = scenario.agent.model, scenario.agent.vehicle
+    state = first_state(scenario)
     readings = _Readings(readings_at(scenario, state, 0.0))
     readings.read = set()
     period = scenario.rates.period
