@@ -129,41 +129,29 @@ class Reference:
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
-        vectors = (
-            type(self.position)
-            is type(self.velocity)
-            is type(self.acceleration)
-            is Vec3
-        )
-        vectors = vectors and type(self.jerk) is type(self.snap) is Vec3
-        tuples = (
-            type(self.joints)
-            is type(self.joint_rates)
-            is type(self.joint_accelerations)
-            is tuple
-        )
-        tuples = (
-            tuples
-            and type(self.joint_jerks)
-            is type(self.joint_snaps)
-            is type(self.tip)
-            is tuple
-        )
-        tuples = (
-            tuples
-            and type(self.push)
-            is type(self.load)
-            is type(self.center)
-            is type(self.ahead)
-            is tuple
-        )
-        tuples = tuples and type(self.turning) is type(self.carry) is tuple
-        numbers = {
-            type(self.yaw),
-            type(self.yaw_rate),
-            type(self.yaw_acceleration),
-        } <= PLAIN_NUMBERS
-        if not (vectors and tuples and numbers):
+        vectors = {
+            type(self.position),
+            type(self.velocity),
+            type(self.acceleration),
+            type(self.jerk),
+            type(self.snap),
+        }
+        tuples = {
+            type(self.joints),
+            type(self.joint_rates),
+            type(self.joint_accelerations),
+            type(self.joint_jerks),
+            type(self.joint_snaps),
+            type(self.tip),
+            type(self.push),
+            type(self.load),
+            type(self.center),
+            type(self.turning),
+            type(self.ahead),
+            type(self.carry),
+        }
+        numbers = {type(self.yaw), type(self.yaw_rate), type(self.yaw_acceleration)}
+        if vectors != {Vec3} or tuples != {tuple} or not numbers <= PLAIN_NUMBERS:
             accept_fields(self, "reference")
 
     def map_scalars(self, function: Callable[[Scalar], Scalar]) -> Reference:

@@ -80,6 +80,7 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
     Raises:
         ValueError: one line with the path, the value and what is allowed.
     """
+    # of several vehicles each is changed as the only one of its own flight, below
     if scenario.is_team:
         changed = by_agent(
             scenario,

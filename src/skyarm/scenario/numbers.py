@@ -65,6 +65,7 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
     Raises:
         ScenarioError: names both.
     """
+    # paths of one vehicle can only meet one another, as can those of all
     if scenario.is_team:
         for name in ("", *scenario.agents):
             own = [
@@ -197,6 +198,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
         ValueError: a number that the scenario cannot have.
     """
     _require_numbers(values)
+    # of several vehicles each is changed as the only one of its own flight, below
     if scenario.is_team:
         changed = by_agent(scenario, values, with_numbers)
         check_scenario(changed, numbers=True)

@@ -79,6 +79,7 @@ def prefix_of(scenario: Scenario, name: str) -> str:
     """Beginning of the parameter paths of one of a scenario's vehicles; empty for the
     only one.
     """
+    # paths of the only vehicle are those of a file without names
     return f"{OF_AGENT}{name}." if scenario.is_team else ""
 
 

@@ -66,6 +66,7 @@ def without_effect(scenario: Scenario) -> tuple[str, ...]:
 
     A part that cannot be evaluated is not judged: the flight states its fault.
     """
+    # lines of the only vehicle have no name before them
     if scenario.is_team:
         return tuple(
             f"{name}: {line}"
