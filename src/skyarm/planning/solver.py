@@ -186,8 +186,7 @@ class PlanSolver:
         # early multipliers are rough, so that their motions need not be exact
         inner, stuck, lax = 0, 0, 1e-2
         now = self._read(s.values(x, u, problem.data)[0], problem)
-        J = np.zeros(0)
-        taken = (np.zeros(0), np.zeros(0), np.zeros(0))
+        J, taken = np.zeros(0), (np.zeros(0),) * 3
         bent = np.zeros((s.nt + s.nu,) * 2)
         for k in range(iterations):
             forces = np.hstack(multipliers(y, z, penalty, now))
@@ -240,7 +239,8 @@ class PlanSolver:
             if solved or stuck >= STUCK or not np.isfinite(cost):
                 return
             if done or inner >= PATIENCE:
-                y, z = updated[0], np.where(problem.limits, updated[1], 0.0)
+                y = y + penalty * now.goals
+                z = np.where(problem.limits, updated[1], 0.0)
                 if violation <= 0.25 * before:
                     stuck = 0
                 elif done and -slope < SETTLED * penalty * violation**2:
