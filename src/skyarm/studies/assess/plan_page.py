@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from skyarm.planning.plan_report import Summary, summary, summary_lines
+from skyarm.planning.plan_report import PlanSummary, summary, summary_lines
 from skyarm.planning.planner import Plan
 from skyarm.planning.task import TaskLimits
 from skyarm.view.figures.plan_figure import limits_figure, motion_figure, motion_frames
@@ -59,7 +59,7 @@ def plan_page(plan: Plan) -> str:
     return page(f"Plan {plan.task.name}", first, body)
 
 
-def _rows(found: Summary, limits: TaskLimits) -> Iterator[tuple[str, ...]]:
+def _rows(found: PlanSummary, limits: TaskLimits) -> Iterator[tuple[str, ...]]:
     """Rows of the table of what is tight: quantity, largest value, limit, share of it,
     where and when.
     """
