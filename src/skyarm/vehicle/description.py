@@ -49,6 +49,7 @@ def unit_axis(field: str, numbers: Iterable[Any]) -> Vec3:
             values,
             "must have a direction (three finite numbers, not all zero; any length)",
         )
+    # dividing by 1 +- 1e-16 would turn the exact ones of an axis into other numbers
     if abs(length - 1.0) <= ROUNDING:
         length = 1.0
     return Vec3.from_numbers([value / length for value in values])
@@ -83,6 +84,8 @@ def unit_quaternion(R: Mat3) -> list[float]:
     Source: Shepperd 1978, Quaternion from rotation matrix: by the largest of the four
     components.
     """
+    # the largest row loses the fewest digits; its sign is free, as q and -q are one
+    # rotation
     row = max(quaternion_products(R.rows), key=lambda each: math.hypot(*each))
     return [float(each) / math.hypot(*row) for each in row]
 
@@ -164,6 +167,8 @@ def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:
                 must_be_one_of([each for each in children if each != name], parent),
             )
         children[parent].append(index)
+    # Kahn's order with a heap: the earliest link of the file whose parent stands is
+    # next
     order: list[str] = []
     ready = list(children[root])  # in the order of the file, so a heap
     while ready:

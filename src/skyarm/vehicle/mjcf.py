@@ -73,6 +73,7 @@ class _Tree(BodyTree):
         self.sites: dict[str, str] = {}
         self.named = {name_of(model, "body", body) for body in range(1, model.nbody)}
 
+    # MuJoCo lets a site, a body and a joint share a name; frames and links here may not
     def unique(self, name: str) -> str:
         """Unique name, with underscores appended where needed: MuJoCo has separate
         names for each kind of element.
@@ -102,6 +103,7 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     notes = Notes()
     model = _compile(path, notes)
     _read_option(model, notes)
+    # before the root is read: a disabled actuator must not make a body look driven
     root, left_out = _root(model, base, notes)
     faults = require_supported(model, root, notes)
     for body in left_out:
@@ -113,11 +115,14 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     tree = _Tree(model, mimic == "couple", notes)
     tree.seats[root] = at_origin()
     rotors = rotors_in(
+        # rotors first, because their joints and sites are left out of the notes on the
+        # tree
         RotorFile(path, MujocoVehicle(model, _at_rest(model, root), root, notes))
     )
     tree.of_rotors = {name for each in rotors for name in (each.joint, each.tilt_joint)}
     tree.carrying = {each.link for each in rotors}
     _read_body(tree, root)
+    # parents have lower numbers than their children in MuJoCo's models
     for body in range(1, model.nbody):
         if (
             body != root
@@ -137,6 +142,7 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     )
     drives = read_drives(model, driven, tree.mimics, notes)
     pose = (Mat3.identity(), ZERO3)
+    # a fixed base stands in the world where its file put it; a free one starts anywhere
     if root and not _joints(model, root):
         pose = (
             _rotation(model.body_quat[root]),
@@ -184,9 +190,11 @@ def _compile(path: Path, notes: Notes) -> MjModel:
     """
     root = read_xml(path, notes.add)
     require_root(root, "mujoco")
+    # MuJoCo would take NaN for "not stated" without a word
     _require_finite(root)
     import mujoco
 
+    # MuJoCo reports NaN in included files only through its global warning handler
     usual, warnings = mujoco.get_mju_user_warning(), list[str]()
     mujoco.set_mju_user_warning(warnings.append)
     try:
@@ -237,6 +245,8 @@ def _read_option(model: MjModel, notes: Notes) -> None:
             " along -z"
         )
     for actuator, group in enumerate(model.actuator_group.tolist()):
+        # MuJoCo's option has a bit for each of the groups 0 to 30; others cannot be
+        # disabled
         if group in range(31) and model.opt.disableactuator >> group & 1:
             notes.add(
                 "of a group that the option disables: left out",
@@ -286,6 +296,8 @@ def _root(model: MjModel, wanted: str, notes: Notes) -> tuple[int, list[int]]:
         if model.body_subtreemass[body] and model.body_mocapid[body] < 0
     ]
     chosen = (
+        # what floats is the vehicle; else what moves; else what weighs; else all that
+        # is there
         [body for body in top if top[body] == wanted]
         if wanted
         else free or moving or heavy or list(top)
@@ -308,6 +320,7 @@ def _root(model: MjModel, wanted: str, notes: Notes) -> tuple[int, list[int]]:
     if len(chosen) > 1:
         notes.add(f"together on the world, which is the base; {cure}")
         return 0, []
+    # a root on a hinge is moved by the world, so the world is the base
     root = (
         chosen[0]
         if chosen and (chosen[0] in free or not _joints(model, chosen[0]))
@@ -330,6 +343,7 @@ def _is_free(model: MjModel, body: int) -> bool:
     kinds = np.array([kind_of(model, joint) for joint in joints])
     if sorted(kinds) != ["prismatic"] * 3 + ["revolute"] * 3:
         return "free" in kinds
+    # an actuator, a tie or a spring on one of the six would hold the body to the world
     driven = set(
         model.actuator_trnid[np.isin(model.actuator_trntype, AT_JOINT), 0].tolist()
     )
@@ -338,6 +352,7 @@ def _is_free(model: MjModel, body: int) -> bool:
         _is_stated(model, ("jnt_stiffness", "jnt_stiffnesspoly"), joint)
         for joint in joints
     )
+    # only axes that span space let the body turn and slide every way
     axes = (model.jnt_axis[joints][kinds == each] for each in set(kinds))
     return not (driven & {*joints} or tied or sprung) and all(
         np.linalg.matrix_rank(each, 1e-6) == 3 for each in axes
@@ -379,10 +394,13 @@ def _read_child(tree: _Tree, body: int) -> None:
                 at.position,
                 Notes() if silent else tree.notes,
             )
+            # only the last joint carries the body; those before it move massless links
             link = name if joint == moving[-1] else tree.unique(f"{name}.{made.name}")
             at = tree.add_link(link, at.link, made)
         elif joint not in balls:
             at = _held_pose(tree, joint, at)
+        # each joint turns about its own anchor, and the next pose counts from the
+        # body's origin again
         at = posed_in(at, Mat3.identity(), -anchor)
     tree.seats[body] = at
     if not moving:
@@ -420,6 +438,7 @@ def _read_body(tree: _Tree, body: int) -> None:
     """Add the mass and the sites (named frames) of a MuJoCo body to the tree."""
     model, at = tree.model, tree.seats[body]
     mass = float(model.body_mass[body])
+    # the world has no mass of its own, also where MuJoCo gives it static geometry
     if mass > 0.0 and body:
         R = description.rotation(at.rotation @ _rotation(model.body_iquat[body]))
         com = at.position + at.rotation.apply(description.vector(model.body_ipos[body]))
@@ -428,6 +447,7 @@ def _read_body(tree: _Tree, body: int) -> None:
     for site in range(model.nsite):
         name = name_of(model, "site", site)
         if model.site_bodyid[site] == body and (
+            # unnamed sites are marks of a viewer, unless a rotor pushes there
             model.site(site).name or name in tree.carrying
         ):
             pose = (
@@ -501,6 +521,7 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
             model.eq_obj2id[each],
         )
         numbers = [float(value) for value in model.eq_data[each][:5]]
+        # a curve has no constant ratio, and a follower here has
         if any(numbers[2:]):
             refuse(
                 f"equality of joint[{name}].polycoef",
@@ -541,6 +562,8 @@ def limits(model: MjModel, joint: int) -> tuple[float, float]:
     """
     if not model.jnt_limited[joint]:
         return -math.inf, math.inf
+    # MuJoCo's ranges count from its own zero, this library's from the reference
+    # position
     zero = float(model.qpos0[model.jnt_qposadr[joint]])
     lower, upper = (float(each) - zero for each in model.jnt_range[joint])
     return lower, upper
@@ -578,6 +601,8 @@ def require_supported(
         if not _is_stated(model, TENDON_FORCES, tendon):
             notes.add("not read", name, "tendon")
         else:
+            # the wraps of all tendons lie in one array; those of this one begin at its
+            # address
             joints = model.wrap_objid[wraps][: model.tendon_num[tendon]]
             fault = (
                 f"tendon[{name}] = 'a pull of its own': must pull nothing; tendons are"
@@ -586,6 +611,7 @@ def require_supported(
             if (model.wrap_type[wraps][: len(joints)] != 1).any():
                 raise VehicleError(fault)
             faults[fault] = frozenset(name_of(model, "jnt", joint) for joint in joints)
+    # a body that MuJoCo holds up would fall here
     for body in range(1, model.nbody):
         if model.body_gravcomp[body]:
             refuse(
@@ -651,6 +677,8 @@ def _joint_faults(model: MjModel, notes: Notes) -> dict[str, frozenset[str]]:
                 " <freejoint/> has none",
                 name,
             )
+        # a fault of the free joint cannot be cured by holding it: the vehicle would not
+        # fly
         if kind == "free" and own in faults.values():
             raise VehicleError(list(faults)[-1])
     return faults
@@ -683,6 +711,7 @@ def _loop_faults(model: MjModel, root: int) -> dict[str, frozenset[str]]:
         if not at_bodies or (root and root in trees and len(trees) > 1):
             raise VehicleError(f"{fault}; must be left out of the file")
         first, second = (set(_up(model, body)) for body in ends)
+        # the joints on either path from the two bodies to their common ancestor
         faults[fault] = frozenset(
             name_of(model, "jnt", j)
             for body in first ^ second

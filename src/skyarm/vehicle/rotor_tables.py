@@ -146,6 +146,8 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
             rides on a link that moves.
     """
     stated = {each.name: _at_mass(bodies, each) for each in bodies.rotors}
+    # a mistyped name must not silently turn completed rotors into a whole set of new
+    # ones
     strange = [name for name in tables.own if name not in stated]
     if strange and len(strange) < len(tables.own):
         refuse(
@@ -167,6 +169,8 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
         for name, each in tables.own.items()
     }
     values = {
+        # the vehicle file's own number wins over the robot's, and that over
+        # [rotor_defaults]
         name: _merge(
             tables.usual,
             {**_spin(bodies, origin), **origin.values},
@@ -181,6 +185,8 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
         _told(origins, lambda name: _other_thrust(origins[name], values[name]))
     )
     still = _without_spin(bodies, (*stated.values(), *origins.values()))
+    # a joint with limits that moves a rotor's link may be meant as a tilt, so its
+    # holding is noted
     of_arm = {each.joint or _joint_of(bodies, each.link) for each in origins.values()}
     for joint in (each.joint for each in bodies.links if each.joint.name in of_arm):
         if any(map(math.isfinite, joint.ends)):
@@ -191,8 +197,10 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
                 ),
             )
     gaps = list(_gaps(still, origins if tables.whole else whole, values))
+    # without tables the file is only looked at, so gaps stay a property of the vehicle
     if gaps and (tables.own or tables.usual):
         raise VehicleError(gaps[0])
+    # taken once more, so that what is missing is refused with the field's name
     for name, fields in tables.tables.items() if not whole else ():
         for needed in (
             "direction",
@@ -213,6 +221,8 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
         for word, text in each.where.items()
     )
     for lag in LAGS if rotors else ():
+        # a default of the library for a lag is named among the sources, so nobody takes
+        # it for measured
         if not any(lag in each for each in values.values()):
             sources[f"rotors.{lag}", "assumed: the file states none"] = None
     return MountedRotors(still, rotors, tuple(gaps), tuple(sources), notes)
@@ -239,6 +249,7 @@ def _without_spin(bodies: RigidBodies, rotors: Iterable[StatedRotor]) -> RigidBo
     spinning = {each.joint or _joint_of(bodies, each.link) for each in rotors} | {
         each.tilt_joint for each in rotors
     }
+    # sorted, because a set's order would change the frames from run to run
     return hold_joints(bodies, dict.fromkeys(sorted(spinning - {""}), 0.0))
 
 
@@ -247,6 +258,8 @@ def _merge(usual: Values, stated: Values, own: Values) -> dict[str, Any]:
     complete the tilt of the file.
     """
     merged = {**usual, **stated, **own}
+    # tilts are merged field by field: a user completes the lag of a servo whose range
+    # the file has
     if "tilt" in stated:
         merged["tilt"] = {
             **usual.get("tilt", {}),
@@ -282,6 +295,7 @@ def _spin(bodies: RigidBodies, rotor: StatedRotor) -> Values:
     """Inertia of what turns about a rotor's axis, kg m^2, from the link that its joint
     spins.
     """
+    # what the joint spins, seen about its axis; the simulator's slow-down is taken out
     for link in bodies.links:
         if rotor.joint and link.joint.name == rotor.joint:
             axis = link.joint.axis
@@ -387,8 +401,10 @@ def _other_thrust(rotor: StatedRotor, values: Values) -> str:
         )
     except KeyError:
         return ""
+    # data sheets round both numbers, so a percent is agreement
     if math.isclose(given, follows, rel_tol=ROUNDED):
         return ""
+    # only the user's own number can be taken back
     if given != rotor.values.get(MAX_THRUST):
         words = (
             "must be left out beside thrust_coefficient and max_speed, which give"
@@ -426,6 +442,8 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
     link = values.pop("link", None)
     seat = place_in(bodies, link or origin.link, f"{where}.link")
     # what the vehicle file states itself
+    # a place from the vehicle file counts from the base, one of the robot's file from
+    # its link
     of_base = place_in(bodies, link or "base", f"{where}.link")
     if seat.link != BASE:
         refuse(
@@ -446,6 +464,7 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
     thrust_axis = description.unit_axis(f"{where}.axis", place.rotation.apply(axis))
     table: ThrustTable | None = values.get("table")
     if table is not None:
+        # two statements of one coefficient could disagree
         for needed in COEFFICIENTS if table.torque else COEFFICIENTS[:1]:
             if needed in values:
                 refuse(
@@ -454,6 +473,7 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
                     "must be left out: it follows from thrust_table",
                 )
             values[needed] = getattr(table, needed)
+        # beyond the last measured speed the table only extrapolates
         values.setdefault("max_speed", table.speed[-1])
     for needed in COEFFICIENTS:
         if needed not in values:

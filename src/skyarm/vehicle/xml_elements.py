@@ -49,6 +49,7 @@ def parse_xml(text: bytes, note: Callable[[str], None] = _refuse) -> ET.Element:
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
+    # expat refuses blank lines before the declaration
     text = text.lstrip()
     # expat knows none of several bytes, such as GB2312
     if declared := ENCODING.match(text):
@@ -56,6 +57,7 @@ def parse_xml(text: bytes, note: Callable[[str], None] = _refuse) -> ET.Element:
             text = text.decode(declared[1].decode()).encode()
         except (LookupError, UnicodeError) as error:
             _refuse(str(error))
+    # of equal length, so that positions in error messages stay those of the file
     plain = MARKUP.sub(_plain_comment, text)
     if plain != text:
         note("'--' inside a comment: forgiven")
@@ -72,6 +74,8 @@ def parse_xml(text: bytes, note: Callable[[str], None] = _refuse) -> ET.Element:
             parser.Parse(plain, True)
         except expat.ExpatError as error:
             forgiven = getattr(error, "code", 0) == UNBOUND_PREFIX
+            # unbound prefixes of robots' files are common; any other error is not
+            # forgiven
             (note if forgiven else _refuse)(
                 f"{error}{', which no xmlns declares: forgiven' if forgiven else ''}"
             )
@@ -97,6 +101,7 @@ def require_root(root: ET.Element, tag: str) -> None:
 
 
 def _refuse_doctype(*_: object) -> None:
+    # entities could grow without bound or read other files
     _refuse("document types and entities are not read")
 
 
@@ -104,6 +109,7 @@ def _plain_comment(match: re.Match[bytes]) -> bytes:
     """Comment of equal length without two hyphens in a row; other markup as it
     stands.
     """
+    # only comments are changed: CDATA and processing instructions may hold -- rightly
     return (
         match[0]
         if match[1] is None
@@ -115,6 +121,7 @@ def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
     """Child of an XML element with a tag that may occur at most once; None if there is
     no such child.
     """
+    # two elements would leave the choice to chance
     children = element.findall(tag)
     if len(children) > 1:
         refuse(
@@ -202,6 +209,7 @@ def finite(text: str, field: str, *, infinite: bool = False) -> float:
     try:
         value = float(text)
     except ValueError:
+        # one message for what is no number and what is NaN
         value = math.nan
     if not (math.isfinite(value) or (infinite and math.isinf(value))):
         refuse(

@@ -57,6 +57,7 @@ def motor_models(file: RotorFile) -> tuple[StatedRotor, ...]:
     joints = [each.get("name", "") for each in file.xml.findall("joint")]
     return tuple(
         _rotor(each, joints)
+        # motor numbers, not the order in the file, are the rows of the mixer
         for each in sorted(
             filter(is_motor, file.xml.iter("plugin")), key=_number_of_motor
         )
@@ -71,6 +72,8 @@ def blade_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
         [each.get("name", "") for each in file.xml.findall("link")],
         dict[str, list[ET.Element]](),
     )
+    # lift slopes mark a blade; a wing's or a fin's link does not turn without end and
+    # drops out below
     for plugin in (
         each for each in file.xml.iter("plugin") if each.find("cla") is not None
     ):
@@ -99,6 +102,8 @@ def _blade_rotor(
     spin = description.unit_axis(
         field, numbers(joint.find("axis"), "xyz", field, (1.0, 0.0, 0.0))
     )
+    # the sign of the joint's rate decides, because a blade that moves backwards lifts
+    # the other way
     sides = {_side_of_lift(each, spin, _full_rate(file, name)) for each in blades}
     if sides not in ({1}, {-1}):
         absent["axis"] = (
@@ -129,6 +134,7 @@ def _side_of_lift(blade: ET.Element, spin: Vec3, turning: float) -> int:
         for word, usual in (("forward", "1 0 0"), ("upward", "0 0 1"), ("cp", "0 0 0"))
     )
     upward = description.unit_axis(f"{_field(blade)}.upward", upward)
+    # across or to both sides no direction of the thrust can be read
     if float(spin.cross(upward).norm()) > ALONG:
         return 0
     backward = float(spin.cross(arm).dot(forward)) * turning < 0.0
@@ -144,6 +150,7 @@ def _full_rate(file: RotorFile, joint: str) -> float:
             text = text_of(
                 control, "multiplier", text_of(control, "turningDirection", "1")
             )
+            # cw and ccw of newer files, a signed multiplier of older ones
             return SENSES.get(text) or finite(text, f"control[{joint}].multiplier")
     return 0.0
 
@@ -196,6 +203,7 @@ def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:
             True,
             "reversible of the motor-model plugins",
         )
+    # a force- or position-controlled motor has no thrust by its speed
     if (kind := text_of(plugin, "motorType")) not in ("", "velocity"):
         values.pop("thrust_coefficient", None)
         absent["thrust_coefficient"] = (
@@ -207,6 +215,8 @@ def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:
             joint,
             f"must be a joint of the file: {', '.join(joints) or 'it has none'}",
         )
+    # the simulated joint turns slower by this ratio, and its link has that much more
+    # inertia
     slower = finite(text_of(plugin, SLOWDOWN, SLOWER), f"{field}.{SLOWDOWN}")
     if not slower > 0.0:
         refuse(f"{field}.{SLOWDOWN}", slower, "must be above 0")
