@@ -106,6 +106,8 @@ def log_of(content: Mapping[str, AnyArray], info: Plain) -> Log:
             len(count) != 1
             or array.shape != (*count, *width)
             or array.ndim > 2
+            # the file is from outside: other types would fail later, in the middle of a
+            # plot
             or array.dtype != np.float64
         ):
             raise ValueError(WORDS)
@@ -142,6 +144,7 @@ def _log_of_team(content: Mapping[str, AnyArray], info: Info) -> TeamLog:
             for key, array in content.items()
             if key.startswith(f"{name}{WITHIN}")
         }
+        # every array must be taken once: one of an unknown vehicle is damage
         taken += len(own)
         logs[name] = log_of({**own, **every}, each)
     if taken != len(content) or sorted(every) != sorted(

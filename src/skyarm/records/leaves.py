@@ -146,6 +146,7 @@ def mismatch(example: object, record: object, path: str) -> str | None:
     """
     below = pairs(example, record, path)
     if below is None:
+        # a leaf may differ in value and type, a constant may not
         kinds = (*_STRUCTURE, tuple)
         shaped = any(
             isinstance(one, kinds) or is_record(one) for one in (example, record)
@@ -259,6 +260,7 @@ def blend(condition: Scalar, new: Record, old: Record) -> Record:
     """Select between two nested dataclasses, scalar by scalar: ``new`` where a
     condition holds, else ``old``.
     """
+    # old decides the structure, because a memory must keep its shape
     values = [
         where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)
     ]

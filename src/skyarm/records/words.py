@@ -143,6 +143,7 @@ def _slots(kind: type, table: str, place: Place) -> Iterator[Slot]:
     for field, word in _words_in(kind):
         name = sole[field] or field
         path = name if word.at is None else word.at
+        # a leading slash counts from the top of the file
         path = (
             path[1:] if path.startswith("/") else ".".join(filter(None, (table, path)))
         )
@@ -199,4 +200,5 @@ def _words_said(annotation: object) -> tuple[Word, ...]:
         if typing.get_origin(annotation) is typing.Annotated
         else ()
     )
+    # a field that declares no key stands under its own name
     return tuple(each for each in extras if isinstance(each, Word)) or (Word(),)

@@ -64,6 +64,7 @@ def may_extend(group: str) -> bool:
     entry point of a group.
     """
     for folder in sys.path:
+        # a zip file cannot be searched cheaply, so it counts as one that extends
         if os.path.isfile(folder):
             return True
         for entry in _entries(folder):
