@@ -229,6 +229,7 @@ def _fly(suite: Suite[Any], folder: Path, count: int, on: str | None) -> None:
         ValueError, OSError: one line.
     """
     todo, _ = suite.plan_cells()
+    # one flight of each law suffices, and only a user's law may fail
     for flights in {
         each.entrant.name: each for each in todo if loaded_plugins()
     }.values():

@@ -65,6 +65,7 @@ def diff(
         with bar(str(a.info["scenario"])) as advance:
             b = replay(a, progress=advance)
         if a.status == RUNNING:  # the log of a session that was left before its end
+            # a session's log ends where it was left; the repetition is cut there
             b = rows_of(b, slice(0, a.time.size))
             b.info["status"] = RUNNING
     else:
@@ -125,6 +126,7 @@ def _metrics(log: Log) -> dict[str, float]:
     scores = {
         before: score(own, metrics)
         for before, own in _by_prefix(log).items()
+        # a log without instants has no metrics
         if log.time.size
     }
     return {

@@ -145,6 +145,8 @@ def export(
     controller) become one C99 file. What a format loses of a vehicle stands in the
     first lines of its file.
     """
+    # without a format of laws or vehicles it is a log, whose format may follow from its
+    # file
     if to != "c" and to not in names("vehicle_format"):
         require_left_out(
             context, [*OF_LAWS, *OF_VEHICLES], " of a log; it belongs to --to c or mjcf"
@@ -201,6 +203,7 @@ def _log(
             )
         target = output_file(file, "--out")
     else:
+        # beside the flight, of the same name
         target = Path(flight).with_suffix(f".{to}")
         require_no_input(target, "--out")
     log = load_log(flight)
@@ -261,9 +264,11 @@ def _vehicle(
         ]
         vehicle = replace(vehicle, frames=(*vehicle.frames, *frames))
     else:
+        # a vehicle alone stands on earth
         vehicle, applied, start, units = load_vehicle(what), 9.81, None, []
     if gravity is not None:
         applied = require_gravity(gravity, "--gravity")
+    # each format takes what its function has arguments for
     chosen |= {
         "gravity": applied,
         "start": start,
@@ -353,6 +358,7 @@ def _law(
             ]
         control_rate = float(planned.rates.control)
     believed = chosen.par.model.vehicle
+    # names of C begin with a letter and hold no other signs
     identifier = re.sub(r"[^A-Za-z0-9_]", "_", title)
     exported = export_c(
         chosen,

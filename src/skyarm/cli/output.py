@@ -103,6 +103,7 @@ def _drawn(line: Line | RenderableType) -> RenderableType:
     if not isinstance(line, pages.Table):
         return line
     tables = []
+    # a wide table is turned rather than folded
     for part in _in_parts(line):
         names = [name.removeprefix(">") for name in part.head]
         tables.append(
@@ -159,6 +160,7 @@ def _in_parts(table: pages.Table) -> list[pages.Table]:
         or sum(map(max, words, cells)) + 2 * len(words) <= console.width
     ):
         return [table]
+    # names of columns become the first column
     first = max(map(len, table.head))
     parts, used = list[list[Sequence[Any]]](), console.width
     for row in table.rows:
@@ -248,6 +250,7 @@ def with_output_options(name: str, function: Command) -> Command:
             name, _Asked(asked.get("as_json", False), asked.get("quiet", False))
         ):
             code = function(*arguments, **options)
+            # a user's command may return anything; only whole numbers are exit codes
             fine = isinstance(code, Integral | float | None) and (code or 0) % 1 == 0
             return require_result(function, code, fine, "an exit code, or None")
 
@@ -281,6 +284,8 @@ def _output(name: str, asked: _Asked) -> Iterator[None]:
             sys.stdout.write(
                 json_text(
                     {
+                        # keys of the head come last in the table and first in the text,
+                        # so that no result hides them
                         **(asked.result or {"lines": words.getvalue().splitlines()}),
                         **head,
                     },
@@ -324,6 +329,7 @@ def plain(value: Any) -> Any:
     if hasattr(value, "tolist"):
         return plain(value.tolist())
     if isinstance(value, float):
+        # strict JSON has neither infinity nor NaN
         return value if math.isfinite(value) else None
     return str(value) if isinstance(value, PurePath) else value
 
@@ -341,8 +347,10 @@ def bar(title: str, pause: float = PAUSE) -> Iterator[Advance]:
         yield lambda *_, **_more: None
         return
     errors = Terminal(stderr=True, **PLAIN)
+    # a bar where it is seen: on the console, else on standard error
     screen = console if console.is_terminal else errors if sys.stderr.isatty() else None
     if screen is None:
+        # a first line after a while, also where no step has ended yet
         timer = threading.Timer(pause or 1e6, say, (f"{title} ...",))
         timer.daemon = True
         timer.start()

@@ -156,6 +156,7 @@ def show(
         numbers = vehicle_facts(loaded, gravity)
     say_unlikely(loaded.name, unlikely_in_vehicle(loaded))
     give(numbers)
+    # a document has the numbers; the tables would be drawn in vain
     for part in sheet(loaded, numbers) if not is_document_wanted() else ():
         tell(part, "")
 

@@ -101,6 +101,7 @@ def tune(
     )
 
     require_size(candidates, plants, seed, "--")
+    # imported after the sizes were checked, so that a wrong number is refused at once
     from skyarm.studies.flights.executor import LOCAL, require_place
 
     place, count = require_place(LOCAL if on is None else on, "--on"), workers(flying)
@@ -137,6 +138,7 @@ def tune(
         bar(f"{inputs.label} for {scenario.name}") as advance,
     ):
         require_writable(folder)
+        # all files are checked before the search, which takes long
         files = (GAINS, PAGE, BEST, *map(front_name, range(POINTS)))
         require_replaceable(*(folder / name for name in files))
         tuning = tune_plan(
@@ -154,6 +156,7 @@ def tune(
 
     for i, point in enumerate(tuning.points):
         save(folder / front_name(i), point)
+    # files of an earlier, longer front would be taken for this one's
     for stale in range(len(tuning.points), POINTS):
         (folder / front_name(stale)).unlink(missing_ok=True)
     write_atomically(folder / PAGE, tune_page(tuning).encode())
@@ -285,6 +288,7 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         path = (
             Path(str(tuned))
             if controller is not None
+            # a path in a file counts from that file's folder
             else Path(target).parent / str(tuned)
         )
         stated: Tables = read_toml(path.read_bytes())

@@ -54,6 +54,7 @@ class ArrayFile:
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._file = folder, TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115
+        # closed when the object goes, also where the process ends by an error
         weakref.finalize(self, self._file.close)
 
     def store(self, arrays: Mapping[str, Array]) -> ArraysByName:
@@ -72,6 +73,7 @@ class ArrayFile:
             places[name] = begin + len(content), array.shape
             content += array.tobytes()
         room, size = shutil.disk_usage(self._folder).free, len(content)
+        # checked before, because a full disk would leave a torn log
         if room < ROOM * (begin + 2 * size) or file.write(content) < size:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -101,6 +103,7 @@ def join(parts: Sequence[Mapping[str, Array]]) -> ArraysByName:
         estimate = name.startswith("measured_") or name.endswith(
             ("_found", "_deviation")
         )
+        # 0 for what a component logs; NaN for what was never measured
         none = np.nan if readings or estimate else 0.0
         return np.full((len(part["time"]), *like.shape[1:]), none)
 

@@ -172,12 +172,8 @@ def named_parts(record: object, where: str = "") -> Iterator[tuple[str, object]]
     constants included.
     """
     for place, value in walk(record):
-        yield (
-            f"{where}{''.join(f'[{i}]' if i.isdigit() else f'.{i}' for i in place)}".removeprefix(
-                "."
-            ),
-            value,
-        )
+        steps = "".join(f"[{i}]" if i.isdigit() else f".{i}" for i in place)
+        yield f"{where}{steps}".removeprefix("."), value
 
 
 def rebuild(template: Record, values: Iterator[object]) -> Record:

@@ -123,7 +123,8 @@ def _several(value: Any, above: tuple[int, ...]) -> Plain:
 
 def dotted_name(named: type | Named) -> str:
     """Module and name of a class or function, as ``skyarm.algebra.vector:Vec3``."""
-    return f"{getattr(named, '__module__', '')}:{getattr(named, '__qualname__', named.__name__)}"
+    module = getattr(named, "__module__", "")
+    return f"{module}:{getattr(named, '__qualname__', named.__name__)}"
 
 
 def fields_of(value: object) -> list[tuple[str, object]]:

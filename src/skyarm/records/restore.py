@@ -108,7 +108,7 @@ def _record(data: Table, plugins: Mapping[str, str], where: str) -> object:
         if isinstance(kind, type) and dotted_name(kind) == data["type"]
         else None
     )
-    # a mutable class could run code of its own while it is made
+    # records are frozen dataclasses; a file may name no other class
     if names is None or not kind.__dataclass_params__.frozen:
         raise RestoreError(
             f"{where or 'record'}: {data['type']} is no frozen dataclass, it cannot be"

@@ -151,7 +151,6 @@ def vehicle_from(
     own_drives, unmounted = drives_of_file(
         replace(bodies, drives={k: v for k, v in bodies.drives.items() if k in open_to})
     )
-    # order of the tables: those of the airframe and arms, of other files, stated ones
     drives = [*(each for each in drives if each.name in open_to), *own_drives, *stated]
     tables = [link["joint"] for link in top.table.get("links", ()) if "joint" in link]
 

@@ -59,6 +59,7 @@ def _or_nan(_n: Array, _dt: float, total: Array) -> AnyArray:
     """Extreme or last value of a quantity over each flight; NaN if the flight lacks the
     quantity.
     """
+    # a total that no instant has reached still has its start value
     return np.where(np.abs(total) < HUGE, total, np.nan)
 
 
@@ -129,6 +130,7 @@ INTERACTION = {
         unit,
     )
     for name, (totals, value, words, unit) in TOTALED.items()
+    # value=value binds each row's function, which a closure over the loop would not
 } | {name: _measure(form, "whole", *rest) for name, (form, *rest) in COUNTED.items()}
 """Metrics of contact with the world, which a flight without contact lacks."""
 
@@ -226,6 +228,7 @@ def measures(joints: int) -> dict[str, Measure]:
 def _registered_measure(name: str) -> Measure:
     """Make the definition of a registered metric, shipped or a user's."""
     metric = added_metric(name)
+    # a registered metric keeps a memory of its own, which is one total
     totals, window = ((ADDED, metric.window, name),), metric.window
     return Measure(
         totals,
@@ -243,6 +246,7 @@ def _result(
     type.
     """
     value = np.asarray(metric.result(memory, instants, period))
+    # one number for all flights, or one for each
     if value.dtype.kind not in "biuf" or value.shape not in ((), np.shape(instants)):
         coerce.refuse(
             f"{place_of(type(metric).result)}: metric {name!r}: result",
@@ -307,6 +311,7 @@ def metric_names(
                 f"metrics: {shown(word)}: {meant}must be one of {allowed}; with"
                 f" {CONTINUOUS} its twin"
             )
+    # each once, in the order of the request
     return tuple(dict.fromkeys(expanded))
 
 
@@ -352,6 +357,7 @@ def names_by_agent(
                 f" {must_be_one_of(setpoints, agent)}"
             )
     listed: dict[str, dict[str, str]] = {name: {} for name in setpoints}
+    # what belongs to the world is counted with the first vehicle
     world = next(iter(listed.values()))
     for name, own in setpoints.items():
         of_it = [
@@ -425,6 +431,7 @@ def values(
             each = every[name]
             n = instants[each.window]
             value = each.value(n, period, *(totals[total] for total in each.totals))
+            # over no instant an integral is zero, a mean has no value
             empty = 0.0 if each.window == "whole" and name.startswith("iae") else np.nan
             results[name] = np.where(n > 0, value, empty)
     return results

@@ -181,6 +181,7 @@ class Windows:
             ValueError: one line.
         """
         for name, (end, words) in self._ends().items():
+            # the default of last is no request of the user
             if end > duration and (name, end) != ("last", LAST):
                 raise ValueError(
                     f"windows.{name} = {words}: must end within the flight of"

@@ -126,6 +126,7 @@ class FlightTopics:
                 first instant.
             log: the part, which begins at a multiple of :attr:`period`.
         """
+        # a topic without a rate is written once, at the first instant
         chosen = slice(topic.offset, None, topic.every) if topic.every else slice(0, 1)
         part = LogSection(log, chosen, epoch=self._epoch)
         with np.errstate(all="ignore"):
@@ -171,6 +172,8 @@ def topics_of_all(topics: Mapping[str, Iterable[Topic]]) -> Iterator[Topic]:
     several begin with its name.
     """
     for agent, own in topics.items():
+        # one vehicle has the usual names of ROS without a namespace, as viewers expect
+        # them
         yield from (_of_agent(each, agent) for each in own) if len(topics) > 1 else own
 
 
@@ -227,6 +230,7 @@ def _reference(part: LogSection) -> Values:
 
 def vehicle_of(log: Log) -> Vehicle | None:
     """Vehicle of a log's plant; None if it cannot be restored."""
+    # a vehicle of another size than the arrays belongs to a damaged log
     vehicle = restored_at(log.info, "plant.vehicle")
     shape = log.joints.shape[1], log.rotor_speeds.shape[1]
     return (
@@ -242,6 +246,7 @@ def every_of(log: Log) -> tuple[int, int]:
     """
     rate = float(log.info["rates_hz"]["control"])
     fast = max(1, round(rate / FAST))
+    # slow topics at a multiple of the fast ones, so that both meet
     return fast, fast * max(1, round(rate / fast / SLOW))
 
 
@@ -252,6 +257,7 @@ def period_of(log: Log) -> int:
     sensors = (
         each for own in log.agents.values() for each in sources_of(own.info).values()
     )
+    # after the common multiple every topic is due again
     return math.lcm(every_of(log)[1], *(each.every for each in sensors))
 
 
@@ -455,6 +461,7 @@ def _reading(
     kind = next(
         (kind for kind, (_, fitting, _) in MESSAGES.items() if fitting == sizes), OWN
     )
+    # joints come in any number, so their message fits by the number of the vehicle
     if sizes == {"joints": len(names.joints), "joint_rates": len(names.joints)}:
         kind = JOINTS
     elif sizes.items() >= BASE_SIZES.items():
