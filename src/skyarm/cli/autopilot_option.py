@@ -109,7 +109,8 @@ def _options(words: str, typed: str) -> dict[str, Entry]:
     Raises:
         ValueError: an option that is given twice.
     """
-    pieces, depth = [""], 0
+    pieces = [""]
+    depth = 0
     # quoted texts as a whole, all else letter by letter
     for part in re.findall(r'"[^"]*"|\'[^\']*\'|.', words, re.DOTALL):
         depth += (part in "[{") - (part in "]}")

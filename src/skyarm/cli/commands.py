@@ -330,10 +330,8 @@ def without_plugins(arguments: Sequence[str]) -> list[str]:
 
 def _bad_usage(error: Any) -> str:
     """One-line message for a wrong option or argument on the command line."""
-    refused, parameter = (
-        getattr(error.__cause__, "errors", None),
-        getattr(error, "param", None),
-    )
+    refused = getattr(error.__cause__, "errors", None)
+    parameter = getattr(error, "param", None)
     if refused is None or parameter is None:
         return str(error.format_message()).rstrip(".")
     first = refused()[0]

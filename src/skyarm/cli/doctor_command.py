@@ -195,10 +195,8 @@ def _libraries() -> list[CheckResult]:
         )
         finding, remedy = version or "", ""
         if state != WORKS:
-            finding, remedy = (
-                f"{finding}, needs {floor}",
-                f"python -m pip install --upgrade '{name}>={floor}'",
-            )
+            finding = f"{finding}, needs {floor}"
+            remedy = f"python -m pip install --upgrade '{name}>={floor}'"
         parts.append(
             CheckResult(
                 name=name,

@@ -246,11 +246,9 @@ def _vehicle(
     """
     if is_scenario(what):
         scenario = load_scenario(what).alone("a model of a vehicle")
-        vehicle, applied, start = (
-            scenario.agent.plant.vehicle,
-            float(scenario.agent.plant.gravity),
-            first_state(scenario),
-        )
+        vehicle = scenario.agent.plant.vehicle
+        applied = float(scenario.agent.plant.gravity)
+        start = first_state(scenario)
         units = [
             each for each in scenario.agent.sensors if reads(each.sensor, ImuReading)
         ]
@@ -265,7 +263,10 @@ def _vehicle(
         vehicle = replace(vehicle, frames=(*vehicle.frames, *frames))
     else:
         # a vehicle alone stands on earth
-        vehicle, applied, start, units = load_vehicle(what), 9.81, None, []
+        vehicle = load_vehicle(what)
+        applied = 9.81
+        start = None
+        units = []
     if gravity is not None:
         applied = require_gravity(gravity, "--gravity")
     # each format takes what its function has arguments for
@@ -281,13 +282,11 @@ def _vehicle(
     )
     require_result(write, text, isinstance(text, str), "the text of the file")
     write_atomically(file, text.encode())
-    counts, actuators = (
-        {
-            "bodies": len(vehicle.bodies),
-            "joints": len(vehicle.moving),
-        },
-        actuator_names(vehicle),
-    )
+    counts = {
+        "bodies": len(vehicle.bodies),
+        "joints": len(vehicle.moving),
+    }
+    actuators = actuator_names(vehicle)
     give(counts, file=file, vehicle=vehicle.name, actuators=actuators)
     listed = {**counts, "actuators": len(actuators)}.items()
     tell(
@@ -315,7 +314,9 @@ def _law(
             f"--rate = {rate!r}: must be from {SLOWEST:g} to {HIGHEST_RATE} Hz"
         )
     of_gains = kind_of_file(controller) == "gains"
-    notes, estimator, late = list[str](), None, (0, 0)
+    notes = list[str]()
+    estimator = None
+    late = (0, 0)
     if is_named(controller) or of_gains:
         if vehicle is None:
             raise ValueError(

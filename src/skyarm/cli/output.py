@@ -162,7 +162,8 @@ def _in_parts(table: pages.Table) -> list[pages.Table]:
         return [table]
     # names of columns become the first column
     first = max(map(len, table.head))
-    parts, used = list[list[Sequence[Any]]](), console.width
+    parts = list[list[Sequence[Any]]]()
+    used = console.width
     for row in table.rows:
         width = max(len(str(c)) for c in row) + 2
         if first + width > console.width:

@@ -353,7 +353,8 @@ def save_logs(
             say(f"warning: {error}; this flight's logs get names of their own")
             # the number of the process is free for sure, where the folder cannot be
             # locked
-            names, earlier = free_names(files, os.getpid()), []
+            names = free_names(files, os.getpid())
+            earlier = []
         for file in names:
             try:
                 written.append(save_log(log, file))

@@ -153,12 +153,10 @@ def _save_episodes(
     from skyarm.studies.sweep.study import StudyError
 
     loaded = _load(study, controllers)
-    folder, named = (
-        Path("out") / loaded.name if out is None else Path(out),
-        (
-            FAILED,
-            *loaded.metrics,
-        ),
+    folder = Path("out") / loaded.name if out is None else Path(out)
+    named = (
+        FAILED,
+        *loaded.metrics,
     )
     for which in episodes:
         if not which.isdecimal() and which not in named:
@@ -182,10 +180,12 @@ def _save_episodes(
         raise StudyError(
             f"{folder}: holds rows of another study than {study}; choose its --out"
         )
-    names, meant = file_names(loaded.scenarios, "", ".toml"), list[tuple[str, int]]()
+    names = file_names(loaded.scenarios, "", ".toml")
+    meant = list[tuple[str, int]]()
     with errors_as(StudyError, "--save = ", of=StudyError):
         for which in episodes:
-            absent, before = list[StudyError](), len(meant)
+            absent = list[StudyError]()
+            before = len(meant)
             for label in loaded.scenarios:
                 try:
                     episode = (
@@ -230,7 +230,8 @@ def _fly(
     folder = Path("out") / loaded.name if out is None else Path(out)
     say_unlikely(loaded.name, unlikely_numbers(largest_episode(loaded)))
     begin = time.perf_counter()
-    before, laws = list[int](), len(loaded.scenarios)
+    before = list[int]()
+    laws = len(loaded.scenarios)
     with taken_back(folder), bar(loaded.name) as advance:
         require_writable(folder if out is None else out)
 

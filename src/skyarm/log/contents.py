@@ -92,10 +92,8 @@ def log_of(content: Mapping[str, AnyArray], info: Plain) -> Log:
     if axes is None or sorted(content) != sorted([*names, *axes]):
         raise ValueError(WORDS)
     count = np.shape(content["time"])
-    joints, rotors = (
-        np.shape(content["joints"])[1:],
-        np.shape(content["rotor_speeds"])[1:],
-    )
+    joints = np.shape(content["joints"])[1:]
+    rotors = np.shape(content["rotor_speeds"])[1:]
     for name in names:
         array, group = np.asarray(content[name]), COLUMNS.get(name, ("", ""))[1]
         width = {"joints": joints, "rotors": rotors}.get(
@@ -137,7 +135,8 @@ def _log_of_team(content: Mapping[str, AnyArray], info: Info) -> TeamLog:
     if not isinstance(agents, dict) or not agents or not _is_texts(shared):
         raise ValueError(WORDS)
     every = {name: array for name, array in content.items() if WITHIN not in name}
-    logs, taken = dict[str, Log](), len(every)
+    logs = dict[str, Log]()
+    taken = len(every)
     for name, each in agents.items():
         own = {
             key.partition(WITHIN)[2]: array

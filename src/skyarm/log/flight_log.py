@@ -249,7 +249,8 @@ class Log:
     @property
     def phase_ends(self) -> tuple[tuple[str, float | None], ...]:
         """Kind and completion time (s, or None) of each phase of a task."""
-        ends, phase = [], self.phase
+        ends = []
+        phase = self.phase
         for number, name in enumerate(self.info.get("phases", ())):
             # half a number above: phases are stored as floats
             later = np.flatnonzero(phase > number + 0.5)

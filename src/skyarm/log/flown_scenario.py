@@ -43,7 +43,8 @@ def written_at(info: Info, path: str) -> Any:
     """Plain data at a path of a log's scenario, such as plant.vehicle, by the keys of
     its file; None if missing.
     """
-    head, tail = path.split("."), list[str]()
+    head = path.split(".")
+    tail = list[str]()
     # the longest key of the file that the path begins with; the rest are names inside
     # it
     while head and ".".join(head) not in _places():

@@ -183,7 +183,8 @@ def columns(log: FlightArrays) -> tuple[LogColumn, ...]:
     # them
     if len(log.agents) > 1:
         return _columns_of_team(log)
-    names, listed = names_of(log), list[LogColumn]()
+    names = names_of(log)
+    listed = list[LogColumn]()
     for array, unit in units(type(log)).items():
         width = log[array].shape[1:]
         kinds = names.kinds if COLUMNS.get(array, ("", ""))[1] == "joints" else ()
@@ -211,7 +212,9 @@ def _columns_of_team(log: FlightArrays) -> tuple[LogColumn, ...]:
     """List the columns of a log of several vehicles: those of each, then those of what
     all share.
     """
-    arrays, listed, shared = log.arrays(), list[LogColumn](), dict[str, LogColumn]()
+    arrays = log.arrays()
+    listed = list[LogColumn]()
+    shared = dict[str, LogColumn]()
     for name, own in log.agents.items():
         for each in columns(own):
             if f"{name}/{each.array}" in arrays:

@@ -70,10 +70,8 @@ def log_differences(a: Log, b: Log, tolerance: float = 0.0) -> LogDifferences:
     """
     # by time, because the logs may have other rates or ends
     times, ours, theirs = np.intersect1d(a.time, b.time, return_indices=True)
-    named, others = (
-        {each.name: each for each in columns(a)},
-        {each.name: each for each in columns(b)},
-    )
+    named = {each.name: each for each in columns(a)}
+    others = {each.name: each for each in columns(b)}
     differing = []
     for name, column in named.items():
         # time is matched already

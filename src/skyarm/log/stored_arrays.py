@@ -63,11 +63,9 @@ class ArrayFile:
         Raises:
             OSError: the disk has no room for them and for the files of their log.
         """
-        file, content, places = (
-            self._file,
-            bytearray(),
-            dict[str, tuple[int, tuple[int, ...]]](),
-        )
+        file = self._file
+        content = bytearray()
+        places = dict[str, tuple[int, tuple[int, ...]]]()
         begin = file.seek(0, os.SEEK_END)
         for name, array in arrays.items():
             places[name] = begin + len(content), array.shape
@@ -109,10 +107,8 @@ def join(parts: Sequence[Mapping[str, Array]]) -> ArraysByName:
 
     def read(name: str, chosen: slice = slice(None)) -> Array:
         start, stop, _ = chosen.indices(ends[-1])
-        first, last = (
-            bisect_left(ends, start + 1, hi=len(ends) - 1),
-            bisect_left(ends, stop),
-        )
+        first = bisect_left(ends, start + 1, hi=len(ends) - 1)
+        last = bisect_left(ends, stop)
         rows = np.concatenate([of_part(part, name) for part in parts[first : last + 1]])
         begin = ([0, *ends])[first]
         return rows[start - begin : max(stop - begin, 0)]

@@ -100,7 +100,8 @@ def all_files(*things: object) -> dict[str, str]:
 
 def _pairs(things: Iterable[object]) -> set[Pair]:
     pairs: set[Pair] = set()
-    waiting, seen = list(things), {}
+    waiting = list(things)
+    seen = {}
     while waiting:
         value = waiting.pop()
         if value is None or (

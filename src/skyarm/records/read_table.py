@@ -189,7 +189,8 @@ def numbers_from(
     Raises:
         ValueError: one line with field, value and what is allowed, in which unit.
     """
-    numbers, usual = dict[str, float](), defaults(kind)
+    numbers = dict[str, float]()
+    usual = defaults(kind)
     for name, unit in scalars(kind).items():
         if not fields.states(name) and (partial or usual[name] is not MISSING):
             continue

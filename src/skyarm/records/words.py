@@ -124,10 +124,8 @@ def groups(kind: type) -> dict[str, type]:
     Of members by name it is the property for the only one
     (:mod:`skyarm.records.members`), with the class of a member.
     """
-    types, sole = (
-        typing.get_type_hints(kind),
-        {field.name: alone(field) for field in declarations(kind)},
-    )
+    types = typing.get_type_hints(kind)
+    sole = {field.name: alone(field) for field in declarations(kind)}
     named = [name for name, word in _words_in(kind) if word.group]
     return {
         sole[name] or name: typing.get_args(types[name])[1]

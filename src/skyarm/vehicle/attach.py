@@ -358,7 +358,9 @@ def follow(name: str, mimics: Mapping[str, Mimic]) -> Mimic:
     Raises:
         VehicleError: the chain is a ring.
     """
-    passed, ratio, offset = [name], 1.0, 0.0
+    passed = [name]
+    ratio = 1.0
+    offset = 0.0
     while (mimic := mimics.get(passed[-1])) is not None:
         # offset before the new ratio: q = ratio (ratio' q' + offset') + offset
         ratio, offset = ratio * mimic.ratio, offset + ratio * mimic.offset

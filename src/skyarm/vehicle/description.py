@@ -114,12 +114,10 @@ def quaternion_products(R: Any) -> list[list[Any]]:
     """
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R
     a, b, c, d, e, f = zy - yz, xz - zx, yx - xy, yx + xy, xz + zx, zy + yz
-    w, x, y, z = (
-        1.0 + xx + yy + zz,
-        1.0 + xx - yy - zz,
-        1.0 - xx + yy - zz,
-        1.0 - xx - yy + zz,
-    )
+    w = 1.0 + xx + yy + zz
+    x = 1.0 + xx - yy - zz
+    y = 1.0 - xx + yy - zz
+    z = 1.0 - xx - yy + zz
     return [[w, a, b, c], [a, x, d, e], [b, d, y, f], [c, e, f, z]]
 
 

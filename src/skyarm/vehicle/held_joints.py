@@ -35,7 +35,8 @@ def hold_joints(bodies: RigidBodies, values: Mapping[str, float]) -> RigidBodies
         leader = follow(name, bodies.mimics)
         if leader.joint in values:
             held.setdefault(name, leader.ratio * values[leader.joint] + leader.offset)
-    tree, seats = BodyTree({}, Notes()), {BASE: at_origin()}
+    tree = BodyTree({}, Notes())
+    seats = {BASE: at_origin()}
     tree.add_body(BASE, bodies.base)
     for index, link in enumerate(bodies.links):
         joint, body = link.joint, link.body

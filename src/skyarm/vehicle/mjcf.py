@@ -195,7 +195,8 @@ def _compile(path: Path, notes: Notes) -> MjModel:
     import mujoco
 
     # MuJoCo reports NaN in included files only through its global warning handler
-    usual, warnings = mujoco.get_mju_user_warning(), list[str]()
+    usual = mujoco.get_mju_user_warning()
+    warnings = list[str]()
     mujoco.set_mju_user_warning(warnings.append)
     try:
         str(path).encode()
@@ -516,10 +517,8 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
     for each in range(model.neq):
         if model.eq_type[each] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[each]:
             continue
-        name, other = (
-            name_of(model, "jnt", model.eq_obj1id[each]),
-            model.eq_obj2id[each],
-        )
+        name = name_of(model, "jnt", model.eq_obj1id[each])
+        other = model.eq_obj2id[each]
         numbers = [float(value) for value in model.eq_data[each][:5]]
         # a curve has no constant ratio, and a follower here has
         if any(numbers[2:]):
@@ -594,10 +593,8 @@ def require_supported(
     """
     faults = {**_joint_faults(model, notes), **_loop_faults(model, root)}
     for tendon in range(model.ntendon):
-        name, wraps = (
-            name_of(model, "tendon", tendon),
-            slice(model.tendon_adr[tendon], None),
-        )
+        name = name_of(model, "tendon", tendon)
+        wraps = slice(model.tendon_adr[tendon], None)
         if not _is_stated(model, TENDON_FORCES, tendon):
             notes.add("not read", name, "tendon")
         else:
@@ -650,11 +647,9 @@ def _joint_faults(model: MjModel, notes: Notes) -> dict[str, frozenset[str]]:
     """
     faults = {}
     for joint in range(model.njnt):
-        name, kind, dof = (
-            name_of(model, "jnt", joint),
-            kind_of(model, joint),
-            model.jnt_dofadr[joint],
-        )
+        name = name_of(model, "jnt", joint)
+        kind = kind_of(model, joint)
+        dof = model.jnt_dofadr[joint]
         own = frozenset({name})
         if kind == "ball":
             faults[
@@ -688,13 +683,11 @@ def _loop_faults(model: MjModel, root: int) -> dict[str, frozenset[str]]:
     """Equalities that close a chain, with the joints between their two bodies."""
     import mujoco
 
-    kinds, faults = (
-        {
-            int(mujoco.mjtEq.mjEQ_CONNECT): "connect",
-            int(mujoco.mjtEq.mjEQ_WELD): "weld",
-        },
-        {},
-    )
+    kinds = {
+        int(mujoco.mjtEq.mjEQ_CONNECT): "connect",
+        int(mujoco.mjtEq.mjEQ_WELD): "weld",
+    }
+    faults = {}
     for each in range(model.neq):
         kind, ends = model.eq_type[each], (model.eq_obj1id[each], model.eq_obj2id[each])
         if not model.eq_active0[each] or kind == mujoco.mjtEq.mjEQ_JOINT:

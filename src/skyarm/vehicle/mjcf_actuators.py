@@ -43,10 +43,8 @@ def force_range(model: Any, actuator: int) -> tuple[float, float]:
         if model.actuator_forcelimited[actuator]
         else (-math.inf, math.inf)
     )
-    first, lagging = (
-        model.actuator_ctrladr[actuator],
-        model.actuator_dyntype[actuator] in LAGGING,
-    )
+    first = model.actuator_ctrladr[actuator]
+    lagging = model.actuator_dyntype[actuator] in LAGGING
     of_control = (
         model.actuator_ctrlrange[first],
         lagging and model.actuator_ctrllimited[first],
@@ -196,11 +194,9 @@ def _gains(model: Any, actuator: int, notes: Notes) -> Array:
     """Torque per position error, per rate and per integral of the error that an
     actuator gives its joint; or zeros.
     """
-    bias, kind, servo = (
-        bias_of(model, actuator),
-        model.actuator_gaintype[actuator],
-        is_servo(model, actuator),
-    )
+    bias = bias_of(model, actuator)
+    kind = model.actuator_gaintype[actuator]
+    servo = is_servo(model, actuator)
     name = name_of(model, "actuator", actuator)
     # a bias without a stiffness is a constant force; other dynamics filter the control
     if (

@@ -146,10 +146,8 @@ def _eliminate(vehicle: Linkage, joints: Sequence[float]) -> str:
     the joints after it free.
     """
     M, J = mass_matrix(vehicle, joints)
-    inertias, moved = (
-        [rigid_inertia(body) for body in vehicle.bodies],
-        np.diag(M).copy(),
-    )
+    inertias = [rigid_inertia(body) for body in vehicle.bodies]
+    moved = np.diag(M).copy()
     # from the tips inwards, so each pivot is the inertia with the outer joints free
     for k in reversed(range(6, len(M))):
         joint = vehicle.links[k - 6].joint

@@ -120,7 +120,8 @@ def _pieces(vehicle: Vehicle, *, one_space: bool) -> list[_Piece]:
     joints = [*map(plain, _joint_names(vehicle)), WORLD]
     # in SDF links, joints and frames share one space of names, in URDF links and joints
     # do not
-    taken, names = joints if one_space else [], list[str]()
+    taken = joints if one_space else []
+    names = list[str]()
     for link in vehicle.moving:
         names.append(unused_name(plain(link.name), taken))
         taken.append(names[-1])

@@ -395,10 +395,8 @@ def _other_thrust(rotor: StatedRotor, values: Values) -> str:
     contradict; refused of the user's.
     """
     try:
-        given, follows = (
-            values[MAX_THRUST],
-            values["thrust_coefficient"] * values["max_speed"] ** 2,
-        )
+        given = values[MAX_THRUST]
+        follows = values["thrust_coefficient"] * values["max_speed"] ** 2
     except KeyError:
         return ""
     # data sheets round both numbers, so a percent is agreement
@@ -423,10 +421,8 @@ def _rides_on(joints: Sequence[str]) -> str:
     hold = f'[[joints]] name = "{first}", hold = 0.0 (rad or m, yours to choose'
     if not others:
         return f"ride on a link that joint {first} moves; hold it: {hold})"
-    moving, up = (
-        ", ".join((first, *others)),
-        "such that all thrusts together point up, which 0 everywhere need not do",
-    )
+    moving = ", ".join((first, *others))
+    up = "such that all thrusts together point up, which 0 everywhere need not do"
     return (
         f"ride on links that joints {moving} move; hold each at an angle for flight:"
         f" {hold}, {up})"

@@ -133,10 +133,8 @@ def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
     if len(chosen) != 1 or (missing and not base and not moving):
         cure = 'a TOML file with sdf = "FILE" and base = "NAME" names it'
         refuse("models", names, f"must be one, the vehicle; {cure}{missing}")
-    start, around = (
-        _inner(chosen[0][0], "pose").get("relative_to", ""),
-        [each for each, _ in models],
-    )
+    start = _inner(chosen[0][0], "pose").get("relative_to", "")
+    around = [each for each, _ in models]
     if start.partition("::")[0] not in (
         "",
         "world",
@@ -398,7 +396,8 @@ class _Tree:
             ET.SubElement(robot, "link", name=moved)
             _connect(robot, f"{below} frame", "fixed", (moved, below), (seat, link))
         urdf = _connect(robot, name, kind, (above, moved), (parent, seat))
-        axis, limit = _inner(joint, "axis"), {"lower": "-inf", "upper": "inf"}
+        axis = _inner(joint, "axis")
+        limit = {"lower": "-inf", "upper": "inf"}
         xyz = numbers_of(text_of(axis, "xyz", "0 0 1"), f"{field}.axis.xyz", 3)
         turned = _within(seat, self._at(self._axes_of(axis, name, scope)))[0]
         ET.SubElement(urdf, "axis", xyz=_digits(turned.apply(description.vector(xyz))))
@@ -544,10 +543,8 @@ def _add_inertial(urdf: ET.Element, link: ET.Element, notes: Notes) -> None:
         )
         # SDF defines 1 for what is left out; a silent default could fly, so it is noted
         given |= dict.fromkeys(missing, "1")
-    inertial, at = (
-        ET.SubElement(urdf, "inertial"),
-        _pose(_inner(stated, "pose"), f"link[{name}].inertial.pose"),
-    )
+    inertial = ET.SubElement(urdf, "inertial")
+    at = _pose(_inner(stated, "pose"), f"link[{name}].inertial.pose")
     _set_origin(inertial, at.rotation, at.position)
     ET.SubElement(inertial, "mass", value=given["mass"])
     ET.SubElement(inertial, "inertia", {"ixy": "0", "ixz": "0", "iyz": "0", **given})

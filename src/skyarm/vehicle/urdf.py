@@ -555,13 +555,12 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
         urdf: the file.
         notes: notes of its reader.
     """
-    name, looks = link.get("name", ""), []
+    name = link.get("name", "")
+    looks = []
     for visual in link.findall("visual"):
         for mesh in visual.findall("geometry/mesh"):
-            file, field = (
-                mesh_file(mesh.get("filename", ""), urdf),
-                f"link[{name}].visual",
-            )
+            file = mesh_file(mesh.get("filename", ""), urdf)
+            field = f"link[{name}].visual"
             if file is None or file.suffix.lower() != ".stl":
                 why = "is not there" if file is None else "is no .stl"
                 notes.add(

@@ -439,10 +439,8 @@ class Vehicle:
         """Words that propose an end effector: what files call it, else the only link at
         an end; "" without either.
         """
-        frames, links = (
-            [each.name for each in self.frames],
-            [each.name for each in self.links],
-        )
+        frames = [each.name for each in self.frames]
+        links = [each.name for each in self.links]
         # a chain: each link on the one before it, so its last link is the only end
         is_chain = [each.parent for each in self.links] == list(
             range(-1, len(links) - 1)

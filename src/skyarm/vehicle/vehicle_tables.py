@@ -373,10 +373,8 @@ def _body(fields: Fields, read_elsewhere: Sequence[str]) -> Body:
 def _piece(fields: Fields) -> Body:
     mass = numbers_from(Body, fields)
     planar = fields.flag("planar", False)
-    com, entries = (
-        fields.vector("com", (0.0, 0.0, 0.0)),
-        fields.numbers("inertia", (0.0, 0.0, 0.0)),
-    )
+    com = fields.vector("com", (0.0, 0.0, 0.0))
+    entries = fields.numbers("inertia", (0.0, 0.0, 0.0))
     if len(entries) not in (3, 6):
         allowed = "must be three (xx yy zz) or six (xx yy zz xy xz yz) numbers, kg m^2"
         refuse(fields.at("inertia"), list(entries), allowed)
@@ -392,10 +390,8 @@ def _piece(fields: Fields) -> Body:
 def _joint(fields: Fields) -> Joint:
     axis = description.unit_axis(fields.at("axis"), fields.vector("axis"))
     R, p = _pose(fields)
-    kind, name = (
-        fields.choice("kind", ("revolute", "prismatic"), "revolute"),
-        fields.text("name"),
-    )
+    kind = fields.choice("kind", ("revolute", "prismatic"), "revolute")
+    name = fields.text("name")
     return Joint(
         name=name,
         kind=kind,
@@ -408,11 +404,9 @@ def _joint(fields: Fields) -> Joint:
 
 def _pose(fields: Fields) -> tuple[Mat3, Vec3]:
     """Read the pose of a frame relative to another frame: rotation and position (m)."""
-    R, rpy, wxyz = (
-        Mat3.identity(),
-        fields.take("rpy", None),
-        fields.take("quaternion_wxyz", None),
-    )
+    R = Mat3.identity()
+    rpy = fields.take("rpy", None)
+    wxyz = fields.take("quaternion_wxyz", None)
     if rpy is not None and wxyz is not None:
         refuse(fields.at("rpy"), rpy, "must not be given together with quaternion_wxyz")
     if wxyz is not None:

@@ -66,10 +66,8 @@ def parse_xml(text: bytes, note: Callable[[str], None] = _refuse) -> ET.Element:
         tree = ET.TreeBuilder()
         parser = expat.ParserCreate("utf-8" if declared else None, separator)
         parser.StartElementHandler, parser.EndElementHandler = tree.start, tree.end
-        parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = (
-            tree.data,
-            _refuse_doctype,
-        )
+        parser.CharacterDataHandler = tree.data
+        parser.StartDoctypeDeclHandler = _refuse_doctype
         try:
             parser.Parse(plain, True)
         except expat.ExpatError as error:

@@ -425,7 +425,8 @@ def values(
         joints: number of joints of the arm.
         period: control period, s.
     """
-    every, results = measures(joints), {}
+    every = measures(joints)
+    results = {}
     with np.errstate(all="ignore"):
         for name in names:
             each = every[name]

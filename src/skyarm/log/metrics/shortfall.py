@@ -143,10 +143,8 @@ def _saturation(log: Log) -> Saturation | None:
     """Saturation of the actuators; None if no command reached a limit or the log has no
     vehicle.
     """
-    beyond, limited = (
-        np.zeros(log.time.size, dtype=bool),
-        list[tuple[float, str, float, float, str]](),
-    )
+    beyond = np.zeros(log.time.size, dtype=bool)
+    limited = list[tuple[float, str, float, float, str]]()
     for actuator, unit, sent, low, high in _actuator_limits(log):
         at_limit = _cut(sent - high, high, unit) | _cut(low - sent, low, unit)
         beyond |= at_limit

@@ -119,7 +119,8 @@ def _messages(topics: FlightTopics, log: Log) -> Iterator[tuple[int, Topic, byte
     # pieces begin at whole periods, so that the pattern of topics is the same in each
     length = topics.period * max(1, PIECE // topics.period)
     for begin in range(0, log.time.size, length):
-        piece, rows = rows_of(log, slice(begin, begin + length)), []
+        piece = rows_of(log, slice(begin, begin + length))
+        rows = []
         for order, topic in enumerate(topics.topics):
             if topic.every or not begin:
                 stamps, data = topics.encode(topic, piece)

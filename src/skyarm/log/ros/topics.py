@@ -284,10 +284,8 @@ def _transforms(
     topics = [Topic("/tf", "tf2_msgs/TFMessage", every, moving)]
     if frames is None or vehicle is None:
         return topics
-    fixed, drawn = (
-        {"transforms": [*frames.fixed_transforms(), *mounts]},
-        {"markers": markers(vehicle, frames)},
-    )
+    fixed = {"transforms": [*frames.fixed_transforms(), *mounts]}
+    drawn = {"markers": markers(vehicle, frames)}
     return [
         Topic("/tf_static", "tf2_msgs/TFMessage", 0, lambda _: fixed),
         Topic("/vehicle", MARKERS, 0, lambda _: drawn),
@@ -476,10 +474,8 @@ def _reading(
         JOINTS: {"name": names.joints},
         OWN: {"name": endings},
     }
-    time, arrays = (
-        f"{source}.time" if stamped else "",
-        {field: f"{source}.{field}" for field in sizes},
-    )
+    time = f"{source}.time" if stamped else ""
+    arrays = {field: f"{source}.{field}" for field in sizes}
     frame = described.frame if described.mount is None else mount_frame(source)
     return _topic(
         topic,

@@ -222,10 +222,8 @@ def read_named(
         ValueError: one line that begins with the kind, or with the file.
     """
     names, path = names_in(library), Path(text)
-    field, plural = (
-        f"{kind} = {shown(text)}",
-        ("studies" if kind == "study" else f"{kind}s"),
-    )
+    field = f"{kind} = {shown(text)}"
+    plural = "studies" if kind == "study" else f"{kind}s"
     shipped = f"shipped {plural} are {', '.join(names)}"
     if text in names:
         content, folder = (library / f"{text}.toml").read_bytes(), Path()

@@ -42,7 +42,8 @@ def installed_versions(
         packages: names in lower case, with hyphens.
         path: folders in the order of import; ``sys.path`` if left out.
     """
-    names, versions = set(packages), dict[str, str]()
+    names = set(packages)
+    versions = dict[str, str]()
     for folder in sys.path if path is None else path:
         here: dict[str, str] = {}
         for entry in _entries(folder):

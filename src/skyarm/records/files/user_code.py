@@ -309,7 +309,8 @@ def first_not_finite(period: Callable[[], object]) -> str:
     # a command begins before it is loaded (own_sources)
     from skyarm.algebra import Vec3
 
-    lines, debugger = list[str](), sys.gettrace()
+    lines = list[str]()
+    debugger = sys.gettrace()
 
     def enter(frame: types.FrameType, _event: str, _value: object) -> Trace | None:
         given = (
@@ -321,7 +322,10 @@ def first_not_finite(period: Callable[[], object]) -> str:
             map(_not_finite, given)
         ):
             return None
-        line, last, begun, first = frame.f_lineno, "", len(lines), dict[str, str]()
+        line = frame.f_lineno
+        last = ""
+        begun = len(lines)
+        first = dict[str, str]()
 
         def step(frame: types.FrameType, event: str, value: Any) -> Trace:
             nonlocal line, last

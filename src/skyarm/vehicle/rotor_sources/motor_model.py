@@ -68,10 +68,8 @@ def blade_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of LiftDrag plugins, as ArduPilot's: links that turn without end, with
     lift slopes in place of thrust.
     """
-    links, blades = (
-        [each.get("name", "") for each in file.xml.findall("link")],
-        dict[str, list[ET.Element]](),
-    )
+    links = [each.get("name", "") for each in file.xml.findall("link")]
+    blades = dict[str, list[ET.Element]]()
     # lift slopes mark a blade; a wing's or a fin's link does not turn without end and
     # drops out below
     for plugin in (
@@ -94,10 +92,8 @@ def _blade_rotor(
     """Rotor of a link with blades: its thrust is along the joint's axis, to the side of
     their lift.
     """
-    name, absent = (
-        joint.get("name", ""),
-        {"thrust_coefficient": "its blades are LiftDrag plugins, with lift slopes"},
-    )
+    name = joint.get("name", "")
+    absent = {"thrust_coefficient": "its blades are LiftDrag plugins, with lift slopes"}
     field = f"joint[{name}].axis"
     spin = description.unit_axis(
         field, numbers(joint.find("axis"), "xyz", field, (1.0, 0.0, 0.0))
@@ -174,7 +170,10 @@ def _number_of_motor(plugin: ET.Element) -> float:
 
 
 def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:
-    field, name, where, absent = _field(plugin), text_of(plugin, "linkName"), {}, {}
+    field = _field(plugin)
+    name = text_of(plugin, "linkName")
+    where = {}
+    absent = {}
     values = dict[str, Any]()
     assumed: tuple[str, ...] = ()
     if not name:

@@ -94,12 +94,11 @@ def px4_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
         f"[rotor_file] arm_length, m, scales them: the longest arm is {longest:g} in"
         " the file"
     )
-    scale, absent = 1.0, {**ABSENT, "position": relative}
+    scale = 1.0
+    absent = {**ABSENT, "position": relative}
     if longest and file.settings.states("arm_length"):
-        scale, absent = (
-            file.settings.number("arm_length", low=0.0, strict=True) / longest,
-            ABSENT,
-        )
+        scale = file.settings.number("arm_length", low=0.0, strict=True) / longest
+        absent = ABSENT
     return tuple(
         StatedRotor(
             f"rotor_{k}",
