@@ -164,7 +164,7 @@ Scenario = Annotated[
     ),
 ]
 
-Flown = Annotated[
+ScenarioOrLog = Annotated[
     str,
     typer.Argument(
         help="a scenario (.toml), a log, or a shipped name",

@@ -126,12 +126,11 @@ class Spelled(LateConversion, TyperCommand):
     every command has.
     """
 
-    def __init__(self, *words: Any, **more: Any) -> None:
-        super().__init__(*words, **more)
-        own = {
-            word for each in self.params if each.name not in EVERY for word in each.opts
-        }
+    def __init__(self, *arguments: Any, **more: Any) -> None:
+        super().__init__(*arguments, **more)
         every: list[Parsed] = self.params
+        owned = [each for each in every if each.name not in EVERY]
+        own = {word for each in owned for word in each.opts}
         # a short name that a plugin's command has for something else stays its own
         for each in every:
             each.opts = [
@@ -398,10 +397,10 @@ def _input_error(error: Exception) -> str:
             f" ({error.strerror or errno.errorcode.get(error.errno, error.errno)})"
         )
     # an error that the library raised on purpose is an answer; another one is a fault
-    told = isinstance(
+    deliberate = isinstance(
         error, (OSError, ValueError, NoMachineCodeError, MissingExtraError)
     ) and is_deliberate(error)
-    return str(error) if told else ""
+    return str(error) if deliberate else ""
 
 
 def _our_fault(error: Exception) -> int:

@@ -148,15 +148,10 @@ def compare(
         raise ValueError(
             f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}"
         )
-    kind = (
-        suite
-        if suite in SUITES
-        else FILE
-        if kind_of_file(suite) == "suite"
-        else "a scenario"
-    )
+    kind = _kind_of_comparison(suite)
     _require_effect(context, suite, kind)
-    names, options = names_of("--laws", laws), dict[str, Any](seed=seed, plant=plant)
+    names = names_of("--laws", laws)
+    options = dict[str, Any](seed=seed, plant=plant)
     if suite in (ENVELOPE, SURVIVE):
         word, there = ("axes", AXES) if suite == ENVELOPE else ("conditions", SURVIVED)
         options |= {
@@ -208,6 +203,13 @@ def compare(
         )
     asked = suite_of(suite, names or None, "--laws", **options)
     _fly(asked, Path(out or asked.folder), count, on)
+
+
+def _kind_of_comparison(suite: str) -> str:
+    """Kind of a comparison, as ``READ_BY`` names it."""
+    if suite in SUITES:
+        return suite
+    return FILE if kind_of_file(suite) == "suite" else "a scenario"
 
 
 def _require_effect(context: typer.Context, suite: str, kind: str) -> None:

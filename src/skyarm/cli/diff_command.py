@@ -114,6 +114,7 @@ def _by_prefix(log: Log) -> dict[str, Log]:
     """Log of each vehicle by the beginning of the names of its metrics; empty for the
     only one.
     """
+    # keys of the document: those of one vehicle have been without its name
     return {
         f"{name}_" if len(log.agents) > 1 else "": own
         for name, own in log.agents.items()

@@ -186,13 +186,10 @@ def _libraries() -> list[CheckResult]:
         )
     for name, floor in FLOORS.items():
         version = there.get(name)
-        state = (
-            MISSING
-            if version is None
-            else BROKEN
-            if below_floor({name: version})
-            else WORKS
-        )
+        if version is None:
+            state = MISSING
+        else:
+            state = BROKEN if below_floor({name: version}) else WORKS
         finding, remedy = version or "", ""
         if state != WORKS:
             finding = f"{finding}, needs {floor}"

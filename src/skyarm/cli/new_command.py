@@ -162,7 +162,11 @@ def write_starter(
         )
     starters = resources.files("skyarm.cli") / "starters"
     texts = {Path(folder, f"{name}.toml"): own} if own else {}
-    for ships, written in (OWN if flies else ()) if own else KINDS[kind]:
+    shipped = KINDS[kind]
+    if own:
+        # a vehicle with gaps does not fly, so neither scenario nor test would run
+        shipped = OWN if flies else ()
+    for ships, written in shipped:
         text = (starters / ships).read_text("utf-8")
         texts[Path(folder, written.replace("NAME", name))] = text.replace("NAME", name)
     require_writable(folder)

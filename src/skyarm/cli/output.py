@@ -347,9 +347,10 @@ def bar(title: str, pause: float = PAUSE) -> Iterator[Advance]:
     if _asked.get(_Asked()).quiet:
         yield lambda *_, **_more: None
         return
-    errors = Terminal(stderr=True, **PLAIN)
     # a bar where it is seen: on the console, else on standard error
-    screen = console if console.is_terminal else errors if sys.stderr.isatty() else None
+    screen: Terminal | None = console if console.is_terminal else None
+    if screen is None and sys.stderr.isatty():
+        screen = Terminal(stderr=True, **PLAIN)
     if screen is None:
         # a first line after a while, also where no step has ended yet
         timer = threading.Timer(pause or 1e6, say, (f"{title} ...",))

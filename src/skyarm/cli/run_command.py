@@ -15,9 +15,9 @@ import typer
 
 from skyarm.cli.arguments import (
     Duration,
-    Flown,
     Laws,
     Out,
+    ScenarioOrLog,
     law_names,
     name_completion,
     require_left_out,
@@ -53,7 +53,7 @@ from skyarm.view.pages import Facts
 
 def run(
     context: typer.Context,
-    scenario: Flown,
+    scenario: ScenarioOrLog,
     out: Out = "out/run",
     plant: Annotated[
         str | None,
@@ -251,7 +251,9 @@ def _fly_one(
         from skyarm.studies.assess.pressing_flights import lost_force, missed_contact
 
         for name, own in zip(planned.agents, log.agents.values(), strict=True):
-            one, before = planned.of(name), f"{name}: " if len(log.agents) > 1 else ""
+            one = planned.of(name)
+            # words on the only vehicle need no name before them
+            before = f"{name}: " if len(log.agents) > 1 else ""
             say_unlikely(
                 planned.name,
                 [

@@ -99,7 +99,11 @@ def log_of(content: Mapping[str, AnyArray], info: Plain) -> Log:
         width = {"joints": joints, "rotors": rotors}.get(
             group, (4,) if name == "quaternion" else (3,)
         )
-        width = () if name in SCALARS else array.shape[1:2] if name in IF_ANY else width
+        if name in SCALARS:
+            width = ()
+        elif name in IF_ANY:
+            # as many columns as the law or the flight has of them
+            width = array.shape[1:2]
         if (
             len(count) != 1
             or array.shape != (*count, *width)

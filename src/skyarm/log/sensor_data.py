@@ -149,16 +149,14 @@ def _has_valid_types(source: Source) -> bool:
     texts = [each.unit for each in source.fields.values()] + [
         each.meaning for each in source.fields.values()
     ]
-    axes = [
-        each
-        for field in source.fields.values()
-        for each in (field.axes, field.units)
-        if each is not None
+    lists = [
+        each for field in source.fields.values() for each in (field.axes, field.units)
     ]
-    lists = all(isinstance(each, list) and each for each in axes)
+    axes = [each for each in lists if each is not None]
+    filled = all(isinstance(each, list) and each for each in axes)
     texts += [axis for each in axes for axis in each] + (
         [] if source.frame is None else [source.frame]
     )
-    # numbers of JSON that look whole would be integers, which skyarm never writes there
+    # a place is written as six floats; other types belong to a damaged description
     mount = source.mount is None or [type(each) for each in source.mount] == [float] * 6
-    return counts and lists and mount and all(isinstance(each, str) for each in texts)
+    return counts and filled and mount and all(isinstance(each, str) for each in texts)

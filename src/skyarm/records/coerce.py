@@ -195,7 +195,8 @@ def inertia(field: str, value: object) -> Sym3:
 def _symmetric(field: str, rows: list[list[Scalar]], value: object) -> list[Scalar]:
     """Entries xx yy zz xy xz yz of a 3 x 3 matrix, after a check of its symmetry."""
     pairs = [(rows[i][j], rows[j][i]) for i, j in ((0, 1), (0, 2), (1, 2))]
-    concrete = [each for row in rows for each in row if type(each) is float]
+    entries = [each for row in rows for each in row]
+    concrete = [each for each in entries if type(each) is float]
     slack = TOLERANCE * max(map(abs, concrete), default=0.0)
     # only concrete matrices can be compared; the slack is relative to the largest entry
     if len(concrete) == 9 and any(abs(float(a) - float(b)) > slack for a, b in pairs):

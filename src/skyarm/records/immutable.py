@@ -62,13 +62,12 @@ def short_repr(record: object) -> str:
     """Text of a record in at most 300 characters: its class and fields, of which long
     values show only their class.
     """
-    # the type's name stands in place of a value that is too long
-    texts = {
-        each.name: (type(value).__name__, " ".join(repr(value).split()))
-        for each in declarations(type(record))
-        if each.repr
-        for value in [getattr(record, each.name)]
-    }
+    texts = dict[str, tuple[str, str]]()
+    for each in declarations(type(record)):
+        if each.repr:
+            value = getattr(record, each.name)
+            # the type's name stands in place of a value that is too long
+            texts[each.name] = type(value).__name__, " ".join(repr(value).split())
     line = ""
     # ever shorter values, until the line fits
     for longest in (LONGEST, 60, 24):

@@ -184,12 +184,8 @@ def _words_in(of: type | Callable[..., object]) -> list[tuple[str, Word]]:
     except (NameError, TypeError):  # a name that only type checkers import
         return []
     names = (field_names(of) if isinstance(of, type) else None) or full
-    return [
-        (name, word)
-        for name in names
-        if name in full
-        for word in _words_said(full[name])
-    ]
+    declared = [name for name in names if name in full]
+    return [(name, word) for name in declared for word in _words_said(full[name])]
 
 
 def _words_said(annotation: object) -> tuple[Word, ...]:

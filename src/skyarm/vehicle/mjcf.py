@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from mujoco import MjData, MjModel
 
 
-class _Tree(BodyTree):
+class _MujocoTree(BodyTree):
     """Kinematic tree of a compiled MuJoCo model, with the frame of each of its bodies.
 
     Attributes:
@@ -112,7 +112,7 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
             name_of(model, "body", body),
             "part",
         )
-    tree = _Tree(model, mimic == "couple", notes)
+    tree = _MujocoTree(model, mimic == "couple", notes)
     tree.seats[root] = at_origin()
     rotors = rotors_in(
         # rotors first, because their joints and sites are left out of the notes on the
@@ -365,7 +365,7 @@ def _joints(model: MjModel, body: int) -> list[int]:
     return list(range(first, first + model.body_jntnum[body]))
 
 
-def _read_child(tree: _Tree, body: int) -> None:
+def _read_child(tree: _MujocoTree, body: int) -> None:
     """Add a body and its joints to the tree; MuJoCo applies the joints in sequence,
     each about its own anchor.
     """
@@ -409,7 +409,7 @@ def _read_child(tree: _Tree, body: int) -> None:
     _read_body(tree, body)
 
 
-def _is_fixed(tree: _Tree, joint: int) -> bool:
+def _is_fixed(tree: _MujocoTree, joint: int) -> bool:
     """True if a joint cannot move: it follows a fixed joint, or follows any joint while
     mimic joints are locked.
     """
@@ -420,7 +420,7 @@ def _is_fixed(tree: _Tree, joint: int) -> bool:
     return not leader.joint or leader.ratio == 0.0
 
 
-def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
+def _held_pose(tree: _MujocoTree, joint: int, at: Frame) -> Frame:
     """Pose of the body behind a joint that is fixed at a constant value."""
     name = name_of(tree.model, "jnt", joint)
     value = resting(tree.model, name, tree.mimics)
@@ -435,7 +435,7 @@ def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
     )
 
 
-def _read_body(tree: _Tree, body: int) -> None:
+def _read_body(tree: _MujocoTree, body: int) -> None:
     """Add the mass and the sites (named frames) of a MuJoCo body to the tree."""
     model, at = tree.model, tree.seats[body]
     mass = float(model.body_mass[body])

@@ -116,18 +116,17 @@ def _text(
             if path.suffix in suffixes
         )
         named = file if is_robot(file) else path.resolve().as_posix()
-        words = {
-            "source": source,
-            "file": named,
-            "vehicle": vehicle,
-            "head": head,
-            "joints": joints,
-            "rotors": own,
-        }
-        return (
-            render_template("vehicle/exported/riding.jinja", toml=toml_value, **words),
-            False,
+        text = render_template(
+            "vehicle/exported/riding.jinja",
+            toml=toml_value,
+            source=source,
+            file=named,
+            vehicle=vehicle,
+            head=head,
+            joints=joints,
+            rotors=own,
         )
+        return text, False
     flying = mount_rotors(
         bodies, RotorTables(own={name: _any_values(each) for name, each in own.items()})
     )
@@ -143,20 +142,17 @@ def _text(
     }
     for k, block in enumerate(blocks):
         rotor = re.match(r'\[\[rotors]]\nname = "(.*)"', block)
-        for field, gap in (
-            own.get(rotor[1], {})
-            if rotor
-            else gaps
-            if block.startswith("[rotor_d")
-            else {}
-        ).items():
+        lacking: Mapping[str, str] = {}
+        if rotor:
+            lacking = own.get(rotor[1], {})
+        elif block.startswith("[rotor_d"):
+            lacking = gaps
+        for field, gap in lacking.items():
             line, comment = rf"^{field} = .*", f"# {field} = ...  # missing: {gap}"
             # an entry of tilt = {...} behind its axis: left out
             if inner := field.partition(".")[2]:
-                line, comment = (
-                    rf"^(tilt = .*), {inner} = -?1\.0\b(.*)",
-                    rf"\1\2  # missing: {gap}",
-                )
+                line = rf"^(tilt = .*), {inner} = -?1\.0\b(.*)"
+                comment = rf"\1\2  # missing: {gap}"
             blocks[k] = re.sub(line, comment, blocks[k], flags=re.MULTILINE)
         if rotor[1] in most if rotor else len(most) == len(own):
             blocks[k] = blocks[k].replace(

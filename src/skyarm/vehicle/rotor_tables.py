@@ -180,9 +180,9 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
     }
     for name, origin in whole.items():
         _require_numbers(origin, values[name])
-    notes += tuple(_told(whole, lambda name: _default_words(whole[name])))
+    notes += tuple(_notes(whole, lambda name: _default_words(whole[name])))
     notes += tuple(
-        _told(origins, lambda name: _other_thrust(origins[name], values[name]))
+        _notes(origins, lambda name: _other_thrust(origins[name], values[name]))
     )
     still = _without_spin(bodies, (*stated.values(), *origins.values()))
     # a joint with limits that moves a rotor's link may be meant as a tilt, so its
@@ -372,13 +372,13 @@ def _joints_below(bodies: RigidBodies, link: int) -> list[str]:
     ]
 
 
-def _told(rotors: Iterable[str], words_of: Callable[[str], str]) -> Iterator[str]:
+def _notes(rotors: Iterable[str], words_of: Callable[[str], str]) -> Iterator[str]:
     """Notes on rotors, those of the same words in one line; none of empty words."""
-    told: dict[str, list[str]] = {}
+    alike: dict[str, list[str]] = {}
     for name in rotors:
-        told.setdefault(words_of(name), []).append(name)
+        alike.setdefault(words_of(name), []).append(name)
     return (
-        f"rotors {', '.join(names)}: {words}" for words, names in told.items() if words
+        f"rotors {', '.join(names)}: {words}" for words, names in alike.items() if words
     )
 
 

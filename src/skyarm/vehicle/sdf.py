@@ -426,10 +426,10 @@ class _Tree:
             )
         ET.SubElement(urdf, "dynamics", rubbing)
         for mimic in axis.iterfind("mimic"):
-            words = {"multiplier": "1", "offset": "0", "reference": "0"}
+            defaults = {"multiplier": "1", "offset": "0", "reference": "0"}
             numbers = {
                 word: finite(text_of(mimic, word, usual), f"{field}.mimic.{word}")
-                for word, usual in words.items()
+                for word, usual in defaults.items()
             }
             # SDF counts the leader from a reference: ratio (q - reference) + offset
             numbers["offset"] -= numbers["multiplier"] * numbers.pop("reference")

@@ -445,9 +445,9 @@ class Vehicle:
         is_chain = [each.parent for each in self.links] == list(
             range(-1, len(links) - 1)
         )
-        called = [
-            name for word in TIPS for name in (*frames, *links) if name.endswith(word)
-        ]
+        called = list[str]()
+        for ending in TIPS:
+            called += [name for name in (*frames, *links) if name.endswith(ending)]
         for name in called or links[-1:] * is_chain:
             frame = (
                 ""

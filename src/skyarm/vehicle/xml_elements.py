@@ -196,10 +196,10 @@ def numbers_of(text: str, field: str, count: int) -> list[float]:
     """Finite numbers that a text holds: three, six of a pose, four or seven with a
     quaternion.
     """
-    words = text.split()
-    if len(words) != count:
+    entries = text.split()
+    if len(entries) != count:
         refuse(field, text, f"must be {COUNTS.get(count, count)} numbers")
-    return [finite(word, field) for word in words]
+    return [finite(entry, field) for entry in entries]
 
 
 def finite(text: str, field: str, *, infinite: bool = False) -> float:

@@ -293,12 +293,10 @@ def metric_names(
                 name for name in _written_out(word, joints) if name not in without
             ]
         elif group in GROUPS:
-            listed = [
-                name
-                for one in GROUPS[group]
-                for name in _written_out(one, joints)
-                if name not in without
-            ]
+            listed = list[str]()
+            for one in GROUPS[group]:
+                listed += _written_out(one, joints)
+            listed = [name for name in listed if name not in without]
             twins = [f"{name}{CONTINUOUS}" for name in listed if name in REFERRED]
             expanded += listed if group == word else twins
         else:
@@ -343,6 +341,7 @@ def names_by_agent(
     Raises:
         ValueError: as :func:`metric_names`, or another vehicle's name.
     """
+    # results of one vehicle have the metrics' own names, in rows and files alike
     if len(setpoints) == 1:
         return {
             name: {each: each for each in metric_names(words, len(own), own)}

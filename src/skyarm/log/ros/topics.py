@@ -181,6 +181,7 @@ def namespace_of(agents: Collection[str], agent: str) -> str:
     """Beginning of the names of a vehicle's topics, given all vehicles; empty for the
     only one.
     """
+    # programs of ROS expect the topics of a single vehicle without a namespace
     return f"/{agent}" if len(agents) > 1 else ""
 
 

@@ -369,12 +369,10 @@ def taken_back(*paths: PathLike | None) -> Iterator[None]:
 
 def _with_parents(paths: tuple[PathLike | None, ...]) -> list[Path]:
     """Each path and all its parent folders, parents first, without duplicates."""
-    every = [
-        each
-        for path in paths
-        if path is not None
-        for each in (*reversed(Path(path).parents), Path(path))
-    ]
+    every = list[Path]()
+    for path in paths:
+        if path is not None:
+            every += [*reversed(Path(path).parents), Path(path)]
     return list(dict.fromkeys(every))
 
 

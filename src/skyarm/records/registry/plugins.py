@@ -564,12 +564,10 @@ def _require_plugin(module: str, plugins: Mapping[str, str]) -> None:
 
 def _registered_packages() -> set[str]:
     """Names of the packages or top-level modules that registered additional names."""
-    targets = [
-        row.target
-        for kind in KINDS
-        for row in registrations(kind).values()
-        if row.source != SHIPPED
-    ]
+    targets = list[object]()
+    for kind in KINDS:
+        rows = registrations(kind).values()
+        targets += [row.target for row in rows if row.source != SHIPPED]
     modules = (
         each if isinstance(each, str) else str(getattr(each, "__module__", ""))
         for each in targets
