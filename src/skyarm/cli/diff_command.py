@@ -28,7 +28,9 @@ SHORT = (
         for what in ("position", "joint", "ee")
         for how in ("mean", "max")
     ),
-    *("tilt_max", "rotor_jitter", "rotor_saturation"),
+    "tilt_max",
+    "rotor_jitter",
+    "rotor_saturation",
 )
 """Metrics that a terminal shows side by side: errors against the continuous reference,
 as in ``skyarm run``."""

@@ -35,17 +35,6 @@ Place = tuple[str, ...]
 """Field names and item numbers that lead from one record to a part of it."""
 
 
-def _rebuild(template: object, values: Iterator[object]) -> Any:
-    if isinstance(template, tuple):
-        return tuple(_rebuild(item, values) for item in template)
-    names = field_names(type(template))
-    if names is not None:
-        return type(template)(
-            **{name: _rebuild(getattr(template, name), values) for name in names}
-        )
-    return next(values) if is_leaf(template) else template
-
-
 def leaves(record: object) -> list[Any]:
     """All variable scalars of a nested dataclass as a flat list, in field order."""
     scalars: list[Any] = []
@@ -180,8 +169,15 @@ def rebuild(template: Record, values: Iterator[object]) -> Record:
     """Copy of a nested dataclass with its scalars replaced, in order, by given
     values.
     """
-    result: Record = _rebuild(template, values)
-    return result
+    made: Any = template
+    if isinstance(template, tuple):
+        made = tuple(rebuild(item, values) for item in template)
+    elif (names := field_names(type(template))) is not None:
+        parts = {name: rebuild(getattr(template, name), values) for name in names}
+        made = type(template)(**parts)
+    elif is_leaf(template):
+        made = next(values)
+    return cast("Record", made)
 
 
 def as_data(record: Record) -> Record:

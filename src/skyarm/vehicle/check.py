@@ -7,7 +7,7 @@ reader that knows it. :class:`skyarm.vehicle.Vehicle` checks itself as a whole.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NoReturn
 
@@ -151,7 +151,7 @@ def principal_moments(inertia_com: Sym3) -> list[float]:
     return moments
 
 
-def unused_name(name: str, taken: Sequence[str]) -> str:
+def unused_name(name: str, taken: Collection[str]) -> str:
     """Unique name: the given one, with underscores appended if it is taken."""
     while name in taken:
         name += "_"

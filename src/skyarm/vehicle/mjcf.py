@@ -34,7 +34,7 @@ from skyarm.vehicle.attach import (
     posed_in,
     with_pose,
 )
-from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.check import VehicleError, refuse, unused_name
 from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.mjcf_actuators import (
     AT_JOINT,
@@ -78,14 +78,8 @@ class _MujocoTree(BodyTree):
         """Unique name, with underscores appended where needed: MuJoCo has separate
         names for each kind of element.
         """
-        taken = (
-            {frame.name for frame in self.frames}
-            | {link.name for link in self.links}
-            | self.named
-        )
-        while name in taken:
-            name += "_"
-        return name
+        frames = (each.name for each in self.frames)
+        return unused_name(name, {*self.named, *frames, *(k.name for k in self.links)})
 
 
 def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
@@ -144,10 +138,7 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     pose = (Mat3.identity(), ZERO3)
     # a fixed base stands in the world where its file put it; a free one starts anywhere
     if root and not _joints(model, root):
-        pose = (
-            _rotation(model.body_quat[root]),
-            description.vector(model.body_pos[root]),
-        )
+        pose = _pose_of(model, "body", root)
     movable = {link.joint.name for link in tree.links} | tree.balls
     # the others are fixed
     acting = {
@@ -371,11 +362,7 @@ def _read_child(tree: _MujocoTree, body: int) -> None:
     """
     model, name = tree.model, name_of(tree.model, "body", body)
     carrier = tree.seats[model.body_parentid[body]]
-    at = posed_in(
-        carrier,
-        _rotation(model.body_quat[body]),
-        description.vector(model.body_pos[body]),
-    )
+    at = posed_in(carrier, *_pose_of(model, "body", body))
     balls = [joint for joint in _joints(model, body) if kind_of(model, joint) == "ball"]
     tree.balls |= {name_of(model, "jnt", joint) for joint in balls}
     moving = [
@@ -451,12 +438,15 @@ def _read_body(tree: _MujocoTree, body: int) -> None:
             # unnamed sites are marks of a viewer, unless a rotor pushes there
             model.site(site).name or name in tree.carrying
         ):
-            pose = (
-                _rotation(model.site_quat[site]),
-                description.vector(model.site_pos[site]),
-            )
+            R, p = _pose_of(model, "site", site)
             tree.sites[name] = tree.unique(name)
-            tree.frames.append(posed_in(at, *pose, tree.sites[name]))
+            tree.frames.append(posed_in(at, R, p, tree.sites[name]))
+
+
+def _pose_of(model: MjModel, kind: str, index: int) -> tuple[Mat3, Vec3]:
+    """Rotation and position (m) of a body or site in the body that carries it."""
+    wxyz, place = (getattr(model, f"{kind}_{part}")[index] for part in ("quat", "pos"))
+    return _rotation(wxyz), description.vector(place)
 
 
 def _rotation(wxyz: Array) -> Mat3:

@@ -131,10 +131,19 @@ def _pieces(vehicle: Vehicle, *, one_space: bool) -> list[_Piece]:
     pieces = [_Piece(names[-1], body=base)]
     # joints are named before frames add theirs, hence a copy of the list
     for name, joint, link in zip(names, list(joints), vehicle.moving, strict=False):
-        at, follower = link.joint, followers.get(link.name)
-        # BASE is the last name
-        pose = names[link.parent], joint, at.position, at.rotation
-        pieces.append(_Piece(name, *pose, link.body, at, follower))
+        pieces.append(
+            _Piece(
+                name,
+                # BASE is the last name
+                parent=names[link.parent],
+                joint_name=joint,
+                position=link.joint.position,
+                rotation=link.joint.rotation,
+                body=link.body,
+                joint=link.joint,
+                follower=followers.get(link.name),
+            )
+        )
     hubs = [
         Frame(
             name=each.name, link=BASE, position=each.position, rotation=_upright(each)
@@ -147,14 +156,16 @@ def _pieces(vehicle: Vehicle, *, one_space: bool) -> list[_Piece]:
         # the joint of a frame needs a name of its own beside the frame's
         joint = unused_name(f"{name}_joint", joints)
         joints.append(joint)
-        spins = (
-            (spun, Joint(name=joint, axis=Vec3(0, 0, 1)))
-            if k < len(hubs)
-            else (None, None)
-        )
+        turns = k < len(hubs)
         pieces.append(
             _Piece(
-                name, names[frame.link], joint, frame.position, frame.rotation, *spins
+                name,
+                parent=names[frame.link],
+                joint_name=joint,
+                position=frame.position,
+                rotation=frame.rotation,
+                body=spun if turns else None,
+                joint=Joint(name=joint, axis=Vec3(0, 0, 1)) if turns else None,
             )
         )
     return pieces

@@ -35,6 +35,13 @@ COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
 
 SENSES = {"ccw": 1, "cw": -1}
 
+
+def coefficients_of(table: ThrustTable) -> tuple[str, ...]:
+    """Names of the coefficients that follow from a thrust table."""
+    # without torque data the drag torque needs a stated coefficient
+    return COEFFICIENTS if table.torque else COEFFICIENTS[:1]
+
+
 ROUNDED = 0.01
 """Relative difference below which a largest thrust agrees with coefficient and speed:
 data sheets round."""
@@ -461,7 +468,7 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
     table: ThrustTable | None = values.get("table")
     if table is not None:
         # two statements of one coefficient could disagree
-        for needed in COEFFICIENTS if table.torque else COEFFICIENTS[:1]:
+        for needed in coefficients_of(table):
             if needed in values:
                 refuse(
                     f"{where}.{needed}",

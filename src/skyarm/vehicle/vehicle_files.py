@@ -141,19 +141,6 @@ def _from_toml(
         return vehicle_from(document, refer, Path() if file is None else file.parent)
 
 
-def vehicle_of_text(text: str, file: Path) -> Vehicle:
-    """Make the vehicle that the text of a vehicle file describes.
-
-    Args:
-        text: TOML.
-        file: file of the text; paths in it start at its folder.
-
-    Raises:
-        VehicleError: one line with field, value and what is allowed.
-    """
-    return _from_toml(text.encode(), file)
-
-
 ROTORS_ALONE = (".yaml", ".yml", ".params")
 """Suffixes of files that may state rotors without bodies."""
 

@@ -19,7 +19,7 @@ from skyarm.records.units import scalars
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.description import unit_quaternion
 from skyarm.vehicle.linkage import BASE, Body, Joint
-from skyarm.vehicle.rotor_tables import COEFFICIENTS
+from skyarm.vehicle.rotor_tables import coefficients_of
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_records import Frame, MountedDrive, Rotor, Vehicle
 
@@ -181,10 +181,7 @@ def _rotor(rotor: Rotor) -> Table:
     entries["direction"] = "ccw" if rotor.direction > 0 else "cw"
     if rotor.table is not None:
         # the reader takes coefficients from the table and refuses them beside it
-        for name in (
-            "table",
-            *(COEFFICIENTS if rotor.table.torque else COEFFICIENTS[:1]),
-        ):
+        for name in ("table", *coefficients_of(rotor.table)):
             del entries[name]
         entries["thrust_table"] = _thrust_table(rotor, rotor.table)
     if rotor.tilt is not None:
@@ -205,10 +202,8 @@ def _thrust_table(rotor: Rotor, table: ThrustTable) -> Table:
             thrust * float(rotor.moment_coefficient) / float(table.moment_coefficient)
         )
         columns |= {"torque": [float(each) * torque for each in table.torque]}
-    named = COEFFICIENTS if table.torque else COEFFICIENTS[:1]
-    return _record(
-        replace(table, **columns, **{name: getattr(rotor, name) for name in named})
-    )
+    scales = {name: getattr(rotor, name) for name in coefficients_of(table)}
+    return _record(replace(table, **columns, **scales))
 
 
 def _body(body: Body) -> Table:

@@ -143,23 +143,22 @@ TEAMS = _rows("teams")
 REFERRED = TRACKING | GUST | PAPER
 
 STANDARD = (
-    *(
-        "position_error_mean",
-        "position_error_max",
-        "position_min",
-        "joint_error_mean",
-        "joint_error_max",
-    ),
-    *(
-        "ee_error_mean",
-        "ee_error_max",
-        "pitch_mean",
-        "pitch_rms",
-        "pitch_ripple",
-        "roll_rms",
-        "peak_pitch",
-    ),
-    *("peak_position", "iae_position", "iae_joint", "efforts"),
+    "position_error_mean",
+    "position_error_max",
+    "position_min",
+    "joint_error_mean",
+    "joint_error_max",
+    "ee_error_mean",
+    "ee_error_max",
+    "pitch_mean",
+    "pitch_rms",
+    "pitch_ripple",
+    "roll_rms",
+    "peak_pitch",
+    "peak_position",
+    "iae_position",
+    "iae_joint",
+    "efforts",
 )
 
 EFFORTS = "efforts"
@@ -177,15 +176,13 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     ),
     "paper": (*PAPER, "hover_offset"),
     "effort": (
-        *(
-            "efforts",
-            "rotor_jitter",
-            "rotor_saturation",
-            "joint_saturation",
-            "rate_rms",
-            "tilt_rms",
-            "tilt_max",
-        ),
+        "efforts",
+        "rotor_jitter",
+        "rotor_saturation",
+        "joint_saturation",
+        "rate_rms",
+        "tilt_rms",
+        "tilt_max",
         "altitude_error_max",
     ),
     "contact": tuple(INTERACTION),
