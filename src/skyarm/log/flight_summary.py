@@ -379,7 +379,6 @@ def sentences(values: Facts) -> list[str]:
             f" power-on{counts}"
         )
     if "lag_found_s" in values:
-        # from s to ms
         rotors, joints = 1e3 * values["lag_found_s"]
         found = [
             f"{what} {lag:.1f} ms"

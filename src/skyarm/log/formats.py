@@ -125,7 +125,7 @@ def write_csv(log: Log, path: PathLike) -> Path:
     )
     with writing_atomically(path) as stream:
         stream.write(f"{heads}\n".encode())
-        # in pieces, since a long log as text takes ten times its memory
+        # in pieces, since the text of a long log takes more memory than its numbers
         for begin in range(0, log.time.size, PIECE):
             piece = rows_of(log, slice(begin, begin + PIECE))
             table = np.column_stack([each.of(piece) for each in every])
