@@ -45,10 +45,14 @@ ANNOUNCED = "500 ms"
 multicast."""
 
 LOOPBACK_ONLY = f"""<CycloneDDS><Domain>
-<General><Interfaces><NetworkInterface address="{LOOPBACK}" multicast="false"/></Interfaces>
+<General><Interfaces>
+<NetworkInterface address="{LOOPBACK}" multicast="false"/>
+</Interfaces>
 <AllowMulticast>false</AllowMulticast></General>
-<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
-<Peers><Peer address="{LOOPBACK}"/></Peers><SPDPInterval>{ANNOUNCED}</SPDPInterval></Discovery>
+<Discovery><ParticipantIndex>auto</ParticipantIndex>
+<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
+<Peers><Peer address="{LOOPBACK}"/></Peers>
+<SPDPInterval>{ANNOUNCED}</SPDPInterval></Discovery>
 </Domain></CycloneDDS>"""
 """Configuration that exchanges no messages with other machines."""
 

@@ -173,11 +173,9 @@ def world_of(named: Named, span: Span) -> Scene:
         inside = np.flatnonzero(_inside(log, span))
         if scenario is None or not inside.size:
             continue
-        ends, agents, team = (
-            inside[[0, -1]],
-            dict[str, Instants](),
-            [*log.agents.values()],
-        )
+        ends = inside[[0, -1]]
+        agents: dict[str, Instants] = {}
+        team = [*log.agents.values()]
         around = np.mean(np.concatenate([own.tip[inside] for own in team]), axis=0)
         for own, (name, agent) in zip(team, scenario.agents.items(), strict=True):
             agents[name] = Instants(
@@ -191,9 +189,11 @@ def world_of(named: Named, span: Span) -> Scene:
             )
         name, first = next(iter(agents)), team[0]
         seen = replace(agents[name], agents=agents)
-        scene = scene_in_log(
-            scenario.of(name).components, seen, lambda name: first.component(name)[ends]
-        )  # noqa: B023
+
+        def states(name: str, first: Log = first, ends: Array = ends) -> Array:
+            return first.component(name)[ends]
+
+        scene = scene_in_log(scenario.of(name).components, seen, states)
         if scene.solids or scene.lines or scene.ground is not None:
             return scene
     return Scene()

@@ -368,7 +368,10 @@ def page_with(content: bytes) -> str:
     """
     text = base64.b64encode(content).decode("ascii")
     dark = 'matchMedia("(prefers-color-scheme: dark)").matches'
-    script = f'<script>window.__VISER_EMBED_DATA__="{text}";window.__VISER_EMBED_CONFIG__={{darkMode:{dark}}};</script>'
+    script = (
+        f'<script>window.__VISER_EMBED_DATA__="{text}";'
+        f"window.__VISER_EMBED_CONFIG__={{darkMode:{dark}}};</script>"
+    )
     player = (
         Path(str(import_viser().__file__)).parent / "client" / "build" / "index.html"
     ).read_text("utf-8")

@@ -40,14 +40,17 @@ WORLD = f"""
   </visual>
   <statistic extent="1" center="0 0 0"/>
   <asset>
-    <texture name="sky" type="skybox" builtin="gradient" rgb1="0.82 0.88 0.95" rgb2="0.965 0.972 0.98"
-      width="128" height="128"/>
-    <texture name="grid" type="2d" builtin="flat" mark="edge" rgb1="0.945 0.95 0.96" rgb2="0.945 0.95 0.96"
+    <texture name="sky" type="skybox" builtin="gradient"
+      rgb1="0.82 0.88 0.95" rgb2="0.965 0.972 0.98" width="128" height="128"/>
+    <texture name="grid" type="2d" builtin="flat" mark="edge"
+      rgb1="0.945 0.95 0.96" rgb2="0.945 0.95 0.96"
       markrgb="0.80 0.82 0.845" width="256" height="256"/>
-    <material name="ground" texture="grid" texuniform="true" texrepeat="2 2" specular="0"/>
+    <material name="ground" texture="grid" texuniform="true" texrepeat="2 2"
+      specular="0"/>
   </asset>
   <worldbody>
-    <light type="directional" pos="-7.5 -6 30" dir="7.5 6 -30" diffuse="0.5 0.5 0.5" specular="0.2 0.2 0.2"/>
+    <light type="directional" pos="-7.5 -6 30" dir="7.5 6 -30"
+      diffuse="0.5 0.5 0.5" specular="0.2 0.2 0.2"/>
     <geom type="plane" size="60 60 1" material="ground"/>
   </worldbody>
 </mujoco>"""

@@ -49,12 +49,18 @@ STYLE = """<style>
 @media (max-width: 36em) {
   /* viser lays its controls over the lower 60 % of a phone's picture, 266 px wide */
   #root div:has(> div > div > [data-dock-root]) { flex-direction: column }
-  #root div:has(> div > [data-dock-root]) { height: auto !important; min-height: 0; width: 100% }
+  #root div:has(> div > [data-dock-root]) {
+    height: auto !important; min-height: 0; width: 100%
+  }
   #root div:has(> div > [data-dock-root]) ~ .mantine-Paper-root {
-    position: relative !important; width: 100% !important; max-height: 58% !important; flex-shrink: 0;
+    position: relative !important; width: 100% !important;
+    max-height: 58% !important; flex-shrink: 0;
     .mantine-ScrollArea-content > div { width: 100% !important }
   }
-  #root :is(.mantine-Button-root, .mantine-ActionIcon-root, .mantine-Input-input, .mantine-Tabs-tab) {
+  #root :is(
+    .mantine-Button-root, .mantine-ActionIcon-root,
+    .mantine-Input-input, .mantine-Tabs-tab
+  ) {
     min-height: 40px !important; min-width: 40px !important;
   }
   #root .mantine-Slider-root { padding-block: 14px !important }
