@@ -105,6 +105,7 @@ def pack(
         payload = _payload(definition, merged)
     except _MISFITS as error:
         raise _misfit(definition, merged) from error
+    # MAVLink 2 cuts trailing zeros, but one byte stays
     payload = payload.rstrip(b"\0") or b"\0"
     try:
         header = bytes((len(payload), 0, 0, sequence & 0xFF, system, component))
@@ -311,6 +312,7 @@ def _fields(definition: Definition, payload: bytes) -> dict[str, DecodedValue]:
     )
     fields: dict[str, Any] = {name: numbers[place] for name, place in definition.places}
     for _, field in definition.texts:
+        # a text of a stranger must not steer the terminal
         text = fields[field.name].partition(b"\0")[0].decode(errors="replace")
         fields[field.name] = (
             text

@@ -161,6 +161,8 @@ class MavlinkVehicle:
         frame = mavlink.pack(
             name,
             sequence=self._sequence,
+            # system 0 is a broadcast, which is no sender: 1 until the autopilot is
+            # heard
             system=system or max(self.system, 1),
             component=component,
             **fields,
@@ -219,6 +221,7 @@ class MavlinkVehicle:
         another sender.
         """
         name = message.name
+        # the first autopilot that beats is the one: its number is not known before
         unknown = name == "HEARTBEAT" and not self.system
         if message.component != 1 or not (unknown or message.system == self.system):
             return False

@@ -135,6 +135,7 @@ class GuidedVehicle(MavlinkVehicle):
             afx=ax,
             afy=ay,
             afz=az,
+            # yaw is positive to the left here and to the right on the wire
             yaw=-goal.yaw,
         )
 
@@ -148,8 +149,10 @@ class GuidedVehicle(MavlinkVehicle):
         """
         title = self.numbers.title
         for name in self._unread.keys() & self.parameters.keys():
+            # patience counts from the last answer: many parameters take many rounds
             self._begun = time
             stated, value = self._unread.pop(name), self.parameters[name]
+            # the autopilot keeps single precision, so equal means equal to its rounding
             if not math.isclose(value, stated, rel_tol=1e-5, abs_tol=1e-6):
                 raise LinkError(
                     f"controller.parameters.{name} = {stated:g}: must be what {title}"
@@ -197,6 +200,7 @@ class GuidedVehicle(MavlinkVehicle):
         if self.obeys:
             self._absent = 0.0
             return
+        # a departure counts once, in its first period
         self.away += self._absent == 0.0
         self._absent += seconds
         if self._absent > ABSENCE:

@@ -197,6 +197,7 @@ def real_time() -> Iterator[None]:
     real-time priority.
     """
     collecting = gc.isenabled()
+    # a collection of garbage may take longer than a period
     gc.disable()
     first = False
     # no permission; no such scheduler
@@ -521,6 +522,8 @@ class OffboardFlight:
                     " estimates",
                 )
             tick = round((state.time - record.first) * self._rate)
+            # an estimate twice in one period, or late from an earlier one, is no new
+            # period
             if tick <= last:
                 continue
             if tick >= self._steps:
@@ -554,6 +557,7 @@ class OffboardFlight:
         if not all(map(math.isfinite, leaves(command))):
             raise HandBackError(DIVERGED, "the law's command is not finite")
         link.send(command.base)
+        # the loop of the arm is not closed before take-over
         if record is None:
             return
         self._arm.send([float(each) for each in command.law.efforts], state.time)
@@ -565,6 +569,7 @@ class OffboardFlight:
         this process was suspended.
         """
         link, now, stale = self._link, time.monotonic(), self._settings.stale
+        # silence shows only here: a stopped process finds its old estimates waiting
         stood, self._alive = now - self._alive, now
         if stood > stale:
             raise HandBackError(
@@ -615,6 +620,7 @@ class OffboardFlight:
         self._arm.release()
         if link.modes is None or not self._ours or not self._still_obeys():
             return
+        # a request may be lost: it is repeated until a heartbeat shows the mode
         for _ in range(5):
             link.request_hold()
             until = time.monotonic() + 0.3
@@ -636,4 +642,6 @@ class OffboardFlight:
         last, until = link.beaten, time.monotonic() + HAND_BACK
         while time.monotonic() < until and link.beaten == last:
             link.wait(0.05)
+        # the first heartbeat after take-over decides; without one the last is trusted
+        # if it is older than our request, as it shows the mode before
         return modes.is_outside(link.mode) or link.beaten < self._asked

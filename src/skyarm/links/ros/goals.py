@@ -106,6 +106,7 @@ def base_goal(message: Content) -> dict[str, float]:
     x, y, z, w = (float(pose["orientation"][axis]) for axis in "xyzw")
     if not all(map(math.isfinite, (*goals.values(), x, y, z, w))):
         raise MessageError("must be of finite numbers")
+    # four zeros state no orientation: then the heading stays
     if largest := max(map(abs, (x, y, z, w))):
         # whose squares do not overflow
         x, y, z, w = x / largest, y / largest, z / largest, w / largest
@@ -185,6 +186,7 @@ def changes_to(
     """
     signals = _signals(reference)
     groups = [
+        # base and heading together, so that a diagonal stays straight
         [word for word in (*BASE, HEADING) if word in goals],
         *([word] for word in goals if "." in word),
     ]
@@ -213,6 +215,7 @@ def _move_together(
     """
     begins = [_begin(each, time) for each in signals.values()]
     ends = [
+        # of two headings a whole turn apart the nearer one is meant
         _nearest_turn(goals[word], begin[0]) if word == HEADING else goals[word]
         for word, begin in zip(signals, begins, strict=True)
     ]

@@ -214,6 +214,7 @@ class RosLink:
             name: command for name, command in newest.items() if command is not None
         }
         return (
+            # a scenario of one vehicle takes its command without a name
             next(iter(commands.values()), None)
             if len(newest) == 1
             else commands or None
@@ -234,6 +235,7 @@ class RosLink:
             due = tick % topic.every == topic.offset if topic.every else not self._begun
             if not due:
                 continue
+            # sums and norms of a lost flight may overflow, which is no reason to warn
             with np.errstate(all="ignore"):
                 values = topic.values(LogSection(instant, slice(None)))
             self.node.send(
@@ -251,6 +253,7 @@ class RosLink:
             try:
                 use(decode(kind, DEFINITIONS, data))
             except MessageError as error:
+                # one warning a topic: a publisher at 100 Hz would bury all others
                 if topic not in self._refused:
                     self._refused.add(topic)
                     self._warn(
@@ -315,6 +318,8 @@ class _AgentInputs:
             self._take(topic, NUMBERS, self._use_command)
         return (
             self._command
+            # times of flight are sums of periods: the last one counts in spite of
+            # rounding
             if self._session.time - self._received < self._timeout - 1e-9
             else None
         )

@@ -154,6 +154,7 @@ def _inside(log: Log, span: Span) -> Mask:
 def _frame(ax: Axes) -> None:
     """Set axes limits to a square around the drawn paths."""
     ends = np.array([ax.dataLim.min, ax.dataLim.max])
+    # without any finite point the picture shows a square of 2 m
     ends[:, ~np.isfinite(ends).all(axis=0)] = [[-1.0], [1.0]]
     half = 0.5 * float(np.max(ends[1] - ends[0]))
     half = max(half * (1.0 + 2.0 * ROOM), half + LEAST)
@@ -219,6 +220,7 @@ def _draw_solid(ax: Axes, view: Projection, solid: Solid) -> None:
     """
     for k in (0, 1) if solid.moves else (0,):
         if (
+            # a plane seen face on would cover the paths
             solid.shape.kind == "patch"
             and abs(solid.rotation[k, :, 2] @ view.toward) > FACE_ON
         ):
@@ -332,6 +334,7 @@ def _window(window: Span | None, named: Named) -> Span:
     """
     end = max(map(end_time, named.values()))
     if window is None:
+        # one window for a flight without an instant, as an axis needs two ends
         return 0.0, end or 1.0
     start, stop = (number(value, f"window[{i}]") for i, value in enumerate(window))
     if not start < stop:
@@ -361,6 +364,7 @@ def _draw(ax: Axes, panel: Panel, named: Named, span: Span) -> Handles:
             curves += _received_curves(panel, log, values)
         for name, curve, look in curves:
             if curve is not None:
+                # a curve of one instant has no line: it is a dot
                 alone: Style = (
                     {"marker": "o", "markersize": 0.6 * PAPER.small}
                     if log.time.size == 1
@@ -429,7 +433,9 @@ def _different_references(panel: Panel, named: Named) -> list[tuple[Array, Array
     for log in sorted(named.values(), key=lambda log: -log.time.size):
         desired = panel.desired(log) if panel.desired else None
         if desired is not None and not any(
-            np.array_equal(desired, other[: desired.size]) for _, other in references
+            # a reference that only ends earlier is the same one
+            np.array_equal(desired, other[: desired.size])
+            for _, other in references
         ):
             references.append((log.time, desired))
     return references

@@ -220,6 +220,7 @@ class PictureStyle:
         """Label a value axis with quantity and unit; a label longer than the axis is
         wrapped after "_" or " ".
         """
+        # the mean width of a letter is about half its size
         most = int(
             ax.get_window_extent().height / ax.figure.dpi * 72.0 / (0.48 * self.small)
         )
@@ -236,6 +237,7 @@ class PictureStyle:
         """
         canvas: Any = FigureCanvasAgg(figure)
         renderer = canvas.get_renderer()
+        # the widest legend that fits, one column at worst
         for columns in range(min(len(handles), 6), 0, -1):
             drawn = figure.legend(
                 list(handles.values()),
@@ -251,6 +253,7 @@ class PictureStyle:
                 borderaxespad=0.1,
             )
             for text in drawn.get_texts():
+                # a name such as $x$ of the user is text and no formula
                 text.set_parse_math(False)
             if (
                 columns == 1

@@ -178,6 +178,7 @@ class Sheet:
             R, p = posed.poses[shape.body]
             return float(view.toward @ (p + R @ np.array(shape.position)))
 
+        # farther parts first, so that nearer ones cover them
         for i, shape in enumerate(sorted(vehicle_shapes(posed.vehicle), key=height)):
             corners = outline(shape, *posed.poses[shape.body], view)
             drawn = Polygon(
@@ -249,6 +250,7 @@ class Sheet:
         and the frame's name.
         """
         for letter, axis, color in zip("xyz", R.T, AXIS_COLORS, strict=True):
+            # an axis seen end on would be a dot with a letter
             if np.linalg.norm(self.view.flat(axis)) >= 0.25:
                 end = at + share * self.reach * axis
                 self.arrow(np.array([at, end]), color, 0.13)
@@ -346,6 +348,7 @@ def _mark_lengths_and_angles(sheet: Sheet) -> None:
                 text == words and math.dist(there, flat) < 0.02 * sheet.reach
                 for text, there in written
             )
+            # only lengths that the view does not shorten are written into it
             seen = norm(sheet.view.flat(rod)) >= 0.97 * length > 0.05 * sheet.reach
             if not seen or labelled:
                 continue
@@ -423,6 +426,7 @@ def _write_label(ax: Axes, text: str, at: Array, color: str, ink: Array) -> None
     )
     point, drawn = ax.transData.transform(at), label.get_window_extent()
     half = 0.5 * np.array([drawn.width, drawn.height])
+    # half a step off: no label lies exactly on an axis of the picture
     turns = 2.0 * math.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
     ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     best = math.inf

@@ -102,6 +102,7 @@ class EpisodePictures:
             )
             self._stage = self._open.enter_context(stage)
         self._stage.move([panel])
+        # overwritten by the next picture: the caller's must stay
         return self._stage.draw(0).copy()
 
     def close(self) -> None:
@@ -112,6 +113,7 @@ class EpisodePictures:
     def _panel(self, now: LoopState) -> FramePanel:
         settings, scenario = self._settings, self._scenario
         time = float(now.ticks) / scenario.rates.control
+        # the numbers of a diverged vehicle cannot be drawn, nor can NaN
         if all(abs(number) < FARTHEST for number in leaves(now.agent.state)):
             self._last = now.agent.state
         drawn = now.with_agent(replace(now.agent, state=self._last))

@@ -275,6 +275,8 @@ class _RecordedFlight:
             )
         if self._touches is not None:
             ends = touch_arrows(flight.scene.arrows, k, TOUCH_PER_NEWTON, LONGEST_TOUCH)
+            # millimetres: every digit of a force that trembles costs bytes in each
+            # frame
             self._touches.point(np.round(ends, COARSE))
         self._world.place(flight.scene.solids, k)
         self._lines.place(flight.scene.lines, k)
@@ -328,6 +330,7 @@ def _surroundings(
         section_color=GRID,
     )
     seconds = (times - times[0]) / settings.speed
+    # the player sets its camera once: to follow, all of the flight must be in view
     path = CAMERAS["fixed" if settings.camera == "follow" else settings.camera](
         flights, seconds, ASPECT
     )

@@ -146,6 +146,7 @@ class Stage:
         mujoco.mjr_readPixels(
             self._pixels, None, mujoco.MjrRect(0, 0, *self._size), self._context
         )
+        # OpenGL counts rows from the bottom
         return self._pixels[::-1]
 
     def move(self, panels: Sequence[FramePanel]) -> None:
@@ -188,6 +189,7 @@ class Stage:
             if (key := mesh_key(solid.shape)) in self._meshes:
                 geom.type, geom.dataid = (
                     mujoco.mjtGeom.mjGEOM_MESH.value,
+                    # every second number is a mesh, the others are their convex hulls
                     2 * self._meshes[key],
                 )
         return scene, ground
@@ -323,7 +325,9 @@ def _model(
     spec.lights[0].castshadow = fine
     for i, (vertices, faces) in enumerate(meshes.values()):
         mesh = spec.add_mesh(
-            name=str(i), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+            # a shell: volume is undefined for a mesh that is not closed
+            name=str(i),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
         )
         mesh.uservert, mesh.userface = vertices.ravel(), faces.ravel()
     return spec.compile(), {path: i for i, path in enumerate(meshes)}

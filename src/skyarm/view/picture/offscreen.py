@@ -108,6 +108,7 @@ def _library() -> ctypes.CDLL:
         raise NoDisplayError(
             f"{LIBRARY}: is missing, which draws without a screen; {NEEDS}"
         ) from None
+    # pointers are 64 bits wide: undeclared, C functions are taken to return 32
     egl.eglGetProcAddress.restype, egl.eglGetProcAddress.argtypes = (
         _Pointer,
         [ctypes.c_char_p],
@@ -140,6 +141,7 @@ def _display(egl: ctypes.CDLL) -> tuple[int, int]:
             _Pointer,
             _Pointer,
         )(PLATFORM_DEVICE, device, None)
+        # a device without a driver for OpenGL must not hide a later one that has it
         if not display or not egl.eglInitialize(display, None, None):
             continue
         config, count = (_Pointer * 1)(), ctypes.c_int()

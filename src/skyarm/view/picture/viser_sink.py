@@ -68,6 +68,7 @@ class MovingNode:
         """Set position (3,) in m and rotation (3, 3) relative to the parent node; NaN
         has no effect.
         """
+        # NaN hides nothing in a browser: the last place stays
         if not (np.isfinite(position).all() and np.isfinite(rotation).all()):
             return
         place, turn = (
@@ -279,6 +280,7 @@ class SolidNodes:
             self._nodes.pop(name)[0].node.remove()
         for solid in solids:
             shape, name = solid.shape, solid.shape.name
+            # a solid whose size changes is made anew, as a node gets poses only
             if name not in self._nodes or self._nodes[name][1] != shape.size:
                 upright = replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
                 node = add_shape(

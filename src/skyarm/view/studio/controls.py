@@ -61,6 +61,7 @@ def on_user_input(handle: Any, work: Callable[[Any], None]) -> None:
     """
 
     async def used(event: Any) -> None:
+        # events of the program itself have no client: they would move the flight back
         if event.client_id is not None:
             work(event.target.value)
 
@@ -264,6 +265,8 @@ class Chart(Generic[Seen]):
         curves = []
         for seen in rows:
             for column in self._columns:
+                # a curve ends where its flight was lost: the rest of the axis stays
+                # empty
                 curve = np.full(len(times), math.nan)
                 curve[: len(seen)] = np.round([column(one) for one in seen], DECIMALS)
                 curves.append(curve)

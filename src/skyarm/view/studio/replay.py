@@ -130,6 +130,7 @@ class PredictionReplay(Clock):
         self.errors = np.stack(distance_between(self.model, self.measured))
         self.held_errors = np.stack(distance_between(constant, self.measured))
         before = np.searchsorted(predicted.begins, self._times, "right") - 1
+        # a picture before the first begin has index -1, which reads the NaN
         age = self._times - np.concatenate([predicted.begins, [np.nan]])[before]
         self.age: Array = np.where(np.isfinite(self.errors[0]), age, np.nan)
 

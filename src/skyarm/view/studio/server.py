@@ -92,6 +92,7 @@ def require_viser() -> None:
         StudioError: names the extra.
     """
     try:
+        # imported for its failure alone: without the extra the page cannot be made
         import viser  # noqa: F401
     except ImportError as error:
         raise StudioError(f"studio: {needs_extra('studio')} ({error})") from None
@@ -216,7 +217,10 @@ def _serving(
                 return connection.respond(
                     http.HTTPStatus.FORBIDDEN, f"403: {refusal}\n"
                 )
+            # raises UnicodeEncodeError, a ValueError, for a key that websockets would
+            # choke on
             request.headers.get("Sec-WebSocket-Key", "").encode("ascii")
+            # a compressed body could not be given the page's script and style
             if "Accept-Encoding" in request.headers:
                 del request.headers["Accept-Encoding"]
             response: Response | None = page(connection, request)
@@ -305,6 +309,7 @@ class Sieve:
         """
         handle = self._inputs["server"].gui._gui_input_handle_from_uuid[uuid]
         current, props = handle._impl.value, handle._impl.props
+        # booleans and texts have no limits, but menus have options
         if isinstance(current, (bool, str)):
             options = getattr(props, "options", None)
             if (
@@ -402,7 +407,10 @@ class AccessGuard:
         given = parse_qs(urlsplit(path).query).get("token", [])
         given = [*given, *_cookie(headers.get("Cookie", ""), self.cookie)]
         return any(
-            hmac.compare_digest(each.encode(), self.token.encode()) for each in given
+            # in constant time, so that answers do not tell how much of a guess was
+            # right
+            hmac.compare_digest(each.encode(), self.token.encode())
+            for each in given
         )
 
     def remember(self) -> str:

@@ -105,6 +105,7 @@ def _sight(
         tip=placed.tip,
         error=norm(away),
         tilt=(
+            # a lost vehicle's attitude may be no number: it counts as upside down
             math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi
         ),
         efforts=_efforts(vehicle, command.efforts),
