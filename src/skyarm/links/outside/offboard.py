@@ -202,7 +202,8 @@ def real_time() -> Iterator[None]:
     first = False
     # no permission; no such scheduler
     with contextlib.suppress(OSError, AttributeError):
-        if os.sched_getscheduler(0) == os.SCHED_OTHER:
+        # the flag stays set after an earlier flight without privileges
+        if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER:
             os.sched_setscheduler(
                 0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(1)
             )
@@ -210,10 +211,21 @@ def real_time() -> Iterator[None]:
     try:
         yield
     finally:
-        if first:
-            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         if collecting:
             gc.enable()
+        if first:
+            _leave_real_time()
+
+
+def _leave_real_time() -> None:
+    """Return to the usual scheduling of this process."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    except PermissionError:
+        # a limit (RLIMIT_RTPRIO) permits real-time priority, but only CAP_SYS_NICE
+        # permits to take the flag back (sched(7))
+        usual = os.SCHED_OTHER | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, usual, os.sched_param(0))
 
 
 class OffboardFlight:
