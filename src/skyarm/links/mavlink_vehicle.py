@@ -229,15 +229,11 @@ class MavlinkVehicle:
             modes = self._kinds.get(message["autopilot"])
             if modes is None:
                 return False
-            self.modes, self.system, self.beaten = (
-                self.modes or modes,
-                message.system,
-                time.monotonic(),
-            )
-            self.mode, self.armed = (
-                message["custom_mode"],
-                bool(message["base_mode"] & ARMED),
-            )
+            self.modes = self.modes or modes
+            self.system = message.system
+            self.beaten = time.monotonic()
+            self.mode = message["custom_mode"]
+            self.armed = bool(message["base_mode"] & ARMED)
             self.status = message["system_status"]
         elif name == "LOCAL_POSITION_NED":
             x, y, z = to_our_axes(message["x"], message["y"], message["z"])

@@ -121,11 +121,9 @@ class MotionFilter:
         the first one sets them.
         """
         if not self._begun:
-            self.position, self.velocity, self._begun = (
-                Vec3(*measured),
-                ZERO3_DATA,
-                True,
-            )
+            self.position = Vec3(*measured)
+            self.velocity = ZERO3_DATA
+            self._begun = True
             return
         # poles of the sampled observer at exp(-w dt), twice: exact for any dt
         keep = math.exp(-self._pole * dt)

@@ -172,18 +172,14 @@ class BetaflightLink(ProgramLink):
         slow = min(
             1.0, 0.1 * vehicle_loops(vehicle, gravity)[1]["angle_p_gain"] / QUICK
         )
-        self._control, self._filter = (
-            AngleControl(record.gains.slow_down(slow), gravity),
-            MotionFilter(gravity),
-        )
+        self._control = AngleControl(record.gains.slow_down(slow), gravity)
+        self._filter = MotionFilter(gravity)
         self._stand = float(first_state(scenario).position.z) - record.climb
         self._signals: Numbers = (0.0,) * self._rotors
-        self._seen, self._armed, self._armed_at, self._asked = (
-            -1.0,
-            False,
-            0.0,
-            POWER_ON,
-        )
+        self._seen = -1.0
+        self._armed = False
+        self._armed_at = 0.0
+        self._asked = POWER_ON
         self._states = self._answered = self._bad = 0
         self._silent_since, self._sent, self._heard, self._begun = 0.0, 0.0, 0.0, 0.0
         self._late: list[float] = []

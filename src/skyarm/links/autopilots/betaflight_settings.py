@@ -194,7 +194,7 @@ def console_lines(
         "aux 0 0 0 1700 2100 0 0",
         "aux 1 1 1 1700 2100 0 0",
     ]  # armed by the fifth channel, angle mode by the sixth
-    words = {
+    choices = {
         "rates_type": "ACTUAL",
         "rc_smoothing": "OFF",
         "runaway_takeoff_prevention": "OFF",
@@ -221,7 +221,7 @@ def console_lines(
     numbers |= loops | dict(parameters)
     return (
         lines
-        + [f"set {name} = {value}" for name, value in words.items()]
+        + [f"set {name} = {value}" for name, value in choices.items()]
         + [f"set {name} = {value:g}" for name, value in numbers.items()]
     )
 

@@ -31,7 +31,8 @@ def unit_wrenches(vehicle: Vehicle) -> Array:
     """Torque about the centre of mass, and force, per unit thrust of each rotor (6,
     rotors), base axes.
     """
-    com, columns = centre_of_mass(vehicle), []
+    com = centre_of_mass(vehicle)
+    columns = []
     for rotor in vehicle.rotors:
         axis = float_array(rotor.axis)
         arm = float_array(rotor.position) - com

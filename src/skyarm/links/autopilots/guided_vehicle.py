@@ -60,12 +60,9 @@ class GuidedVehicle(MavlinkVehicle):
         self.origin: tuple[float, ...] | None = None
         self.away, self._absent = 0, 0.0
         self._differences: list[tuple[float, ...]] = []
-        self._unread, self._begun, self._requested_at = (
-            dict(stated),
-            math.inf,
-            -math.inf,
-        )
-        self._requested: set[str] = set()
+        self._unread = dict(stated)
+        self._begun = math.inf
+        self._requested_at = -math.inf
 
     def tell(self, name: str, **fields: FieldValue) -> None:
         """Send a MAVLink message.

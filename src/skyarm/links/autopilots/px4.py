@@ -206,10 +206,8 @@ class PX4Link(ProgramLink):
         ports = open_ports(
             max(record.instance, 0) if record.outside else record.instance
         )
-        self._udp, self._partner = (
-            self._held.enter_context(ports.onboard),
-            ports.partner,
-        )
+        self._udp = self._held.enter_context(ports.onboard)
+        self._partner = ports.partner
         self._held.enter_context(ports.listener)
         with self._starting():
             environment = {
@@ -363,9 +361,9 @@ class PX4Link(ProgramLink):
         """
         if self._child is None:
             return
-        words = self._child.output
+        printed = self._child.output
         for name, value in self._record.parameters:
-            if f"Parameter {name} not found" in words:
+            if f"Parameter {name} not found" in printed:
                 raise LinkError(
                     f"controller.parameters.{name} = {value:g}: must be a parameter"
                     " that PX4 knows"

@@ -153,10 +153,8 @@ class DdsLink(Estimates):
         Raises:
             OffboardError: more than one publishes its estimate.
         """
-        count, topic = (
-            self._node.publishers(self._space + ODOMETRY),
-            self._space + ODOMETRY,
-        )
+        topic = self._space + ODOMETRY
+        count = self._node.publishers(topic)
         if count > 1:
             raise OffboardError(
                 f"--link: {count} vehicles publish {topic}: must be one; add its"

@@ -254,13 +254,11 @@ class OffboardFlight:
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
         require_outside(scenario)
-        self._scenario, self._link, self._arm, self._settings, self._tell = (
-            scenario,
-            link,
-            arm,
-            settings,
-            tell,
-        )
+        self._scenario = scenario
+        self._link = link
+        self._arm = arm
+        self._settings = settings
+        self._tell = tell
         self._inputs = episode_inputs(scenario)
         self._rows = self._inputs.held_leaves
         self._example: Reference = self._inputs.reference_example

@@ -67,7 +67,7 @@ OLD = 0.1
 
 
 @positional
-class Place:
+class PositionEstimate:
     """Estimated position (m) and velocity (m/s), north, west, up, at a time (s) of the
     autopilot's clock.
     """
@@ -163,7 +163,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         self._lost_before = 0
         self._calls = self._partner is not None
         self.round_trips: deque[float] = deque(maxlen=MOST_TIMES)
-        self._place: Place | None = None
+        self._place: PositionEstimate | None = None
         self._odometry = self._attitude = -math.inf
 
     @property
@@ -273,7 +273,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         velocity = to_our_axes(m["vx"], m["vy"], m["vz"])
         if m["child_frame_id"] in BODY_FRAMES:
             velocity = quaternion.rotation().apply(velocity)
-        place = Place(
+        place = PositionEstimate(
             1e-6 * m["time_usec"], to_our_axes(m["x"], m["y"], m["z"]), velocity
         )
         self._place, self._odometry = place, time.monotonic()
@@ -289,7 +289,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         """Store position and velocity of an autopilot that sends no odometry."""
         if time.monotonic() - self._odometry > QUIET:
             velocity = to_our_axes(m["vx"], m["vy"], m["vz"])
-            self._place = Place(
+            self._place = PositionEstimate(
                 1e-3 * m["time_boot_ms"], to_our_axes(m["x"], m["y"], m["z"]), velocity
             )
 
@@ -305,7 +305,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         self._take_state(self._place, 1e-3 * m["time_boot_ms"], quaternion, rate)
 
     def _take_state(
-        self, place: Place, at: float, quaternion: Quaternion, rate: Vec3
+        self, place: PositionEstimate, at: float, quaternion: Quaternion, rate: Vec3
     ) -> None:
         """Store a state whose position, extrapolated to the time of its attitude, is at
         most ``OLD`` s old.

@@ -50,7 +50,8 @@ def with_goals(scenario: Scenario) -> tuple[Scenario, dict[str, str]]:
     Returns:
         The scenario, and the name of each vehicle that takes no goals with the reason.
     """
-    agents, reasons = dict(scenario.agents), dict[str, str]()
+    agents = dict(scenario.agents)
+    reasons: dict[str, str] = {}
     for name, agent in scenario.agents.items():
         if reason := _reason_against(scenario.of(name)):
             reasons[name] = reason
@@ -123,17 +124,16 @@ def joint_goal(message: Content, vehicle: Vehicle) -> dict[str, float]:
         MessageError: a name of no joint, another number of positions than names, or a
             position outside the limits.
     """
-    names, positions = (
-        list(message["name"]),
-        [float(value) for value in message["position"]],
-    )
+    names = list(message["name"])
+    positions = [float(value) for value in message["position"]]
     joints = vehicle.joints
     if len(names) != len(positions) or not names:
         raise MessageError(
             f"{len(names)} names and {len(positions)} positions: must be as many, and"
             " one at least"
         )
-    joint_names, goals = [each.name for each in joints], dict[str, float]()
+    joint_names = [each.name for each in joints]
+    goals: dict[str, float] = {}
     for name, value in zip(names, positions, strict=True):
         if name not in joint_names:
             raise MessageError(

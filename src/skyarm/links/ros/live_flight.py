@@ -93,7 +93,8 @@ class LiveFlight:
     @property
     def lines(self) -> list[str]:
         """Sentences on the ROS commands and goals of the flight, and on its delay."""
-        rate, lines = float(self.log.info["rates_hz"]["control"]), list[str]()
+        rate = float(self.log.info["rates_hz"]["control"])
+        lines: list[str] = []
         if self.commanded:
             seconds = self.commanded / rate
             lines.append(

@@ -228,7 +228,8 @@ class DdsTypes:
     def __init__(self, definitions: Mapping[str, str]) -> None:
         from cyclonedds.idl import make_idl_struct, types
 
-        self._definitions, self._made = definitions, dict[str, Any]()
+        self._definitions = definitions
+        self._made = dict[str, Any]()
         self._make, self._types = make_idl_struct, types
 
     def of(self, kind: str) -> Any:

@@ -278,16 +278,12 @@ class _AgentInputs:
 
     def __init__(self, session: Session, name: str, timeout: float, take: Take) -> None:
         scenario = session.scenario
-        self._session, self._name, self._timeout, self._take = (
-            session,
-            name,
-            timeout,
-            take,
-        )
-        self._of, self._vehicle = (
-            prefix_of(scenario, name),
-            scenario.agents[name].plant.vehicle,
-        )
+        self._session = session
+        self._name = name
+        self._timeout = timeout
+        self._take = take
+        self._of = prefix_of(scenario, name)
+        self._vehicle = scenario.agents[name].plant.vehicle
         self._commands = (
             [f"{namespace_of(scenario.agents, name)}{COMMAND}"]
             if scenario.autopilot is None
@@ -325,10 +321,8 @@ class _AgentInputs:
         )
 
     def _use_command(self, message: Content) -> None:
-        self._command, self._received = (
-            command_of(message["data"], self._vehicle),
-            self._session.time,
-        )
+        self._command = command_of(message["data"], self._vehicle)
+        self._received = self._session.time
 
     def take_goals(self) -> bool:
         """Redirect the reference to the newest received goals, at most five times a
@@ -347,7 +341,8 @@ class _AgentInputs:
             return False
         changes = changes_to(self._reference, session.time, self._goal)
         session.change({f"{self._of}{path}": value for path, value in changes.items()})
-        self._goal, self._last_goal = {}, session.time
+        self._goal = {}
+        self._last_goal = session.time
         return True
 
     @property

@@ -205,11 +205,9 @@ def applied_force(log: Log) -> Array | None:
     """Contact force (N) on the vehicle over time: normal to surfaces, of the grip on a
     handle, of grasps; else None.
     """
-    touches, grips, pulls = (
-        own_forces(log, "contact_force"),
-        own_forces(log, "gripper_force"),
-        grasp_pulls(log),
-    )
+    touches = own_forces(log, "contact_force")
+    grips = own_forces(log, "gripper_force")
+    pulls = grasp_pulls(log)
     if not touches.size:
         return np.linalg.norm([*pulls.values()], axis=2).sum(axis=0) if pulls else None
     normal, grip = np.asarray(touches.sum(axis=1)), np.asarray(grips.sum(axis=1))
@@ -252,10 +250,8 @@ def grasp_pulls(log: Log) -> dict[str, Array]:
     """Force (N, 3), world axes, of a log's vehicle on each body that it holds by
     grasps, by the body's name.
     """
-    pulls, forces = (
-        log.component("grasp_pull").reshape(log.time.size, -1, 3),
-        dict[str, Array](),
-    )
+    pulls = log.component("grasp_pull").reshape(log.time.size, -1, 3)
+    forces: dict[str, Array] = {}
     scenario = scenario_of(log) if pulls.size else None
     if scenario is None or scenario.world is None:
         return {}

@@ -249,10 +249,8 @@ def _pair_force(*pair: str) -> Read:
 
     def read(log: Log) -> Array | None:
         pairs = contact_pairs(log)
-        forces, owned = (
-            log.component("contact_force"),
-            pair in pairs and pair[1] not in parts_of_others(log),
-        )
+        forces = log.component("contact_force")
+        owned = pair in pairs and pair[1] not in parts_of_others(log)
         return (
             forces[:, pairs.index(pair)]
             if owned and forces.shape[1] == len(pairs)

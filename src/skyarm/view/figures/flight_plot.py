@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.files import PathLike, number
 from skyarm.records.files.names import require_suffix
 from skyarm.view.figures.flight_facts import (
@@ -191,8 +191,10 @@ def world_of(named: Named, span: Span) -> Scene:
         name, first = next(iter(agents)), team[0]
         seen = replace(agents[name], agents=agents)
 
-        def states(name: str, first: Log = first, ends: Array = ends) -> Array:
-            return first.component(name)[ends]
+        # defaults, so that each flight has its own
+        def states(name: str, first: Log = first, ends: IntArray = ends) -> Array:
+            values: Array = first.component(name)[ends]
+            return values
 
         scene = scene_in_log(scenario.of(name).components, seen, states)
         if scene.solids or scene.lines or scene.ground is not None:

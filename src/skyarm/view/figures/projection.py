@@ -46,12 +46,10 @@ def axonometric(azimuth: float, elevation: float) -> Projection:
     """Make a parallel projection from azimuth (rad, from x towards y) and elevation
     (rad, above the horizon).
     """
-    ca, sa, ce, se = (
-        math.cos(azimuth),
-        math.sin(azimuth),
-        math.cos(elevation),
-        math.sin(elevation),
-    )
+    ca = math.cos(azimuth)
+    sa = math.sin(azimuth)
+    ce = math.cos(elevation)
+    se = math.sin(elevation)
     return Projection((-sa, ca, 0.0), (-se * ca, -se * sa, ce))
 
 

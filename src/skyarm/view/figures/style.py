@@ -225,11 +225,11 @@ class PictureStyle:
             ax.get_window_extent().height / ax.figure.dpi * 72.0 / (0.48 * self.small)
         )
         end = f"[{unit}]" if unit else ""
-        words = f"{label} {end}".strip()
-        if len(words) > most:
+        text = f"{label} {end}".strip()
+        if len(text) > most:
             lines = re.findall(rf".{{1,{most}}}(?:(?<=[_ ])|$)|.{{1,{most}}}", label)
-            words = "\n".join(filter(None, (*lines, end)))
-        ax.set_ylabel(words, linespacing=1.0, **self.small_words)
+            text = "\n".join(filter(None, (*lines, end)))
+        ax.set_ylabel(text, linespacing=1.0, **self.small_words)
 
     def legend(self, figure: Figure, handles: Mapping[str, Artist]) -> None:
         """Draw one legend below the panels, with as many columns as fit into the

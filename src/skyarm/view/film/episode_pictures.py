@@ -32,7 +32,7 @@ from skyarm.view.picture.marks import (
     vehicle_solids,
     wind_arrow,
 )
-from skyarm.view.picture.mujoco_sink import CameraPath, FramePanel, Stage, open_stage
+from skyarm.view.picture.mujoco_sink import CameraPath, FramePanel, Renderer, open_stage
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
 OPTIONS = {
@@ -80,7 +80,7 @@ class EpisodePictures:
         # also where nobody closes it: before the interpreter ends, the context is given
         # back
         self._finalizer = weakref.finalize(self, self._open.close)
-        self._stage: Stage | None = None
+        self._stage: Renderer | None = None
 
     def begin(self, scenario: Scenario) -> None:
         """Start another episode, given its scenario with the sampled parameters."""

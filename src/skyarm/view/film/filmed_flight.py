@@ -94,7 +94,8 @@ def film_flights(
         raise ValueError(
             f"labels = {shown(names)}: must be as many as the flights, {len(logs)}"
         )
-    colors, flights = iter(COLORS), list[FilmedFlight]()
+    colors = iter(COLORS)
+    flights: list[FilmedFlight] = []
     for number, (log, name) in enumerate(zip(logs, names, strict=True)):
         team = [
             _resample(own, label, next(colors), times, number)

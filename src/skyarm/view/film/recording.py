@@ -189,8 +189,7 @@ def _serialize(
         serializer.insert_sleep(1.0 / settings.fps)
         if progress is not None:
             progress(k + 1, len(times))
-    content = serializer.serialize()
-    return content
+    return serializer.serialize()
 
 
 class _RecordedFlight:
@@ -339,10 +338,8 @@ def _surroundings(
         path.look_at[0]
         - (path.distance[0] + 0.5 * norm(shifts[-1] - shifts[0])) * along
     )
-    server.initial_camera.position, server.initial_camera.look_at = (
-        tuple(eye),
-        tuple(path.look_at[0]),
-    )
+    server.initial_camera.position = tuple(eye)
+    server.initial_camera.look_at = tuple(path.look_at[0])
     server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
     server.initial_camera.up = (0.0, 0.0, 1.0)
 

@@ -107,7 +107,7 @@ class FramePanel:
     ground: float = 0.0
 
 
-class Stage:
+class Renderer:
     """Offscreen renderer of a film's 3D panels, frame by frame."""
 
     def __init__(
@@ -201,10 +201,8 @@ class Stage:
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, self._model.mesh_quat[mesh])
         R = np.array(geom.mat).reshape(3, 3)
-        geom.pos, geom.mat = (
-            geom.pos + R @ self._model.mesh_pos[mesh],
-            R @ turn.reshape(3, 3),
-        )
+        geom.pos = geom.pos + R @ self._model.mesh_pos[mesh]
+        geom.mat = R @ turn.reshape(3, 3)
 
     def _place(
         self, panel: FramePanel, scene: mujoco.MjvScene, ground: int, k: int
@@ -256,14 +254,14 @@ class Stage:
 @contextmanager
 def open_stage(
     panels: Sequence[FramePanel], width: int, height: int, *, fine: bool = False
-) -> Iterator[Stage]:
+) -> Iterator[Renderer]:
     """Context manager that opens a renderer of ``width`` by ``height`` pixels.
 
     Raises:
         NoDisplayError: one line: nothing can be drawn on this machine.
     """
     with offscreen() as current:
-        stage = Stage(panels, width, height, fine=fine, current=current)
+        stage = Renderer(panels, width, height, fine=fine, current=current)
         try:
             yield stage
         finally:
@@ -274,11 +272,9 @@ def _camera(path: CameraPath, k: int) -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     camera.lookat = path.look_at[k]
-    camera.distance, camera.azimuth, camera.elevation = (
-        path.distance[k],
-        path.azimuth[k],
-        path.elevation[k],
-    )
+    camera.distance = path.distance[k]
+    camera.azimuth = path.azimuth[k]
+    camera.elevation = path.elevation[k]
     return camera
 
 

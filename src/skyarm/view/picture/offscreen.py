@@ -109,10 +109,8 @@ def _library() -> ctypes.CDLL:
             f"{LIBRARY}: is missing, which draws without a screen; {NEEDS}"
         ) from None
     # pointers are 64 bits wide: undeclared, C functions are taken to return 32
-    egl.eglGetProcAddress.restype, egl.eglGetProcAddress.argtypes = (
-        _Pointer,
-        [ctypes.c_char_p],
-    )
+    egl.eglGetProcAddress.restype = _Pointer
+    egl.eglGetProcAddress.argtypes = [ctypes.c_char_p]
     egl.eglInitialize.argtypes = [_Pointer] * 3
     egl.eglChooseConfig.argtypes = [
         _Pointer,
@@ -121,10 +119,8 @@ def _library() -> ctypes.CDLL:
         ctypes.c_int,
         _Pointer,
     ]
-    egl.eglCreateContext.restype, egl.eglCreateContext.argtypes = (
-        _Pointer,
-        [_Pointer] * 4,
-    )
+    egl.eglCreateContext.restype = _Pointer
+    egl.eglCreateContext.argtypes = [_Pointer] * 4
     egl.eglMakeCurrent.argtypes = [_Pointer] * 4
     egl.eglDestroyContext.argtypes = [_Pointer] * 2
     return egl

@@ -71,10 +71,8 @@ class MovingNode:
         # NaN hides nothing in a browser: the last place stays
         if not (np.isfinite(position).all() and np.isfinite(rotation).all()):
             return
-        place, turn = (
-            np.round(position, DIGITS),
-            np.round(quaternions_of(rotation[None])[0], DIGITS),
-        )
+        place = np.round(position, DIGITS)
+        turn = np.round(quaternions_of(rotation[None])[0], DIGITS)
         if (place != self._place).any():
             self.node.position = self._place = place
         if (turn != self._turn).any():
@@ -180,10 +178,8 @@ class VehicleNodes:
         wires: float = 0.0,
     ) -> None:
         # every body hangs on the base: what stands still against it need not be sent
-        self._base, self._visible = (
-            MovingNode(scene.add_frame(name, show_axes=False)),
-            True,
-        )
+        self._base = MovingNode(scene.add_frame(name, show_axes=False))
+        self._visible = True
         scene.add_frame(f"{name}/{BASE}", show_axes=False)
         frames = [
             scene.add_frame(f"{name}/{body}", show_axes=False)

@@ -505,11 +505,9 @@ class FlownAgent:
     """
 
     def __init__(self, flight: Flight, name: str) -> None:
-        self.flight, self.first, self._of = (
-            flight,
-            flight.first.of(name),
-            prefix_of(flight.first, name),
-        )
+        self.flight = flight
+        self.first = flight.first.of(name)
+        self._of = prefix_of(flight.first, name)
         self.title = f"{flight.title}, {name}" if self._of else flight.title
         self.sights: list[PlottedInstant] = []
         self._knobs = [

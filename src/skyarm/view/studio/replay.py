@@ -98,12 +98,10 @@ class PredictionReplay(Clock):
         warning: str = "",
     ) -> None:
         super().__init__()
-        self.title, self.vehicle, self.predict, self.warning = (
-            title,
-            vehicle,
-            predict,
-            warning,
-        )
+        self.title = title
+        self.vehicle = vehicle
+        self.predict = predict
+        self.warning = warning
         start, end = float(measured.time[0]), float(measured.time[-1])
         # the last one may lie a rounding error behind the end
         self._times = np.minimum(

@@ -92,10 +92,8 @@ def _sight(
     """
     vehicle, state, outside = agent.vehicle, motion.state, wind_at(around, motion)
     placed = poses_of(vehicle, state)
-    upward, away = (
-        float(placed.rotations[0, 2, 2]),
-        placed.tip - goal_of(agent, time).tip,
-    )
+    upward = float(placed.rotations[0, 2, 2])
+    away = placed.tip - goal_of(agent, time).tip
     push = getattr(agent.reference, "push", None)
     if push is not None:
         away = push.across(away, time, placed.tip)
