@@ -80,6 +80,7 @@ def fly(
     """
     require_not_another(scenario, "scenario")
     planned = load_scenario(scenario, controller=one_law(laws), duration=duration)
+    # what cannot be flown or written is refused before a vehicle is waited for
     require_outside(planned)
     if world not in ("here", "local"):
         raise ValueError(f"--world = {world!r}: must be here or local")
