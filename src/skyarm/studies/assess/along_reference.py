@@ -113,6 +113,7 @@ def along_reference(
     demand, vehicle = followed.demand, scenario.agent.vehicle
     findings = _joint_limits(scenario, demand)
     fields = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
+    # rounding of a rotor that idles is no reversed thrust
     pulls = demand.squared < -ROUNDING * np.max(demand.squared, axis=0)
     findings.append(
         _saturation(
@@ -131,6 +132,7 @@ def along_reference(
     return [
         *findings,
         *_planned_force(scenario),
+        # shares of a carried body are checked with its grasps, by load_of
         *_hovers_with_loads(flight_parts(scenario) if carried else parts),
     ]
 
@@ -202,6 +204,7 @@ def _speed_steps(scenario: Scenario) -> list[Finding]:
     At the start of tracking the step is from the velocity of the vehicle: its initial
     one, or rest.
     """
+    # before a later start of tracking the vehicle hovers: its initial velocity is gone
     start, initial = float(scenario.agent.tracking_start), scenario.agent.initial
     times = np.array(
         [start, *(t for t in _jump_times(scenario) if start < t < scenario.duration)]
@@ -278,6 +281,7 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
     """
     answers: dict[str, list[Finding]] = {}
     loaded = [part for part in parts if part.words]
+    # max takes the first of equals, so that of equal levels the heaviest load is named
     for part in sorted(loaded, key=lambda each: -float(each.vehicle.mass)):
         reference = reference_at(
             part.scenario,
@@ -326,6 +330,7 @@ def _sample_times(part: FlightPart, end: float) -> list[Array]:
         if b - a < SHORTEST and end > SHORTEST:
             continue  # no rates can be had of it
         count = max(FEWEST, round(every * (b - a) / end))
+        # midpoints: no instant lies on a jump of the reference
         intervals.append(a + (b - a) * (np.arange(count) + 0.5) / count)
     return intervals
 

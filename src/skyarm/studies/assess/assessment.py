@@ -91,6 +91,7 @@ def delay_margin(scenario: Scenario) -> list[Finding]:
             " margin"
         )
         return [Finding(QUESTION, FAULT, text, "controller", remedy, 0.0, 0.0, unit)]
+    # a dash in the tables: no delay makes the loop unstable
     numbers = (
         delay.margin if math.isfinite(delay.margin) else math.nan,
         delay.least_margin,
@@ -280,6 +281,7 @@ def assess_vehicle(
         ValueError: one line: an argument outside of what is allowed.
     """
     number(require_gravity(gravity, "--gravity"), "--gravity", low=0.0, strict=True)
+    # the option is held to the rule of a payload in a file
     rules(Payload)["mass"]("--payload", payload)
     if payload and not vehicle.end_effector:
         lacks = f"vehicle '{vehicle.name}' has no tip (end_effector){vehicle.tip_cure}"
@@ -331,6 +333,7 @@ def assess_scenario(
             # by itself: others are not there, and a body that turns freely in a grasp
             # would count as unstable
             hovering = with_words(one, world=None) if bodies or one.others else one
+            # equal vehicles with equal laws have one margin: it is computed once
             alike = hover_digest(hovering)
             if alike not in margins:
                 margins[alike] = delay_margin(hovering)
@@ -343,6 +346,7 @@ def assess_scenario(
     shared = balance_of_bodies(bodies)
     if flies and len(agents) > 1 and bodies:
         shared += [*losses(scenario, bodies, payload), *flight_together(scenario)]
+    # one vehicle's report is flat, as its JSON file is; several have one each
     if len(agents) == 1:
         return replace(first, name=scenario.name, findings=(*first.findings, *shared))
     return replace(first, name=scenario.name, findings=tuple(shared), agents=agents)
@@ -376,6 +380,7 @@ def _vehicle_findings(poses: ArmPoses, payload: float, file: str) -> list[Findin
         if turned:
             findings += thrust_margin(loaded)
         findings += joint_torques(loaded)
+    # authority is asked of the loaded vehicle, the largest payload of the bare one
     if turned:
         findings += [*torque_authority(loads[-1]), *side_forces(loads[-1])]
         findings += [

@@ -63,7 +63,9 @@ def _warnings_of(scenario: Scenario, carried: Sequence[Load]) -> list[str]:
         if world.vehicle.rotors
         else []
     )
+    # of pushes only what cannot be held is said here; the rest is for skyarm check
     findings += [each for each in (*turned, *pushing) if each.level == FAULT]
+    # the lines take part as causes only: they are stated in full
     alarms = causes_first(
         [*(finding_of_line(line, UNITS, WARNING) for line in lines), *findings]
     )[len(lines) :]

@@ -85,6 +85,7 @@ def record_facts(record: Dataclass) -> Facts:
 
 
 def _plain(value: Any) -> Plain:
+    # vectors first: they are records of x, y and z, too, and become lists
     if isinstance(value, tuple) or hasattr(value, "dot"):
         return [float(each) for each in value]
     if field_names(type(value)):
@@ -133,6 +134,7 @@ def sheet(vehicle: Vehicle, known: Facts) -> list[Table]:
     tables = [table_of(("", ""), _whole(vehicle, known), left=2, title=title)]
     for title, records in sections.items():
         kinds = dict.fromkeys(map(type, records.values()))
+        # drives of different kinds have different fields, so each kind has a table
         for kind in kinds:
             heading = f"{title}: {kind.__name__}" if len(kinds) > 1 else title
             tables += _tables(
@@ -225,6 +227,7 @@ def _whole(vehicle: Vehicle, facts: Facts) -> Iterator[tuple[str, str]]:
     if hover and hover["rotor_speeds_rad_s"] is None:
         yield "hover", "not possible level: a rotor would have to pull down"
     elif hover:
+        # two decimals: speeds of equal rotors differ by rounding
         speeds = sorted({round(w, 2) for w in hover["rotor_speeds_rad_s"]})
         shown = " ... ".join(f"{w:g}" for w in dict.fromkeys((speeds[0], speeds[-1])))
         beyond = (

@@ -83,6 +83,7 @@ def aloft_for(parts: Sequence[FlightPart], payload: float = 0.0) -> list[Finding
         if vehicle.battery is None or not _hovers(vehicle, gravity):
             return []  # a fault of the rotors, found elsewhere
         try:
+            # the last load hovers until the battery ends, so that the reserve shows
             hover = hover_time(
                 replace(vehicle, battery=replace(vehicle.battery, charge=charge)),
                 gravity,
@@ -95,6 +96,7 @@ def aloft_for(parts: Sequence[FlightPart], payload: float = 0.0) -> list[Finding
         seconds, charge = seconds + hover.seconds, hover.charge
         if hover.seconds < lasts:
             break
+    # a battery that is not full is charged before a larger one is bought
     field = "battery.charge" if float(battery.charge) < 1.0 else "battery.capacity"
     loads = " with its loads" if payload or any(part.words for part in parts) else ""
     text = (
@@ -162,6 +164,7 @@ def hover_time(
         )
     trim = hover_trim(vehicle, vehicle.zeros, gravity)
     power = float(battery.power(vehicle.rotors, trim.speeds))
+    # a rotor's highest speed falls with the voltage, from that of max_speed
     share = max(
         float(w) / float(r.max_speed)
         for w, r in zip(trim.speeds, vehicle.rotors, strict=True)
@@ -195,6 +198,8 @@ def hover_time(
         part = min(1.0, (longest - seconds) / lasts)
         voltage, charge, seconds = middle, charge - part * width, seconds + part * lasts
         if part < 1.0:
+            # without rounding: a sum below ``longest`` would mean that the battery
+            # ended
             seconds = longest
             break
     return HoverTime(seconds, power, max(charge, 0.0), voltage)

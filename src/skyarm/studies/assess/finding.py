@@ -136,6 +136,7 @@ def at_least(
         more: ``unit``, ``joints``, ``concerns``; ``limit`` in place of the one that was
             passed.
     """
+    # not "<": a value that is no number is a fault
     level = FAULT if not value >= fault else WARNING if value < warning else OK
     passed = fault if level == FAULT or math.isinf(warning) else warning
     return Finding(

@@ -167,6 +167,7 @@ def arm_workspace(poses: ArmPoses) -> list[Finding]:
             [tip_places(vehicle, joints).T, -tip_places(vehicle, joints).T]
         )
     )
+    # adding zero turns -0.0, which would show its sign, into 0.0
     low, high = (np.round(each, 9) + 0.0 for each in (ends[:3], -ends[3:]))
     box = ", ".join(
         f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True)

@@ -64,6 +64,7 @@ def disc_radius(vehicle: Vehicle) -> float:
     other are not compared.
     """
     least = float(_hub_distances(vehicle).min(initial=np.inf))
+    # a rotor by itself has no neighbour that bounds its disc
     return 0.5 * least if least < np.inf else 0.1
 
 
@@ -74,10 +75,12 @@ def _hub_distances(vehicle: Vehicle) -> Array:
     hubs = np.array([float_array(rotor.position) for rotor in vehicle.rotors])
     apart = np.linalg.norm(hubs[:, None, :2] - hubs[None, :, :2], axis=2)
     most = float(apart.max(initial=0.0))
+    # hubs closer than a twentieth of the largest distance are coaxial
     beside = np.where((apart > 0.05 * most) & (apart > 0.0), apart, np.inf)
     level = np.where(
         np.abs(hubs[:, None, 2] - hubs[None, :, 2]) <= STAGGERED * apart, beside, np.inf
     )
+    # where every pair is staggered heights are no reason to compare none
     return level if np.isfinite(level).any() else beside
 
 
@@ -169,6 +172,7 @@ def _coefficients(vehicle: Vehicle) -> list[Finding]:
             "m; torque over thrust",
         ),
     ):
+        # the ranges span decades: the distance from their middle is one of logarithms
         middle = 0.5 * math.log(least * most)
         value, rotor = max(
             zip(values, vehicle.rotors, strict=True),
@@ -343,6 +347,7 @@ def links_like_rotors(vehicle: Vehicle) -> list[str]:
         if k.parent == BASE
         and abs(float(k.joint.rotation.apply(k.joint.axis).z)) > UPRIGHT
     ]
+    # rotors are equal and stand around the base: their places nearly cancel
     masses = [float(each.body.mass) for each in ring]
     places = [complex(*(each.joint.position - vehicle.base.com)[:2]) for each in ring]
     surround = (

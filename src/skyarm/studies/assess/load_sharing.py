@@ -175,6 +175,7 @@ def _balance(
             float(grasp.radius) ** 2,
             norm(lines[i]),
         )
+        # a patch of radius r resists turning by k r^2; a ball and a cable do not
         K[i] = k * np.diag([1.0, 1.0, 1.0, *(3 * [turning * (grasp.kind == "fixed")])])
         if grasp.kind == "cable" and far:
             K[i, :3, :3] = k * np.outer(lines[i], lines[i]) / far**2
@@ -190,12 +191,14 @@ def _balance(
             next(iter(places[K.any(axis=(1, 2))]), middle),
             np.tile(np.eye(6), (len(rows), 1, 1)),
         )
+        # without grasps the list is empty, which cannot be assigned
         G[:, 3:, :3] = [np.cross(np.eye(3), arm) for arm in places - pole] or 0.0
         needed = np.array([*up, *np.cross(middle - pole, up)])
         wrenches, free = _springs(G, K, stretch, needed)
         pushes = np.where(cables, -np.sum(wrenches[:, :3] * lines, axis=1), 0.0)
         if not np.any(pushes > ROUNDING * weight):
             break
+        # one cable at a time: another may bear load once this one is slack
         slack = int(np.argmax(pushes))
         K[slack] = 0.0
         remarks = [
@@ -302,6 +305,7 @@ def poses_with_share(
             for grasp, own in zip(each.grasps, each.loads, strict=True)
             if grasp.agent in ("", name)
         )
+    # the force that grasps add tilts the thrust: its size counts, beyond the weight
     thrust = math.hypot(*load[3:5], weight + load[5]) - weight
     poses = ArmPoses.only(
         vehicle, doubles([first_state(one).joints]), gravity, WITH_SHARE

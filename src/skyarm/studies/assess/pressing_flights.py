@@ -91,6 +91,7 @@ def pressing_flights(scenario: Scenario) -> list[Finding]:
                 f"not known: {force:.3g} N meet nothing, or for too short a time",
             )
         ]
+    # flights without a contact have no error: they fail, and limit no rotor
     strained = np.nan_to_num(limited).mean(axis=1)
     fails = (
         ended.any(axis=1)
@@ -198,6 +199,7 @@ def _constant_push(scenario: Scenario) -> Reference | None:
     """
     if not scenario.worlds or not presses(scenario.agent.controller.par):
         return None
+    # only a constant force is a number that flights of one batch can differ in
     try:
         number_at(scenario, VALUE)
     except ScenarioError:

@@ -87,6 +87,7 @@ def _law(scenario: Scenario) -> list[Finding]:
 def push_on_level_base(at: Reference) -> Array:
     """Contact force (N) of the surface on the tip, in the axes of a level base."""
     force, _, *normal = map(float, at.push[:5])
+    # into the axes of the base: by the yaw, backwards
     x, y, z = normal
     c, s = math.cos(float(at.yaw)), math.sin(float(at.yaw))
     return force * np.array([c * x + s * y, c * y - s * x, z])
@@ -220,6 +221,7 @@ def _guards(scenario: Scenario, speed: float) -> list[Finding]:
             each for world in scenario.worlds for each in world.objects if each.standing
         ):
             away = np.array(tip) - doubles([*thing.position])
+            # the worst case: the whole force acts all the time that it must hold
             bears = friction * float(thing.mass) * float(scenario.agent.plant.gravity)
             driven = (
                 (float(guard.force) - bears) / float(thing.mass) * float(guard.hold)

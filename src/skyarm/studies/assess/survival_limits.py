@@ -175,6 +175,7 @@ def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:
     """
     flown, rate = hit_while_swinging(scenario), scenario.rates.control
     blow = f"environment.forces.{len(flown.environment.forces) - 1}.force"
+    # an impulse within one period is that many times as large a force
     factors = [
         ("bump", f"{blow}.{axis}.value", sign * rate)
         for axis in "xyz"
@@ -200,6 +201,7 @@ def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:
         effort=0,
     )
     rows = fly(work)
+    # a blow may leave little more error than the calm flight has
     near = {"bump": rows[LAST_ERROR][0] + NEAR}
     most_off = np.repeat(
         [near.get(kind, LARGEST_ERROR) for kind, _, _ in factors], SECTIONS
@@ -210,6 +212,7 @@ def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:
     if calm:
         return {}
     limits = dict(most)
+    # the first lost section ends what is survived; of six directions the worst counts
     for (kind, _, _), flags in zip(
         factors, np.reshape(gone, (-1, SECTIONS)), strict=True
     ):
@@ -236,5 +239,6 @@ def hit_while_swinging(scenario: Scenario) -> Scenario:
             Disturbance(force=SignalVector(x=pulse, y=pulse, z=pulse)),
         ),
         payloads=(*hover.agent.payloads, TimedPayload(mass=0.0, pick=START)),
+        # the memory of commands must reach back as far as the latest that is flown
         delays=replace(delays, longest_command=delays.longest + LATEST),
     )

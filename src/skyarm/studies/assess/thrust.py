@@ -106,6 +106,7 @@ def _margin(poses: ArmPoses, busiest: float, joints: Array) -> Finding:
         f"less mass, a shorter arm, or more thrust: {field}, rotors.thrust_coefficient"
     )
     concerns = Concern.THRUST_MARGIN
+    # not "<": a margin that is no number is a fault
     if not margin >= 1.0:
         weight = float(poses.efforts(joints[None])[WRENCH - 1, 0])
         cannot = "cannot hover"
@@ -257,6 +258,7 @@ def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
     """
     M = _mass_matrix(vehicle, joints)
     hanging = hanging_joints(vehicle)
+    # joints without a drive are eliminated, as in a Schur complement
     if hanging:
         free = [0, 1, 2, *(6 + i for i in hanging)]
         turned = M[:, free, 3:6]
@@ -334,6 +336,7 @@ def _largest_by_part(poses: ArmPoses, loaded: ArmPoses, joints: Array) -> Array:
     """Largest payload (kg) that each rotor and joint (rows) can carry in each pose;
     negative if already overloaded.
     """
+    # as much reserve with the payload as the thrust margin asks for
     limits, bare = poses.allocation, poses.efforts(joints)
     allocation = replace(
         limits, highest=limits.highest / ENOUGH, lowest=limits.lowest / ENOUGH
@@ -361,6 +364,7 @@ def largest_side_force(
     top = float(highest_thrust(vehicle)) / ENOUGH
     if not math.isfinite(top):
         return [Finding(question, NOTE, "not known: a rotor has no max_speed")]
+    # weight and side force are the legs of the thrust's triangle
     force = math.sqrt(max(top * top - weight * weight, 0.0))
     text = (
         f"{force:.3g} N of steady wind in hover, with {1.0 / ENOUGH:.0%} of the largest"

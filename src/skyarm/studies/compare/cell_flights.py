@@ -307,7 +307,9 @@ def successes(cell: Cell) -> Mask:
 
     Where the place of a team's body is counted, that body within 20 mm of its place.
     """
+    # a team's body has a place to be at; without one the tips are judged
     errors = values_of(cell.metrics, PLACED) or values_of(cell.metrics, SUCCESS_METRIC)
+    # NaN of a flight that ended early is no success and no warning
     with np.errstate(invalid="ignore"):
         near: Mask = np.max(errors, axis=0) < SUCCESS_LIMIT
     return cell.completed & near

@@ -94,10 +94,12 @@ def worlds_of(task: str, count: int, seed: int) -> Worlds:
     """Draw perturbed surroundings and plants of a contact task, around its shipped
     scenario.
     """
+    # around the flagship's scenario, so that every law meets the same worlds
     worlds = draw_worlds(
         TASKS[task], scenario_of(TASKS[task], FLAGSHIP, noisy=False), count, seed=seed
     )
     for column in worlds.values.values():
+        # the cache hands one array to all: nobody may write into it
         np.asarray(column).setflags(write=False)
     return worlds
 
@@ -151,6 +153,7 @@ class ContactSuite(Suite[ContactFlights]):
         flown, refused = list[ContactFlights](), dict[str, str]()
         for each in self.flights():
             try:
+                # refuses a law that does not fit
                 each.scenario()
                 flown.append(each)
             except ControllerError as error:
@@ -205,7 +208,9 @@ def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Mask]
         phases: number of phases of the scenario that was flown; 0 where none waits.
     """
     m, late = cell.metrics, cell.status == "phase_failed"
+    # a phase that was late ends a flight that is not lost: it lacks its phases
     unmet = {"lost": ~(cell.tracked_to_end | (late & cell.upright))}
+    # not "<": what was not measured counts as unmet
     unmet["phases"] = late | ~(m["phases_done"] >= phases)
     numbers: Document = {**m, "weight": weight}
     for word, text in task.success.items():

@@ -187,6 +187,7 @@ def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
             phases.append(
                 {"kind": "go_to", "position": _shift(at, way), "duration": 2.0}
             )
+            # nothing to wait for: any tip within 1 m of its path ends the press
             replacement["until"] = {
                 "error": 1.0,
                 "hold": 0.1,

@@ -81,6 +81,7 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
         ValueError: more than 30 % of the worlds are discarded: the task asks for more
             than the vehicle can do.
     """
+    # twice what may be discarded; numbers go by index, so more change none before
     drawn = count + 16 + 2 * math.ceil(count * MOST_DISCARDED)
     share = uniforms(seed, np.arange(drawn), CHANNEL, 0, NUMBERS)
     every = {
@@ -169,6 +170,7 @@ def _tilt(
     the normal.
     """
     n = np.array(normal)
+    # the axis that n is least along has a cross product far from zero
     first = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
     first /= np.linalg.norm(first)
     second = np.cross(n, first)

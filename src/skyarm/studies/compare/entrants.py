@@ -103,6 +103,7 @@ def chosen_entrants(names: Sequence[str], field: str) -> dict[str, Entrant]:
             law.
     """
     require_different(names, field)
+    # shipped ones in the order of the tables, whatever that of the names
     chosen = {name: each for name, each in ENTRANTS.items() if name in names}
     for name in names:
         entrant = ENTRANTS.get(name) or own_entrant(name)

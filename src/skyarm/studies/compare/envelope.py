@@ -139,6 +139,7 @@ def axis_flights(
     """
     points, inside = axis.of(setting), Window(axis.start, setting.duration)
     whole = AxisFlights(
+        # the paper's gains fit no other vehicle
         entrant=Entrant(name=law, law=TUNED.get(law, law) if axis.vehicle else law),
         case=Case(name=axis.name, windows=Windows(steady=inside, gust=inside)),
         condition=Condition(
@@ -227,6 +228,8 @@ class Envelope(Suite[AxisFlights]):
                         refused[f"{law} on {axis.vehicle}"] = str(error)
                         continue
                     refused[law] = str(error)
+                    # it flies none of the envelope's vehicle: cells planned before are
+                    # dropped
                     cells = [each for each in cells if each.entrant.name != law]
                     break
         return cells, refused
@@ -314,6 +317,7 @@ def _lanes(cell: Cell, axis: EnvelopeAxis) -> list[Document]:
             name: _finite(cell.metrics[metric][k])
             for name, metric in (("judged", axis.metric), *MEASURED.items())
         }
+        # no error is known of a flight that ended before its window
         lost = not cell.tracked_to_end[k] or numbers["judged"] is None
         lanes.append({**numbers, "status": str(status), "lost": bool(lost)})
     return lanes

@@ -59,6 +59,7 @@ def random_curve(built: Scenario, setting: Setting, step: float) -> Scenario:
         np.random.default_rng(POINTS),
         signal_from(MOTIONS["parts"]["ease"], "ease"),
     )
+    # as many as the densest curve takes, so that all values draw the same ones
     count = math.ceil(DURATION / min(AXES["random_curve"].values)) + 8
 
     def curve(span: float) -> Signal:
@@ -146,6 +147,7 @@ def plants_at(
         count: plants.
         seed: key.
     """
+    # the spread was chosen for the paper's vehicle; others have it scaled
     if setting.vehicle == PAPER:
         return draw(scenario, widen(Spread(), times), count, seed=seed)
     spread, _ = spread_of(

@@ -115,6 +115,7 @@ class OwnScenario(SummarySuite[GivenFlights]):
             try:
                 # refuses a name of no law before the first flight
                 as_scenario(self.scenario, name)
+            # of the default laws those fly that fit; a law that was named must
             except ValueError as error:
                 if tuple(self.laws) != LAWS:
                     raise

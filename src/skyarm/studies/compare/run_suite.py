@@ -135,6 +135,7 @@ def fly_suite(
         words = "; ".join(f"--laws: {law}: {why}" for law, why in refused.items())
         raise ValueError(words or "--only: must name trials that the vehicle flies")
     folder = Path(out)
+    # a suite that is refused leaves no empty folder behind
     with taken_back(folder, folder / ROWS):
         store = open_store(require_writable(out))
         with store.alone() if store else nullcontext():
@@ -148,6 +149,7 @@ def fly_suite(
             document = {"schema": 1, "suite": suite.name, **suite.options}
             if identities():
                 document["plugins"] = identities()
+            # cells land in any order; the report keeps that of the plan
             document |= suite.judge(todo, [cells[each.label] for each in todo], refused)
             write_suite(suite, document, suite.pictures(document), folder)
             if store:

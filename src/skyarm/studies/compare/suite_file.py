@@ -281,6 +281,7 @@ class FileSuite(Suite[FileFlights]):
                 # refuses a law that does not fit the vehicle
                 controller_by_name(given.of(name), law)
         setting = trial.setting(self, law)
+        # without noise or draws all flights at a value would be one
         if not trial.vary and not has_chance(trial.built(setting, trial.values[0])):
             trial = replace(trial, flights=1)
         every = FileFlights(
@@ -321,6 +322,7 @@ class FileSuite(Suite[FileFlights]):
                 name,
                 {"title": trial.title, "unit": trial.unit, "values": {}, "laws": {}},
             )
+            # a dict keeps the order: each cell adds its points once
             entry["values"] |= dict.fromkeys(map(str, flights.points))
             points = entry["laws"].setdefault(law, [])
             for k, _ in enumerate(flights.points):
@@ -402,6 +404,7 @@ def _point(
         name: np.max([each[rows] for each in values_of(cell.metrics, name)], axis=0)
         for name in wanted
     }
+    # NaN of a flight that ended early is no success and no warning
     with np.errstate(invalid="ignore"):
         good: Mask = np.all(
             [flown, *(numbers[name] <= most for name, most in trial.success.items())],

@@ -164,6 +164,7 @@ class SurviveSuite(Suite[SurviveFlights]):
                         near=trial.near,
                     )
                 )
+        # equal columns in all cells of a group, so that they share one program
         shared = {path: own for cell in cells for path, own in cell.paths.items()}
         return [replace(cell, paths=shared) if cell.paths else cell for cell in cells]
 

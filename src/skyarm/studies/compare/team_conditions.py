@@ -289,6 +289,7 @@ class CarryingTeam:
         """
         off = (self.places[-1] - self.places.mean(axis=0)) * [1.0, 1.0, 0.0]
         size = np.linalg.norm(off)
+        # a member in the middle of all has no way outward: along x
         return off / size if size > 1e-6 else np.array([1.0, 0.0, 0.0])
 
     @property

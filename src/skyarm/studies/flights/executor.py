@@ -152,6 +152,7 @@ class Crew:
         self.flights = 0
 
     def __enter__(self) -> Crew:
+        # a component of the user may have changed since an earlier crew
         identified.clear()
         return self
 
@@ -164,6 +165,8 @@ class Crew:
         if self._executor is not None:
             for work, content in self._executor.close(abandon=kind is not None):
                 if self.store is not None:
+                    # what is not kept flies again; the error that ends the crew matters
+                    # more
                     with contextlib.suppress(OSError):
                         self.store.put(work, content)
         if self.store is not None:
@@ -210,6 +213,7 @@ class Crew:
             self._executor = _executor(on, self.workers)
         while self._executor.flying >= self._executor.slots:
             yield self._collect(self._executor)
+        # elsewhere a worker is one processor, and so a work has one thread
         metadata = self.store.metadata(work) if self.store else {}
         self._executor.submit(
             work, rows_file, work, metadata, self.workers if on == LOCAL else 1
@@ -244,6 +248,7 @@ class Crew:
         for work in works:
             there = self.store.get(work) if self.store else None
             if there is None:
+                # flights one by one share no program
                 groups.setdefault(
                     id(work) if work.alone else (work.program, work.seed), []
                 ).append(work)

@@ -76,6 +76,7 @@ def _batch(work: Work) -> Batch:
     """Compiled simulation of a work item, shared with other work items of the same
     program.
     """
+    # taken out and put back: the program used longest ago is the first to go
     batch = _programs.pop(work.program, None)
     if batch is None:
         batch = Batch(
@@ -142,6 +143,7 @@ def _metrics_of(work: Work, log: Log) -> list[str]:
 
 
 def _column(values: list[float | str | bytes]) -> Array:
+    # numpy's own bytes lose zeros at their end, and a log may end with some
     return np.array(values, dtype=object if isinstance(values[0], bytes) else None)
 
 

@@ -96,6 +96,7 @@ class Ray:
         try:
             self._kin, self._outfit = kin(), self._ray.put(outfit)
             self._perform = self._ray.remote(max_retries=MOST_TRIES)(_travelling())
+        # a cluster started here must not outlive a failed start
         except BaseException:
             self.close(abandon=True)
             raise
@@ -106,6 +107,7 @@ class Ray:
         at present.
         """
         if time.monotonic() > self._counted + LOOK_SECONDS:
+            # a second call waits for each processor, which so is never idle
             self._slots = max(1, int(2 * self._ray.cluster_resources().get("CPU", 0)))
             self._counted = time.monotonic()
         return self._slots
@@ -186,6 +188,7 @@ def require_ray(where: str) -> ModuleType:
         ValueError: one line: it is not installed, or not as a whole.
     """
     for name, value in SETTINGS.items():
+        # what the user has set stays
         os.environ.setdefault(name, value)
     try:
         ray = import_module("ray")
@@ -327,6 +330,7 @@ def perform_on_node(must_be: dict[str, str], outfit: bytes, call: bytes) -> byte
     Raises:
         ValueError: the node has other versions than the driver.
     """
+    # versions and plugins are checked once in each process
     if outfit not in _arrived:
         has = kin()
         wrong = [name for name, version in must_be.items() if has.get(name) != version]

@@ -193,6 +193,7 @@ def open_rows(content: bytes) -> ParquetFile:
     ):
         # a small file could repeat one for ever
         raise ValueError("must have each log by itself")
+    # a value may take few bytes in the file and eight once it is unpacked
     require_size(
         max(sum(sizes), 8 * sum(counts), 8 * facts.num_rows * facts.num_columns),
         content,
@@ -242,6 +243,7 @@ def sound_content(path: Path, *, named: bool = True) -> bytes | None:
     match = FILE.fullmatch(path.name)
     try:
         with path.open("rb") as file:
+            # one byte more tells that a file is too large
             content = file.read(int(LARGEST) + 1)
     except OSError:
         return None
@@ -290,7 +292,10 @@ def files_by_label(folder: PathLike) -> dict[str, list[Path]]:
         return files
     with os.scandir(folder) as entries:
         names = sorted(
-            entry.name for entry in entries if entry.is_file(follow_symlinks=False)
+            # a link could lead out of the folder
+            entry.name
+            for entry in entries
+            if entry.is_file(follow_symlinks=False)
         )
     for name in names:
         if match := FILE.fullmatch(name):
@@ -393,6 +398,7 @@ class Store:
             if content is not None and stored_key == key and _fits(content, work):
                 self._keep_only(label, path)
                 return content
+            # rows of another work are no damage: they only do not count
             if stored_key in (None, key) and path.exists():
                 self.damaged.append(path.name)
         return None
@@ -420,6 +426,7 @@ class Store:
             return
         label = name_of(work.label)
         path = self.rows / f"{label}.{hashlib.sha256(content).hexdigest()}.parquet"
+        # the folder's list is flushed once for all files, by close()
         write_inside(path, content, entry=False)
         self._keep_only(label, path)
         self.written.add(path.name)

@@ -155,6 +155,7 @@ def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
     """
     step = loop.period / len(loop.lates)
     count = round(delay / step)
+    # sums of delays are whole multiples but for rounding
     if abs(delay - count * step) > 1e-6 * step + 1e-12:
         raise ValueError(f"delay = {delay!r}: must be a whole number of {step:g} s")
     return divmod(count, len(loop.lates))

@@ -136,7 +136,9 @@ def frequency_grid(z: Complex, period: float) -> Array:
         LOWEST, highest, max(2, round(DECADE * np.log10(highest / LOWEST)) + 1)
     )
     s = np.log(z[np.abs(z) > DEAD].astype(complex)) / period
+    # of conjugate eigenvalues one is enough
     s = s[(s.imag > 0.0) & (np.abs(s.real) < WIDE * s.imag)]
+    # an undamped resonance would have all its frequencies at one
     around = s.imag[:, None] + np.maximum(np.abs(s.real), 1e-6)[:, None] * np.array(
         AROUND
     )
@@ -201,6 +203,7 @@ def upper_bound(M: Complex) -> Array:
     scaled = _perron_scaled(M)
     bounds = np.linalg.norm(scaled, ord=2, axis=(1, 2))
     lowest = 0.0
+    # only the largest bound counts: others are lowered while they exceed it
     while len(bounds) and bounds.max() > lowest * (1.0 + CLOSE):
         worst = int(np.argmax(bounds))
         bounds[worst] = min(bounds[worst], _descend(scaled[worst]))
@@ -213,6 +216,7 @@ def _perron_scaled(M: Complex) -> Complex:
     |M|.
     """
     size = np.abs(M)
+    # a zero matrix gets positive entries as well
     size = size + SMALLEST * size.max(axis=(1, 2), keepdims=True, initial=1e-300)
     right, left = np.ones(M.shape[:2]), np.ones(M.shape[:2])
     for _ in range(ROUNDS):
@@ -331,6 +335,7 @@ class _Port:
 
     def alone(self, port: str, longest: float, stable: bool) -> list[LoopMargin]:
         """Disk and delay margin of each channel, cut alone."""
+        # S is 1 + T, so that S - 1/2 is T + 1/2
         sizes = np.abs(np.diagonal(self.T, axis1=1, axis2=2) + 0.5)
         margins = []
         for i, channel in enumerate(self.channels):

@@ -132,6 +132,7 @@ def _follows_state(part: Component[Tree], memory: Tree, scenario: Scenario) -> b
 
     program = trace(advance, memory, (0.0,), state, (0.5,) * part.uniforms)
     needed = {node.index for node in program.nodes}
+    # inputs are in the order of the arguments: memory, time, state
     start = len(leaves(memory)) + 1
     return any(
         node.index in needed
@@ -214,6 +215,7 @@ def with_lag(scenario: Scenario, share: Scalar) -> Scenario:
 
     def one_lag(rotor: Rotor) -> Rotor:
         up, down = rotor.time_constant_up, rotor.time_constant_down
+        # without a lag the mean of both would be 0 / 0
         if concrete(up, down) and up == down == 0.0:
             return rotor
         lag = up * down / (down + share * (up - down))

@@ -80,6 +80,7 @@ def margins(loop: OpenLoop, *, measured: bool = True) -> Margins:
         else np.array([math.inf], dtype=complex)
     )
     z = z[np.argsort(-np.abs(z), kind="stable")]
+    # an eigenvalue of zero, of a pure delay, has the rate -inf
     with np.errstate(divide="ignore"):
         s = np.log(z) / loop.period
     size = float(np.abs(z).max(initial=0.0))
@@ -131,6 +132,7 @@ def gain_edge(
             return limit
         good, gain = gain, nearer(gain * stride, limit)
     for _ in range(HALVINGS):
+        # factors are ratios: the interval is halved in logarithms
         middle = math.sqrt(good * gain)
         good, gain = (good, middle) if is_unstable(middle) else (middle, gain)
     return good

@@ -337,6 +337,7 @@ class Differentiator:
         ]
         columns = np.cumsum([0, sizes[0] - 1, *sizes[1:5]])
         x, old, new, m, y = (slice(int(a), int(b)) for a, b in pairwise(columns))
+        # only the next state depends on when a command arrives
         first, following = parts[0], np.array([part[0] for part in parts])
         return OpenLoop(
             period=self._period,

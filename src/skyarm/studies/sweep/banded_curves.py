@@ -151,6 +151,7 @@ def _cells(values: Array) -> IntArray:
     equal count.
     """
     different, place = np.unique(values, return_inverse=True)
+    # values that recur have a cell each; others share cells of equally many
     if different.size <= LISTED and values.size >= 2 * different.size:
         return place
     cells = int(np.clip(values.size / PER_CELL, FEWEST_CELLS, MOST_CELLS))

@@ -92,6 +92,7 @@ def _unit(draws: Design, episodes: IntArray, index: int) -> Array:
         float(uniforms(draws.seed, 0, SHIFT_CHANNEL + index, 0, 1)[0]) * 2.0**BITS
     )
     shifted = sobol(episodes, index) ^ np.uint64(shift)
+    # the middle of its interval: a quantile at 0 or 1 may be infinite
     return (shifted.astype(np.float64) + 0.5) * 2.0**-BITS
 
 

@@ -168,10 +168,12 @@ def read_expression(
         ] = name
         return stands
 
+    # no letter of the text may be taken for that of a placeholder
     plain = text if text.isascii() else text.replace(LETTER, "\0")
     parsed = NAMES.sub(word, plain)
     try:
         tree = ast.parse(parsed, mode="eval").body
+    # the parser answers deep nesting by MemoryError
     except (SyntaxError, ValueError, MemoryError) as error:
         raise _wrong(
             field, text, (getattr(error, "offset", None) or 1) - 1, GRAMMAR

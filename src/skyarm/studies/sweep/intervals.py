@@ -124,6 +124,7 @@ def _student_quantile(degrees: int, confidence: float) -> float:
     k = np.arange(2 + n % 2, n, 2)
     factors = np.cumprod([1.0, *((k - 1.0) / k)])
     low, high = 0.0, 0.5 * math.pi
+    # 60 halvings reach the last bit of a double
     for _ in range(60):
         angle = 0.5 * (low + high)
         powers = math.cos(angle) ** (2.0 * np.arange(factors.size) + n % 2)
@@ -156,6 +157,7 @@ def paired_difference(
     )
     spread = math.sqrt(first * (count - first) * second * (count - second))
     covariance = both * neither - only_first * only_second
+    # a positive covariance is lessened by half a count, as in the source
     phi = (
         (max(covariance - 0.5 * count, 0.0) if covariance > 0 else covariance) / spread
         if spread

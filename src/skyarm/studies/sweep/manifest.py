@@ -224,6 +224,7 @@ def read_manifest(folder: PathLike) -> Manifest | None:
         raise StudyError(f"{path}: must have at most {LARGEST / 1e6:.0f} MB")
     try:
         table = json.loads(path.read_bytes())
+    # json answers deep nesting by RecursionError
     except (ValueError, RecursionError):
         return None
     try:

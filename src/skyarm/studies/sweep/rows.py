@@ -66,6 +66,7 @@ def rows_there(
     files: dict[Piece, Path] = {}
     ignored: list[str] = []
     for piece, path in _candidates(folder, manifest):
+        # of two sound files of a chunk one counts
         if piece in files:
             continue
         if (

@@ -129,12 +129,14 @@ def run_sweep(
             try:
                 with Crew(on, workers, store) as crew:
                     for _ in crew.fly(works):
+                        # stored chunks are yielded, too, and are counted already
                         if crew.flights:
                             report(
                                 (there.count + crew.flights) // controllers,
                                 study.episodes,
                             )
             finally:
+                # also after an interruption the manifest says what is there
                 there = rows_there(
                     folder, manifest, untrusted={*there.ignored} - store.written
                 )

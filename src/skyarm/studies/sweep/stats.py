@@ -173,6 +173,7 @@ class Rows:
         if which == FAILED:
             matching = ~self.succeeded(controller)
         else:
+            # NaN of an episode that did not fly is no largest value
             column = self.of(controller, which)
             matching = column == np.max(
                 column, initial=-np.inf, where=~np.isnan(column)

@@ -119,6 +119,7 @@ class Setting:
         }
 
 
+# each trial of a suite asks for it again, and nobody can change it
 @lru_cache(maxsize=8)
 def setting_of(
     vehicle: str = PAPER,
@@ -237,6 +238,7 @@ def _swing_range(joint: Joint) -> tuple[float, float]:
     limits, 0 for a passive joint.
     """
     low, high = joint.ends
+    # a range without one of its ends has no middle
     middle = (
         0.0 if low < 0.0 < high or not math.isfinite(low + high) else 0.5 * (low + high)
     )

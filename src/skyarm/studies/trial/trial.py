@@ -89,6 +89,7 @@ class Trial:
     def of(self, setting: Setting) -> tuple[float, ...]:
         """Values of the trial, scaled to a vehicle, SI."""
         share = evaluate(self.share, setting.facts, "share")
+        # three digits, so that tables show the values that fly
         return tuple(float(f"{value * share:.3g}") for value in self.values)
 
     def scenario(self, setting: Setting, value: float) -> Scenario:
@@ -122,6 +123,7 @@ class Trial:
         is a scenario of its own.
         """
         facts, found = setting.facts | {"value": value}, dict[str, float]()
+        # building a scenario takes time: only "now" needs that of the value
         built = (
             self.built(setting, value)
             if "now" in " ".join(self.numbers.values())
@@ -147,6 +149,7 @@ def _each(pattern: str, setting: Setting) -> Iterator[tuple[str, Facts]]:
         )
     else:
         for i, (name, own) in enumerate(setting.joints.items()):
+            # a path names the joint of a drive, and numbers all other joints
             yield pattern.replace("*", name if ".drives." in pattern else str(i)), own
 
 

@@ -84,6 +84,7 @@ def shorten(own: Scenario) -> Scenario:
     steady = Windows().of_flight(own.duration, own.windows).steady
     start = min(steady.start, LATEST)
     stop = min(steady.stop, start + LOOKED_AT)
+    # rounding of the product must not add a period
     periods = math.ceil(stop * own.rates.control - 1e-9)
     return replace(
         own,
@@ -141,6 +142,7 @@ class CandidateFlights:
         saturation: bool = False,
     ) -> None:
         self.knobs, self.plants, self._crew = tuple(knobs), plants, crew
+        # the scenario's own reference has none of the numbers of drawn motions
         still = _without_motions(plants)
         self._own = (
             None
@@ -265,6 +267,7 @@ class CandidateFlights:
         self, completed: Mask, table: Callable[[str], Array], kinds: IntArray
     ) -> Flown:
         """Errors and control effort from the metrics (candidates, plants)."""
+        # not ">=": a tilt that is no number is of a lost flight
         lost = ~completed | ~(table("tilt_max") < LARGEST_TILT)
         parts = [
             {name: table(_error(window, name)) for name in self._errors}
@@ -420,6 +423,7 @@ def _error_quantile(errors: Array, kinds: IntArray) -> Array:
 
     One quantile over all would be that of the hardest kind alone.
     """
+    # "higher": the error of a plant, where few plants leave gaps between quantiles
     each = [
         np.quantile(errors[:, kinds == kind], QUANTILE, axis=1, method="higher")
         for kind in np.unique(kinds)

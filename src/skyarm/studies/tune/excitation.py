@@ -392,8 +392,10 @@ def draw_plants(
         0.0 if longest is None else longest - own,
     )
     values = draw(scenario, spread, count, seed=seed)
+    # without a tip nothing can hold a payload
     if not truth.end_effector:
         del values["plant.payload.mass"]
+    # drawn from none on: the scenario's own delay comes on top
     if "delays.command" in values:
         values["delays.command"] = own + values["delays.command"]
     values = fitted_damping(scenario, spread, values)
@@ -422,6 +424,7 @@ def with_lost(pool: Plants, count: int, lost: Mask) -> Plants:
         count: number of plants to return.
         lost: (candidates, plants of the pool).
     """
+    # the last key counts first: what all lost tells no candidate from another
     times = lost[:, count:].sum(axis=0)
     order = np.lexsort((np.arange(len(times)), -times, times == len(lost)))
     taken = count + order[times[order] > 0][: count // 2]

@@ -125,6 +125,7 @@ class HoverMargins:
         except ValueError as error:
             self._why_none = str(error)
         required, step = required_margins(scenario), 1.0 / scenario.rates.physics
+        # delays of a linearised loop are whole physics steps
         self._delay = math.ceil(RESERVE * required.delay / step - 1e-9) * step
         self._gain = RESERVE * required.gain
 
@@ -190,6 +191,7 @@ def failed_tests(loop: OpenLoop, delay: float, gain: float) -> float:
     total = 0.0
     for test in tests:
         beyond = radius(loop, **test) - 1.0
+        # not ">": a radius that is no number fails
         if not beyond <= 0.0:
             # rounded: the last bits of an eigenvalue are the linear algebra's
             total += FAILED + round(min(STEEP * beyond, MOST), 6)

@@ -293,6 +293,7 @@ def centre(
         catalogue: known gains by name.
         moved: returns the flight with other numbers of the law.
     """
+    # a knob is one factor: gains in other ratios cannot be its centre
     names = list(catalogue)
     if not names or not all(
         _same_shares(knob, at)

@@ -175,12 +175,14 @@ def draw_team_plants(
     own, members, spread = masses(scenario), len(team_of(scenario).members), Spread()
     drawn = 2.0 * uniforms(seed, np.arange(count), CHANNEL, 0, len(own) + 1) - 1.0
     offs = [FIRST_OFF + i for i in range(members)]
+    # resize repeats the kinds in turn
     kinds = np.resize([AS_IT_IS, MASSES, *offs] if mixed else offs, count)
     values: dict[str, Array] = {}
     for paths, numbers in zip(own, drawn.T, strict=False):
         factor = 1.0 + spread.mass * numbers * ((kinds == MASSES) | (not mixed))
         values |= {path: number_at(scenario, path) * factor for path in paths}
     for i, kind in enumerate(offs):
+        # only the sign is drawn: a grasp is off by OFF, outward or inward
         values |= grasp_numbers(
             scenario, i, OFF * np.sign(drawn[:, -1]) * (kinds == kind)
         )

@@ -300,6 +300,7 @@ class Tuner:
             plan.stages.unseen,
             1,
             rows,
+            # along the scenario's own motion no other is drawn
             mixed=plan.own is None,
             saturation=True,
         )
@@ -358,6 +359,8 @@ class Tuner:
         """Simulate some gain candidates on another scenario, with plants and noise not
         used in the search.
         """
+        # apart from the search's, and from that of its best once more, which is 2
+        # further
         seed = self._plan.seed + further
         subject = self._plan.subject
         plants = subject.draw(scenario, count, seed=seed, mixed=mixed)
