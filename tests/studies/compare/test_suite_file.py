@@ -41,7 +41,9 @@ base = "slow_circle"
 arm = "gentle"
 noisy = true
 flights = 2
-entries.environment.forces = [{ kind = "disturbance", force = [0, { kind = "constant", value = 0.0 }, 0] }]
+entries.environment.forces = [
+    { kind = "disturbance", force = [0, { kind = "constant", value = 0.0 }, 0] },
+]
 numbers."environment.forces.0.force.y.value" = "value * weight"
 success.position_error_mean_continuous = 0.05
 
@@ -238,7 +240,10 @@ WRONG = {
         "force.w.value",
     ),
     "vary: path = 'plant.vehicle.base.mas': no 'mas' here": ("base.mass", "base.mas"),
-    "trials[push].success.tilt_mx = 'tilt_mx': did you mean 'tilt_max'? must be a metric": (
+    (
+        "trials[push].success.tilt_mx = 'tilt_mx': did you mean 'tilt_max'?"
+        " must be a metric"
+    ): (
         "position_error_mean_continuous",
         "tilt_mx",
     ),
@@ -267,15 +272,24 @@ WRONG = {
         'vary."plant.vehicle.base.mass"',
         'vary."plant.payload.mass"',
     ),
-    "entries.environment.forces[0].force[1].value = 'value': must be '= value', an expression": (
+    (
+        "entries.environment.forces[0].force[1].value = 'value': must be '= value',"
+        " an expression"
+    ): (
         "value = 0.0",
         'value = "value"',
     ),
-    "entries.environment.forces[0].force[1].value = 'valu': at 1: 'valu' must be a named number": (
+    (
+        "entries.environment.forces[0].force[1].value = 'valu': at 1: 'valu' must be"
+        " a named number"
+    ): (
         "value = 0.0",
         'value = "=valu"',
     ),
-    "trials[mass].entries.duration = 3: must be left out; duration of the trial says it": (
+    (
+        "trials[mass].entries.duration = 3: must be left out; duration of the trial"
+        " says it"
+    ): (
         "flights = 3",
         "flights = 3\nentries.duration = 3",
     ),
@@ -283,7 +297,10 @@ WRONG = {
         "flights = 3",
         'flights = 3\nentries.plant.kind = "mujoco"',
     ),
-    "trials[mass].values = [0.0, 0.02]: must be one number: no expression names value": (
+    (
+        "trials[mass].values = [0.0, 0.02]: must be one number: no expression names"
+        " value"
+    ): (
         '"value"\n',
         '"0.1"\n',
     ),

@@ -199,7 +199,8 @@ class Told:
     scenario's own.
     """
 
-    flown: list[tuple[str, int, int]] = []  # noqa: RUF012  (stage, asked, plants), cleared by the test
+    # (stage, asked, plants), cleared by the test
+    flown: list[tuple[str, int, int]] = []  # noqa: RUF012
 
     def __init__(self, flight, knobs, plants, crew, *, own, seed, gust):
         self.plants = plants

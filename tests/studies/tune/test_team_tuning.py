@@ -475,9 +475,7 @@ def test_a_flight_of_a_team_is_refused_since_no_scenario_can_be_written_from_it(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_grasp_of_a_cable_is_off_at_the_body_and_the_team_supposes_its_place() -> (
-    None
-):
+def test_a_cables_grasp_is_off_at_the_body_and_the_team_supposes_its_place() -> None:
     places = {"left": (0.0, 0.19, 0.0097), "right": (0.0, -0.19, 0.0097)}
     tables = on_cables(
         BAR, places, team=SWINGING, motion={"phases": HANGING}, duration=2.0

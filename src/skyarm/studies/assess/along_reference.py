@@ -166,7 +166,9 @@ def follow(parts: Sequence[FlightPart]) -> Followed:
 
 def _clearance(scenario: Scenario, followed: Followed) -> list[Finding]:
     """Smallest distances of the vehicle's bodies, from surfaces and from each other."""
-    planned, demand, findings = scenario.agent.reference.planned, followed.demand, []
+    planned = scenario.agent.reference.planned
+    demand = followed.demand
+    findings = []
     # the arm of a plan without contact keeps off as the other bodies do
     every = clearances_of(
         scenario, touching=planned is None or bool(np.any(np.array(planned.force)))
@@ -287,10 +289,8 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
             part.scenario,
             np.linspace(part.start, part.stop, POSES_HELD, endpoint=False),
         )
-        joints, gravity = (
-            stack_values(POSES_HELD, reference.joints).T,
-            float(part.scenario.agent.plant.gravity),
-        )
+        joints = stack_values(POSES_HELD, reference.joints).T
+        gravity = float(part.scenario.agent.plant.gravity)
         poses = ArmPoses.only(part.vehicle, joints, gravity, part.words)
         for each in thrust_margin(poses):
             answers.setdefault(each.question.removesuffix(part.words), []).append(each)
@@ -322,10 +322,8 @@ def _sample_times(part: FlightPart, end: float) -> list[Array]:
         *(t for t in _jump_times(part.scenario) if part.start < t < part.stop),
         part.stop,
     ]
-    every, intervals = (
-        max(INSTANTS, end / FINE if part.scenario.agent.reference.planned else 0),
-        [],
-    )
+    every = max(INSTANTS, end / FINE if part.scenario.agent.reference.planned else 0)
+    intervals = []
     for a, b in pairwise(cuts):
         if b - a < SHORTEST and end > SHORTEST:
             continue  # no rates can be had of it

@@ -87,10 +87,8 @@ class Allocation:
         """
         # a rotor that the change leaves alone divides by zero, and the masks drop it
         with np.errstate(divide="ignore", invalid="ignore"):
-            up, down = (
-                (self.highest[:, None] - squared) / change,
-                (self.lowest[:, None] - squared) / change,
-            )
+            up = (self.highest[:, None] - squared) / change
+            down = (self.lowest[:, None] - squared) / change
         return np.where(change > 0.0, up, np.where(change < 0.0, down, np.inf))
 
     def room(self, squared: Array, direction: Array) -> Array:

@@ -301,11 +301,9 @@ def assess_scenario(
     Raises:
         ValueError: as :func:`assess_vehicle`.
     """
-    bodies, agents, margins = (
-        balances(scenario),
-        dict[str, Assessment](),
-        dict[str, list[Finding]](),
-    )
+    bodies = balances(scenario)
+    agents = dict[str, Assessment]()
+    margins = dict[str, list[Finding]]()
     # of vehicles that are equal
     once = cache(partial(assess_vehicle, payload=payload, poses=poses))
     for name in scenario.agents:
@@ -339,10 +337,8 @@ def assess_scenario(
                 margins[alike] = delay_margin(hovering)
             findings = (*findings, *margins[alike], *pressing_flights(one))
         agents[name] = replace(about, name=name, findings=findings)
-    first, flies = (
-        next(iter(agents.values())),
-        all(each.flies for each in agents.values()),
-    )
+    first = next(iter(agents.values()))
+    flies = all(each.flies for each in agents.values())
     shared = balance_of_bodies(bodies)
     if flies and len(agents) > 1 and bodies:
         shared += [*losses(scenario, bodies, payload), *flight_together(scenario)]

@@ -48,10 +48,8 @@ def _warnings_of(scenario: Scenario, carried: Sequence[Load]) -> list[str]:
     carry.
     """
     lines, at = unlikely_numbers(scenario), largest_push(scenario)
-    findings, pushing = (
-        along_reference(scenario, carried=carried),
-        push_limits(scenario),
-    )
+    findings = along_reference(scenario, carried=carried)
+    pushing = push_limits(scenario)
     if at is not None and scenario.worlds:
         # which can fly batches
         from skyarm.studies.assess.pressing_flights import contact_steps

@@ -57,11 +57,9 @@ def _answers(findings: Iterable[Finding]) -> list[Line]:
         level: [each for each in findings if each.level == level]
         for level in (FAULT, WARNING, NOTE, OK)
     }
-    alarms, notes, well = (
-        by_level[FAULT] + by_level[WARNING],
-        by_level[NOTE],
-        by_level[OK],
-    )
+    alarms = by_level[FAULT] + by_level[WARNING]
+    notes = by_level[NOTE]
+    well = by_level[OK]
     parts: list[Line] = [_rows(alarms), ""] if alarms else []
     for each in alarms:
         limit = "" if math.isnan(each.limit) else f", limit {_number(each.limit, each)}"

@@ -76,10 +76,8 @@ def aloft_for(parts: Sequence[FlightPart], payload: float = 0.0) -> list[Finding
     charge = float(battery.charge)
     for part in parts:
         vehicle = part.vehicle.with_payload(payload) if payload else part.vehicle
-        gravity, lasts = (
-            float(part.scenario.agent.plant.gravity),
-            part.stop - part.start,
-        )
+        gravity = float(part.scenario.agent.plant.gravity)
+        lasts = part.stop - part.start
         if vehicle.battery is None or not _hovers(vehicle, gravity):
             return []  # a fault of the rotors, found elsewhere
         try:
@@ -175,10 +173,8 @@ def hover_time(
         """Battery voltage (V) in hover at a state of charge; None if the battery cannot
         supply the hover.
         """
-        voltage, idle = (
-            float(battery.voltage(charge, power)),
-            float(battery.open_circuit_voltage(charge)),
-        )
+        voltage = float(battery.voltage(charge, power))
+        idle = float(battery.open_circuit_voltage(charge))
         gives = idle * idle >= 4.0 * float(battery.resistance) * power
         return voltage if charge > 0.0 and gives and voltage >= least else None
 

@@ -42,11 +42,9 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
     for link, limit, value, pose in zip(
         vehicle.links, effort_limits(vehicle), static, at, strict=True
     ):
-        joint, unit, name = (
-            link.joint,
-            link.joint.units[1],
-            f"joints[{link.joint.name}]",
-        )
+        joint = link.joint
+        unit = link.joint.units[1]
+        name = f"joints[{link.joint.name}]"
         question = f"{name} static effort{load}"
         if float(joint.effort_limit) == 0.0:
             findings.append(Finding(question, NOTE, "passive: no drive holds it", name))
@@ -128,10 +126,8 @@ def servo_speeds(
     """
     findings = []
     for i, servo in servos(scenario):
-        joint, top = (
-            scenario.agent.vehicle.links[i].joint,
-            min(float(servo.speed_limit), servo.no_load_speed),
-        )
+        joint = scenario.agent.vehicle.links[i].joint
+        top = min(float(servo.speed_limit), servo.no_load_speed)
         if math.isinf(top):
             continue
         rates, unit = np.abs(every_rate[i]), f"{joint.units[0]}/s"
@@ -148,10 +144,8 @@ def servo_speeds(
             f" the servo turns at {top:.3g}"
         )
         text += f": too fast for {late:.1%} of the flight" if late else ""
-        question, remedy = (
-            f"joints[{joint.name}] servo's speed",
-            f"a slower reference, or more of {field}",
-        )
+        question = f"joints[{joint.name}] servo's speed"
+        remedy = f"a slower reference, or more of {field}"
         words = (level, text, field, remedy, rates[k], top, unit)
         findings.append(Finding(question, *words, concerns=Concern.SERVO_SPEED))
     return findings

@@ -153,7 +153,8 @@ def _coefficients(vehicle: Vehicle) -> list[Finding]:
     """Check results for thrust and moment coefficients, by the rotor furthest from the
     plausible range.
     """
-    radius, findings = disc_radius(vehicle), []
+    radius = disc_radius(vehicle)
+    findings = []
     thrusts = [thrust_number(rotor, radius) for rotor in vehicle.rotors]
     arms = [float(rotor.moment_coefficient) / radius for rotor in vehicle.rotors]
     for field, values, (least, most), what, unit in (

@@ -93,14 +93,10 @@ def balances(scenario: Scenario, lost: str = "") -> list[Balance]:
         scenario.worlds if any(each.grasps for each in scenario.worlds) else ()
     ):
         alone = [scenario.of(name) for name in scenario.agents]
-        plants, states = (
-            [each.agent.plant for each in alone],
-            [first_state(each) for each in alone],
-        )
-        motion, memory = (
-            motions_of(plants, states, tuple(scenario.agents))[0],
-            contact.start(0.0, ()),
-        )
+        plants = [each.agent.plant for each in alone]
+        states = [first_state(each) for each in alone]
+        motion = motions_of(plants, states, tuple(scenario.agents))[0]
+        memory = contact.start(0.0, ())
         pulls = [
             row
             for row in contact.gripping.pulls(memory, motion, 0.0)
@@ -112,15 +108,11 @@ def balances(scenario: Scenario, lost: str = "") -> list[Balance]:
                 for grasp, of, pull, frame in pulls
                 if of == index
             ]
-            weight, middle = (
-                float(thing.mass * motion.gravity),
-                float_array(memory.carried[index].position),
-            )
+            weight = float(thing.mass * motion.gravity)
+            middle = float_array(memory.carried[index].position)
             if rows and weight > 0.0:
-                left, remarks = (
-                    [r for r in rows if not lost or r[0].agent != lost],
-                    _remarks(contact, index, motion),
-                )
+                left = [r for r in rows if not lost or r[0].agent != lost]
+                remarks = _remarks(contact, index, motion)
                 solved.append(
                     _balance(thing.name, weight, middle, left, motion, remarks)
                 )
@@ -163,34 +155,26 @@ def _balance(
         motion: motions of the vehicles at the start.
         remarks: remarks about the body.
     """
-    grasps, places = (
-        [row[0] for row in rows],
-        np.array([float_array(row[1]) for row in rows]).reshape(-1, 3),
-    )
+    grasps = [row[0] for row in rows]
+    places = np.array([float_array(row[1]) for row in rows]).reshape(-1, 3)
     lines = np.array([float_array(row[2] - row[1]) for row in rows]).reshape(-1, 3)
     stretch, K = np.pad(lines, ((0, 0), (0, 3))), np.zeros((len(rows), 6, 6))
     for i, grasp in enumerate(grasps):
-        k, turning, far = (
-            float(grasp.stiffness),
-            float(grasp.radius) ** 2,
-            norm(lines[i]),
-        )
+        k = float(grasp.stiffness)
+        turning = float(grasp.radius) ** 2
+        far = norm(lines[i])
         # a patch of radius r resists turning by k r^2; a ball and a cable do not
         K[i] = k * np.diag([1.0, 1.0, 1.0, *(3 * [turning * (grasp.kind == "fixed")])])
         if grasp.kind == "cable" and far:
             K[i, :3, :3] = k * np.outer(lines[i], lines[i]) / far**2
             stretch[i] *= 1.0 - float(grasp.length) / far
-    cables, up = (
-        np.array([each.kind == "cable" for each in grasps], dtype=bool),
-        np.array([0.0, 0.0, weight]),
-    )
+    cables = np.array([each.kind == "cable" for each in grasps], dtype=bool)
+    up = np.array([0.0, 0.0, weight])
     while True:
         # about a place on the axis that is free to turn: what no grasp bears is then a
         # moment about this axis alone
-        pole, G = (
-            next(iter(places[K.any(axis=(1, 2))]), middle),
-            np.tile(np.eye(6), (len(rows), 1, 1)),
-        )
+        pole = next(iter(places[K.any(axis=(1, 2))]), middle)
+        G = np.tile(np.eye(6), (len(rows), 1, 1))
         # without grasps the list is empty, which cannot be assigned
         G[:, 3:, :3] = [np.cross(np.eye(3), arm) for arm in places - pole] or 0.0
         needed = np.array([*up, *np.cross(middle - pole, up)])
@@ -210,10 +194,8 @@ def _balance(
     others, _ = _springs(
         G, K * np.arange(1.0, len(rows) + 1.0)[:, None, None], stretch, needed
     )
-    left, below = (
-        needed - np.einsum("ijk,ik->j", G, wrenches),
-        float(pole[2] - middle[2]),
-    )
+    left = needed - np.einsum("ijk,ik->j", G, wrenches)
+    below = float(pole[2] - middle[2])
     lever, most, torque = norm(left[3:]) / weight, K[:, 5, 5], lengths(wrenches[:, 3:])
     pivot = "grasp " + ", ".join(
         each.label for each, own in zip(grasps, K, strict=True) if own.any()
@@ -334,10 +316,8 @@ def load_of(
         + ("geometry)" if each.determined else "the stiffness of the grasps)")
         for each in bodies
     )
-    thrust, share = (
-        float(poses.efforts(poses.joints)[WRENCH - 1, 0]),
-        sum(each.share(name) for each in bodies),
-    )
+    thrust = float(poses.efforts(poses.joints)[WRENCH - 1, 0])
+    share = sum(each.share(name) for each in bodies)
     text = (
         f"{' and '.join(shares)}; hover takes {thrust:.4g} N of"
         f" thrust{_spare(margins[0])}"
@@ -452,7 +432,9 @@ def losses(
     """
     findings = []
     for lost in dict.fromkeys(grasp.agent for each in bodies for grasp in each.grasps):
-        after, level, margins = balances(scenario, lost), NOTE, list[float]()
+        after = balances(scenario, lost)
+        level = NOTE
+        margins = list[float]()
         texts = [
             f"{each.body} is no longer in balance: it {each.departure}"
             for each in after

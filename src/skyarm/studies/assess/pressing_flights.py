@@ -78,10 +78,8 @@ def pressing_flights(scenario: Scenario) -> list[Finding]:
         mean, status, limited = fly_shares(scenario, force)
     except (ScenarioError, ControllerError, NoMachineCodeError) as error:
         return [Finding(QUESTION, NOTE, f"not known: {error}")]
-    ended, off = (
-        status != "completed",
-        np.abs(mean) / (np.array(SHARES)[:, None] * force),
-    )
+    ended = status != "completed"
+    off = np.abs(mean) / (np.array(SHARES)[:, None] * force)
     whole = off[-1][~ended[-1]]
     if not ended[-1].any() and not np.isfinite(whole).any():
         return [
@@ -179,7 +177,8 @@ def missed_contact(scenario: Scenario, log: Log) -> list[str]:
             if touches
             else [f"{FORCE}: the flight ended without any contact; {remedy}"]
         )
-    lines, begin = list[str](), 0.0
+    lines = list[str]()
+    begin = 0.0
     for number, (kind, end) in enumerate(ends):
         stop = float(log.time[-1]) if end is None else end
         if kind == PRESS and not any(
@@ -220,10 +219,8 @@ def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
         scenario.rates.period,
     )
     joints, push = tuple(map(float, at.joints)), push_on_level_base(at)
-    mass, step = (
-        tip_mass(vehicle, joints, push / np.linalg.norm(push)),
-        float(contact.largest_verlet_step or 0.0),
-    )
+    mass = tip_mass(vehicle, joints, push / np.linalg.norm(push))
+    step = float(contact.largest_verlet_step or 0.0)
     hardest = max(
         (float(each.material.stiffness) for each in contact.surfaces), default=0.0
     )

@@ -147,10 +147,8 @@ def yaw_torques(
 
 def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
     vehicle, joints = scenario.agent.vehicle, tuple(map(float, at.joints))
-    efforts, limits = (
-        pushing_efforts(scenario, joints, push_on_level_base(at)),
-        effort_limits(vehicle),
-    )
+    efforts = pushing_efforts(scenario, joints, push_on_level_base(at))
+    limits = effort_limits(vehicle)
     shares = np.abs(efforts) / limits
     i = int(np.argmax(shares))
     share, name = float(shares[i]), vehicle.links[i].joint.name
@@ -203,18 +201,14 @@ def _guards(scenario: Scenario, speed: float) -> list[Finding]:
     """Warnings for guards (contact conditions) of a reference whose horizontal force
     would push an object too fast.
     """
-    findings, surfaces = (
-        [],
-        [surface for world in scenario.worlds for surface in world.surfaces],
-    )
+    findings = []
+    surfaces = [surface for world in scenario.worlds for surface in world.surfaces]
     friction = max(
         (float(surface.material.friction) for surface in surfaces), default=0.0
     )
     for i, guard in enumerate(scenario.agent.reference.guards):
-        tip, n = (
-            scenario.agent.reference.at(float(guard.at)).tip,
-            np.array(guard.direction),
-        )
+        tip = scenario.agent.reference.at(float(guard.at)).tip
+        n = np.array(guard.direction)
         if guard.force is None or not tip or abs(n[2]) > LEVEL:
             continue
         for thing in (
@@ -297,11 +291,9 @@ def push_errors(
         by: standard deviations of scales, independent from joint to joint, and of
             weights.
     """
-    vehicle, joints, push = (
-        scenario.agent.vehicle,
-        tuple(map(float, at.joints)),
-        push_on_level_base(at),
-    )
+    vehicle = scenario.agent.vehicle
+    joints = tuple(map(float, at.joints))
+    push = push_on_level_base(at)
     errors = part_of(scenario.agent.controller.par, "interaction").errors
     place = levers(vehicle, Mat3.identity(), joints)
     shares = np.array(

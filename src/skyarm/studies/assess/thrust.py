@@ -111,10 +111,8 @@ def _margin(poses: ArmPoses, busiest: float, joints: Array) -> Finding:
         weight = float(poses.efforts(joints[None])[WRENCH - 1, 0])
         cannot = "cannot hover"
         if not weight < highest_thrust(poses.vehicle):
-            cannot, concerns = (
-                "cannot lift itself",
-                (Concern.LOADED_LIFT if poses.held else Concern.LIFT),
-            )
+            cannot = "cannot lift itself"
+            concerns = Concern.LOADED_LIFT if poses.held else Concern.LIFT
         text = f"{cannot}: {text} ({weight:.3g} N of weight)"
     words = (question, margin, text, field, remedy)
     return at_least(*words, fault=1.0, warning=ENOUGH, joints=joints, concerns=concerns)
@@ -134,16 +132,14 @@ def torque_authority(poses: ArmPoses) -> list[Finding]:
     The worst pose is that of the least acceleration: an arm that is stretched out adds
     inertia and takes no torque.
     """
-    sides, directions = (
-        _sides(poses),
-        [sign * np.eye(WRENCH)[axis] for axis in range(3) for sign in (1.0, -1.0)],
-    )
+    sides = _sides(poses)
+    directions = [
+        sign * np.eye(WRENCH)[axis] for axis in range(3) for sign in (1.0, -1.0)
+    ]
 
     def quantities(joints: Array) -> Array:
-        squared, inertias = (
-            poses.squared_speeds(joints),
-            locked_inertia(poses.vehicle, joints),
-        )
+        squared = poses.squared_speeds(joints)
+        inertias = locked_inertia(poses.vehicle, joints)
         rooms = (poses.allocation.room(squared, direction) for direction in directions)
         least = np.stack(
             [room / inertias[:, i // 2, i // 2] for i, room in enumerate(rooms)]
@@ -242,10 +238,8 @@ def _sides(poses: ArmPoses) -> Array:
 
 
 def _mass_matrix(vehicle: Vehicle, joints: Array) -> Array:
-    still, level = (
-        np.zeros((len(joints), 3)),
-        np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1)),
-    )
+    still = np.zeros((len(joints), 3))
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1))
     return mass_matrix(vehicle, still, level, joints)
 
 
@@ -321,10 +315,8 @@ def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
         if level != FAULT
         else f"--payload {payload:g} kg is more than it holds: {text}"
     )
-    limit, concerns = (
-        payload or math.nan,
-        (Concern.NO_PAYLOAD if level == WARNING else ""),
-    )
+    limit = payload or math.nan
+    concerns = Concern.NO_PAYLOAD if level == WARNING else ""
     return [
         Finding(
             question, level, text, binding, remedy, most, limit, "kg", at[0], concerns

@@ -155,10 +155,8 @@ def scenario_of(
     if task.push and not presses(planned.agent.controller.par):
         led = scenario_from(as_positions(task, document))
         planned = led.with_controller(planned.agent.controller)
-    noise, delays = (
-        NOISE if noisy else planned.agent.noise,
-        Delays(longest_command=DELAY),
-    )
+    noise = NOISE if noisy else planned.agent.noise
+    delays = Delays(longest_command=DELAY)
     return with_words(
         planned,
         name=task.name,
@@ -175,11 +173,9 @@ def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
     """
     path = document["reference"]["tip"]["path"]
     way = [-(task.face + BEHIND) * n for n in task.normal]
-    start, at, phases = (
-        list(path["position"]),
-        list(path["position"]),
-        list[dict[str, Any]](),
-    )
+    start = list(path["position"])
+    at = list(path["position"])
+    phases = list[dict[str, Any]]()
     for phase in path["phases"]:
         replacement = {**phase}
         kind = phase["kind"]

@@ -55,10 +55,8 @@ def random_curve(built: Scenario, setting: Setting, step: float) -> Scenario:
     """Envelope trial: base and joints follow B-splines with random control points at a
     given spacing (s).
     """
-    draws, ease = (
-        np.random.default_rng(POINTS),
-        signal_from(MOTIONS["parts"]["ease"], "ease"),
-    )
+    draws = np.random.default_rng(POINTS)
+    ease = signal_from(MOTIONS["parts"]["ease"], "ease")
     # as many as the densest curve takes, so that all values draw the same ones
     count = math.ceil(DURATION / min(AXES["random_curve"].values)) + 8
 

@@ -191,13 +191,11 @@ class OwnScenario(SummarySuite[GivenFlights]):
             rows,
             left=len(first),
         )
-        notes, name = (
-            [
-                *refusals(found),
-                *endings,
-            ],
-            "Means over the flights that came to their end",
-        )
+        notes = [
+            *refusals(found),
+            *endings,
+        ]
+        name = "Means over the flights that came to their end"
         return report_of(
             f"{title_of(list(laws))}, {case} on {found['plant']}",
             f"seed {found['seed']}",

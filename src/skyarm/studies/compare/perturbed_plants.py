@@ -77,14 +77,10 @@ def draw(
         # by index: the first plants are the same for any count
         return 2.0 * uniforms(seed, np.arange(count), channel, 0, numbers) - 1.0
 
-    mass, com = (
-        draw_signed(CHANNEL_MASS, len(bodies)),
-        draw_signed(CHANNEL_COM, 3 * len(bodies)),
-    )
-    inertia, world = (
-        draw_signed(CHANNEL_INERTIA, len(bodies)),
-        draw_signed(CHANNEL_WORLD, 4),
-    )
+    mass = draw_signed(CHANNEL_MASS, len(bodies))
+    com = draw_signed(CHANNEL_COM, 3 * len(bodies))
+    inertia = draw_signed(CHANNEL_INERTIA, len(bodies))
+    world = draw_signed(CHANNEL_WORLD, 4)
     values: dict[str, Array] = {}
 
     def scale(path: str, factor: Array) -> None:

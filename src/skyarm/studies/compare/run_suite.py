@@ -197,10 +197,8 @@ def write_suite(
     suite: Suite[F], found: Record, pictures: dict[str, bytes], folder: Path
 ) -> None:
     """Write results and report of a benchmark as JSON, Markdown, HTML and pictures."""
-    report, results = (
-        suite.report(found, pictures),
-        json.dumps(found, indent=1, allow_nan=False) + "\n",
-    )
+    report = suite.report(found, pictures)
+    results = json.dumps(found, indent=1, allow_nan=False) + "\n"
     texts = {
         f"{suite.file}.json": results,
         "tables.md": report.markdown(),

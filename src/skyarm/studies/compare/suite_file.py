@@ -389,10 +389,10 @@ MEANING = (
 def _criterion(success: Mapping[str, float]) -> str:
     """Sentence with the largest values of the metrics of a successful flight."""
     limits = ((*metric_words(name), most) for name, most in success.items())
-    return (
-        "Success:"
-        f" {', '.join(f'{words} at most {most:g} {unit}'.rstrip() for words, unit, most in limits)}."
+    texts = (
+        f"{words} at most {most:g} {unit}".rstrip() for words, unit, most in limits
     )
+    return f"Success: {', '.join(texts)}."
 
 
 def _point(

@@ -202,16 +202,15 @@ class TeamCondition(Condition):
         }
         vary = {path: distribution_from(table, path) for path, table in spread.items()}
         draws = Design(vary=vary, episodes=self.episodes, seed=seed)
-        drawn, found = values(draws, np.arange(self.episodes)), dict[str, Array]()
+        drawn = values(draws, np.arange(self.episodes))
+        found = dict[str, Array]()
         if "masses" in self.vary:
             found[f"world.objects.{name}.mass"] = (
                 float(given.body.mass) * drawn[f"masses_{name}"]
             )
             for agent in agents:
-                vehicle, at = (
-                    agents[agent].plant.vehicle,
-                    f"agents.{agent}.plant.vehicle",
-                )
+                vehicle = agents[agent].plant.vehicle
+                at = f"agents.{agent}.plant.vehicle"
                 bodies = {"base": vehicle.base} | {
                     f"links.{link.name}.body": link.body for link in vehicle.links
                 }
@@ -296,8 +295,6 @@ class CarryingTeam:
     def onset(self) -> float:
         """Time (s) at which wind rises, and at which a member is lost."""
         assert self.team.motion is not None
-        lift, stop = (
-            float(self.team.motion.lift),
-            min(float(self.team.motion.stop), self.scenario.duration),
-        )
+        lift = float(self.team.motion.lift)
+        stop = min(float(self.team.motion.stop), self.scenario.duration)
         return round(lift + (stop - lift) * BEGIN, 3)

@@ -51,10 +51,8 @@ class TeamFlights(CellFlights):
         document, folder = read_named(
             file_name(self.given, "scenario"), "scenario", LIBRARY
         )
-        given, law = (
-            team_of(scenario_from(document, folder), str(self.given)),
-            self.entrant.law,
-        )
+        given = team_of(scenario_from(document, folder), str(self.given))
+        law = self.entrant.law
         noisy: Document = {
             "sensors": dataclasses.asdict(NOISE),
             "delays": {"measurement": DELAY},
@@ -170,7 +168,8 @@ class TeamSuite(SummarySuite[TeamFlights]):
             )
         own = load_scenario(self.scenario)
         given = team_of(own, str(self.scenario))
-        case, planned = Case(name=own.name), list[TeamFlights]()
+        case = Case(name=own.name)
+        planned = list[TeamFlights]()
         refused = dict[str, str]()
         for name in self.rows:
             row = {"episodes": self.seeds, **ROWS[name]}

@@ -143,10 +143,8 @@ class Crew:
     def __init__(
         self, on: str | None = LOCAL, workers: int = 1, store: Store | None = None
     ) -> None:
-        self.on, self.workers = (
-            (None if on is None else require_place(on)),
-            require_count("workers", workers),
-        )
+        self.on = None if on is None else require_place(on)
+        self.workers = require_count("workers", workers)
         self.store = store
         self._executor: Executor | None = None
         self.flights = 0

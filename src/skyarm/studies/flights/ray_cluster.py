@@ -161,7 +161,8 @@ class Ray:
 
         Returns what has landed, as :meth:`collect` gives it.
         """
-        flying, sound = self._flying, list[tuple[Work, bytes]]()
+        flying = self._flying
+        sound = list[tuple[Work, bytes]]()
         self._flying = {}
         with suppress(*([Exception] if abandon else [])):
             wait = {"num_returns": len(flying), "timeout": 0 if abandon else None}
@@ -224,7 +225,8 @@ def _without_warnings() -> Iterator[None]:
     Cut off, Ray leaves processes behind. The handler of SIGTERM, which it replaces, is
     the former one afterwards.
     """
-    main, came = threading.current_thread() is threading.main_thread(), list[int]()
+    main = threading.current_thread() is threading.main_thread()
+    came = list[int]()
     usual = {each: signal.getsignal(each) for each in ENDINGS} if main else {}
     for each in usual:
         signal.signal(each, lambda number, _: came.append(number))

@@ -111,10 +111,8 @@ def _words(pa: ModuleType, column: Array) -> DictionaryArray:
 def _numbers(pa: ModuleType, column: Array) -> ArrowArray:
     if column.dtype.kind not in "fiu":
         return pa.array(column)
-    kind, content = (
-        pa.from_numpy_dtype(column.dtype),
-        pa.py_buffer(np.ascontiguousarray(column)),
-    )
+    kind = pa.from_numpy_dtype(column.dtype)
+    content = pa.py_buffer(np.ascontiguousarray(column))
     # array() would import pandas, 0.2 s
     return pa.Array.from_buffers(kind, len(column), [None, content])
 
@@ -227,10 +225,10 @@ def concatenate(files: Iterable[tuple[bytes, Sequence[str]]]) -> bytes:
     from pyarrow.parquet import write_table
 
     tables = [open_rows(content).read().select(list(names)) for content, names in files]
-    table, sink = (
-        pa.concat_tables(tables, promote_options="default").replace_schema_metadata(),
-        io.BytesIO(),
-    )
+    table = pa.concat_tables(
+        tables, promote_options="default"
+    ).replace_schema_metadata()
+    sink = io.BytesIO()
     place = table.column_names.index("status")
     write_table(table.set_column(place, "status", table["status"].cast("string")), sink)
     return sink.getvalue()

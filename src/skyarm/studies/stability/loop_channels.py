@@ -152,10 +152,8 @@ def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[LoopChann
     ):
         return []
     slope = 2.0 * speeds
-    reads, enters = (
-        scaled[:axes] * slope,
-        np.linalg.pinv(scaled[:axes]) / slope[:, None],
-    )
+    reads = scaled[:axes] * slope
+    enters = np.linalg.pinv(scaled[:axes]) / slope[:, None]
     none = np.zeros(size - len(speeds))
     return [
         LoopChannel(

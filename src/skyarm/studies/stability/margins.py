@@ -112,10 +112,8 @@ def _gain(as_it_is: Closed, stable: bool, group: slice) -> tuple[float, float]:
         factors[group] = gain
         return spectral_radius(as_it_is.matrix(factors)) > EDGE
 
-    low, high = (
-        gain_edge(is_unstable, 1.0 / STRIDE, 1.0 / WIDEST),
-        gain_edge(is_unstable, STRIDE, WIDEST),
-    )
+    low = gain_edge(is_unstable, 1.0 / STRIDE, 1.0 / WIDEST)
+    high = gain_edge(is_unstable, STRIDE, WIDEST)
     return 0.0 if low == 1.0 / WIDEST else low, math.inf if high == WIDEST else high
 
 

@@ -59,13 +59,12 @@ def margin_lines(found: Evidence) -> list[str]:
 def _row(each: LinearisedInstant) -> Row:
     """Make the table row of eigenvalues and stability margins at one instant."""
     rates = [s for m in each.by_lag.values() for s in m.s]
+    damping = [-s.real / abs(s) for s in rates if s.imag != 0.0]
     return (
         "hover" if each.hover else f"{each.time:.2f} s",
         f"{each.radius:.6f}",
         f"{max((s.real for s in rates), default=-math.inf):.3g}",
-        (
-            f"{min((-s.real / abs(s) for s in rates if s.imag != 0.0 and abs(s) > 0.0), default=1.0):.2f}"
-        ),
+        f"{min(damping, default=1.0):.2f}",
         _number(1e3 * each.delay),
         *("-".join(map(_factor, each.gain(field))) for field in GAINS),
     )

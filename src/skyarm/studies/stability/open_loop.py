@@ -214,10 +214,8 @@ class Differentiator:
         )
         first = self._first = self._program.first
         require_no_memory(self.scenario, first)
-        self._period, self._substeps = (
-            scenario.rates.period,
-            self._program.plant.substeps,
-        )
+        self._period = scenario.rates.period
+        self._substeps = self._program.plant.substeps
         ratio = scenario.rates.physics // scenario.rates.control
         self.lates = np.arange(ratio) / scenario.rates.physics
         self._point = open_point(first, len(scenario.agent.power))
@@ -273,10 +271,8 @@ class Differentiator:
         )
         # a drive hears the mean of both commands once in a period, as it does in flight
         heard = mean_efforts(point.old, point.new, late, self._period)
-        state, given_drives = (
-            point.state,
-            zip(scenario.agent.all_drives, point.drives, heard, strict=False),
-        )
+        state = point.state
+        given_drives = zip(scenario.agent.all_drives, point.drives, heard, strict=False)
         drives = tuple(
             drive.advance(
                 memory, u, state.joints[i], state.joint_rates[i], self._period

@@ -82,10 +82,8 @@ def _interval_ranks(
     ratios = np.log((count + 1.0 - k) / k) + math.log(share / (1.0 - share))
     # P(at most 0, 1, ... values)
     below = np.cumsum(np.exp(np.cumsum([count * math.log1p(-share), *ratios])))
-    low, high = (
-        int(np.searchsorted(below, tail, "right")),
-        int(np.searchsorted(below, 1.0 - tail)) + 1,
-    )
+    low = int(np.searchsorted(below, tail, "right"))
+    high = int(np.searchsorted(below, 1.0 - tail)) + 1
     return (low - 1, high - 1) if low >= 1 and high <= count else None
 
 
@@ -144,11 +142,9 @@ def paired_difference(
     Source: Newcombe 1998, "Improved confidence intervals for the difference between
     binomial proportions based on paired data", method 10.
     """
-    count, first, second = (
-        both + only_first + only_second + neither,
-        both + only_first,
-        both + only_second,
-    )
+    count = both + only_first + only_second + neither
+    first = both + only_first
+    second = both + only_second
     low_1, high_1 = (
         abs(first / count - end) for end in wilson(first, count, confidence)
     )

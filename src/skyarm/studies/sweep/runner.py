@@ -104,11 +104,9 @@ def run_sweep(
     """
     require_parquet()
     first, stride = _part(part)
-    plan, begin, report = (
-        prepare(study),
-        time.perf_counter(),
-        progress or (lambda *_: None),
-    )
+    plan = prepare(study)
+    begin = time.perf_counter()
+    report = progress or (lambda *_: None)
     folder, manifest, controllers = Path(out), plan.manifest, len(study.scenarios)
     with taken_back(folder, folder / MANIFEST, folder / ROWS):
         store = Store(folder, study=manifest.digest)

@@ -77,21 +77,17 @@ class Rows:
                 f" {MANIFEST}"
             )
         self.manifest, there = manifest, rows_there(self.folder, manifest)
-        self.skipped, self._chunks, self._files = (
-            there.ignored,
-            there.chunks,
-            there.files,
-        )
+        self.skipped = there.ignored
+        self._chunks = there.chunks
+        self._files = there.files
         if not there.chunks:
             others = not_counted(self.skipped)
             why = f" ({'; '.join(others)})" if others else ""
             raise StudyError(
                 f"{at}: must hold rows; 'skyarm sweep' has not finished a chunk{why}"
             )
-        self.parameters, self.metrics = (
-            manifest.parameters,
-            tuple(manifest.study["metrics"]),
-        )
+        self.parameters = manifest.parameters
+        self.metrics = tuple(manifest.study["metrics"])
         self.controllers = tuple(manifest.scenarios)
         self.limits = dict(self.manifest.success if success is None else success)
         for name in self.limits:

@@ -122,7 +122,8 @@ class Trial:
         """Numbers by path in which a value differs from another; empty where each value
         is a scenario of its own.
         """
-        facts, found = setting.facts | {"value": value}, dict[str, float]()
+        facts = setting.facts | {"value": value}
+        found = dict[str, float]()
         # building a scenario takes time: only "now" needs that of the value
         built = (
             self.built(setting, value)

@@ -205,14 +205,10 @@ class CandidateFlights:
             works = self._works(stage, logs, flown)
             return self._results(len(logs), flown, self._crew.rows(works))
         mine = flown.kinds == OWN
-        drawn, own = (
-            flown.select(np.flatnonzero(~mine)),
-            flown.select(np.flatnonzero(mine)),
-        )
-        works, further = (
-            self._works(stage, logs, drawn),
-            self._own._works(f"{stage}.own", logs, _without_motions(own)),
-        )
+        drawn = flown.select(np.flatnonzero(~mine))
+        own = flown.select(np.flatnonzero(mine))
+        works = self._works(stage, logs, drawn)
+        further = self._own._works(f"{stage}.own", logs, _without_motions(own))
         rows = self._crew.rows([*works, *further])
         one, other = rows[: len(works)], rows[len(works) :]
         return _join(

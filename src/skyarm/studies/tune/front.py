@@ -146,7 +146,8 @@ def finalists(found: Sequence[Scores], count: int = POINTS) -> list[int]:
     fewest = lost + short <= (lost + short).min()
     # from calm to busy, each that errs less than all calmer ones is on the front
     order = np.flatnonzero(fewest)[np.argsort(active[fewest], kind="stable")]
-    least, front = math.inf, []
+    least = math.inf
+    front = []
     for k in order:
         if error[k] < least:
             least = float(error[k])

@@ -134,10 +134,8 @@ def grasp_numbers(scenario: Scenario, member: int, along: Array) -> dict[str, Ar
         along: m, (flights,) how much further.
     """
     team = team_of(scenario)
-    agent, equal = (
-        team.members[member].agent,
-        team.with_masses([1.0] * len(team.members)),
-    )
+    agent = team.members[member].agent
+    equal = team.with_masses([1.0] * len(team.members))
     outward = equal.outward([each.place for each in team.members])[member]
     held = enumerate(cast("Contact", scenario.world).grasps)
     grasp = next(

@@ -455,11 +455,9 @@ def tune(
     if isinstance(what, Vehicle) or not (
         isinstance(what, Scenario) or is_scenario(str(what))
     ):
-        moves, scenario = (
-            False,
-            of_vehicle(
-                what if isinstance(what, Vehicle) else load_vehicle(what), controller
-            ),
+        moves = False
+        scenario = of_vehicle(
+            what if isinstance(what, Vehicle) else load_vehicle(what), controller
         )
     else:
         moves, scenario = True, as_scenario(what, controller)
