@@ -173,11 +173,9 @@ def _clearance(scenario: Scenario, followed: Followed) -> list[Finding]:
     every = clearances_of(
         scenario, touching=planned is None or bool(np.any(np.array(planned.force)))
     )
-    place = (
-        Vec3(*followed.position),
-        Mat3(*(Vec3(*row) for row in demand.rotation)),
-        tuple(demand.joints),
-    )
+    position = Vec3(*followed.position)
+    rotation = Mat3(*(Vec3(*row) for row in demand.rotation))
+    joints = tuple(demand.joints)
     for question, surfaces in CLEARANCES.items():
         some = replace(
             every,
@@ -187,15 +185,24 @@ def _clearance(scenario: Scenario, followed: Followed) -> list[Finding]:
         )
         if not some.pairs:
             continue
-        rows = stack_values(len(demand.time), some.distances(*place, time=demand.time))
+        distances = some.distances(position, rotation, joints, time=demand.time)
+        rows = stack_values(len(demand.time), distances)
         i, k = np.unravel_index(int(np.argmin(rows)), rows.shape)
         often = followed.share(np.any(rows < 0.0, axis=0))
         text = f"{some.names[i]} are {rows[i, k]:.3g} m apart at {demand.time[k]:.3g} s"
         text += f", with an overlap for {often:.1%} of the flight" if often else ""
         remedy = "a path farther from it, or another arm pose"
-        words = (question, float(rows[i, k]), text, "reference", remedy)
         findings.append(
-            at_least(*words, warning=0.0, unit="m", concerns=Concern.CLEARANCE)
+            at_least(
+                question,
+                float(rows[i, k]),
+                text,
+                "reference",
+                remedy,
+                warning=0.0,
+                unit="m",
+                concerns=Concern.CLEARANCE,
+            )
         )
     return findings
 
@@ -235,10 +242,15 @@ def _speed_steps(scenario: Scenario) -> list[Finding]:
     remedy = (
         "a motion that begins at rest (as quintic ramps do), or an [initial] velocity"
     )
-    words = text, "reference.base", remedy
     return [
         at_most(
-            "steps of the reference", float(steps[k]), *words, warning=BLOW, unit="m/s"
+            "steps of the reference",
+            float(steps[k]),
+            text,
+            "reference.base",
+            remedy,
+            warning=BLOW,
+            unit="m/s",
         )
     ]
 
@@ -259,17 +271,17 @@ def _planned_force(scenario: Scenario) -> list[Finding]:
         " the world has no surface"
     )
     weight = float(scenario.agent.vehicle.mass * scenario.agent.plant.gravity)
-    words = text, "world.surfaces", "what the tip touches in the plan"
-    question, concerns = "contact along the reference", Concern.CONTACT
     return [
         at_most(
-            question,
+            "contact along the reference",
             float(force[k]),
-            *words,
+            text,
+            "world.surfaces",
+            "what the tip touches in the plan",
             warning=0.0,
             fault=weight,
             unit="N",
-            concerns=concerns,
+            concerns=Concern.CONTACT,
         )
     ]
 

@@ -92,18 +92,15 @@ def delay_margin(scenario: Scenario) -> list[Finding]:
         )
         return [Finding(QUESTION, FAULT, text, "controller", remedy, 0.0, 0.0, unit)]
     # a dash in the tables: no delay makes the loop unstable
-    numbers = (
-        delay.margin if math.isfinite(delay.margin) else math.nan,
-        delay.least_margin,
-        unit,
-    )
+    margin = delay.margin if math.isfinite(delay.margin) else math.nan
+    least = delay.least_margin
     if delay.enough:
-        return [Finding(QUESTION, OK, text, "", "", *numbers)]
+        return [Finding(QUESTION, OK, text, value=margin, limit=least, unit=unit)]
     remedy = (
         f"{delay.shortfall}: softer gains, faster motors or a shorter delay; "
         "skyarm margins shows which loop is short of it"
     )
-    return [Finding(QUESTION, WARNING, text, "controller", remedy, *numbers)]
+    return [Finding(QUESTION, WARNING, text, "controller", remedy, margin, least, unit)]
 
 
 PLAN, LAW, PARTS = "plan of the reference", "law for this vehicle", "environment"
@@ -175,12 +172,9 @@ class Assessment:
 
     def alarms(self) -> list[Finding]:
         """Check results that are faults, then those that are warnings."""
-        return [
-            each
-            for level in (FAULT, WARNING)
-            for each in self.every
-            if each.level == level
-        ]
+        every = self.every
+        faults = [each for each in every if each.level == FAULT]
+        return faults + [each for each in every if each.level == WARNING]
 
     def plain(self) -> Facts:
         """Results of a feasibility check as plain data, for a JSON file."""

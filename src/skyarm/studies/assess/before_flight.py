@@ -33,13 +33,10 @@ def warnings_before_flight(scenario: Scenario) -> list[str]:
         first, *others = found.values()
         # as those of the world
         shared = [line for line in first if all(line in lines for lines in others)]
-        own = [
-            f"{name}: {line}"
-            for name, lines in found.items()
-            for line in lines
-            if line not in shared
-        ]
-        return [*shared, *own]
+        lines = list(shared)
+        for name, own in found.items():
+            lines += [f"{name}: {line}" for line in own if line not in shared]
+        return lines
     return _warnings_of(scenario, ())
 
 

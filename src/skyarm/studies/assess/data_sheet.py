@@ -178,11 +178,11 @@ def _tables(title: str, records: Mapping[str, Dataclass]) -> Iterator[Table]:
         if field in APART or not any(cells):
             continue
         unit = units(kind)[field].unit if field in units(kind) else ""
-        words = f"{field.replace('_', ' ')}, {unit}".removesuffix(", ")
+        label = f"{field.replace('_', ' ')}, {unit}".removesuffix(", ")
         if len(records) > 1 and len(set(cells)) == 1:
-            shared[words] = cells[0]
+            shared[label] = cells[0]
         else:
-            differ[words] = cells
+            differ[label] = cells
     yield table_of(
         ("", *differ), zip(records, *differ.values(), strict=True), title=title
     )

@@ -58,8 +58,18 @@ def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding
         ]
     left = f", {hover.charge:.0%} of the charge left" if hover.charge > 0.01 else ""
     text = f"{hover.seconds / 60.0:.3g} min of hover at {hover.power:.3g} W{left}"
-    words = (text, "battery.capacity", "more capacity, more cells, or less mass")
-    return [at_least(question, hover.seconds, *words, warning=SHORTEST, unit="s")]
+    remedy = "more capacity, more cells, or less mass"
+    return [
+        at_least(
+            question,
+            hover.seconds,
+            text,
+            "battery.capacity",
+            remedy,
+            warning=SHORTEST,
+            unit="s",
+        )
+    ]
 
 
 def aloft_for(parts: Sequence[FlightPart], payload: float = 0.0) -> list[Finding]:
@@ -100,9 +110,17 @@ def aloft_for(parts: Sequence[FlightPart], payload: float = 0.0) -> list[Finding
     text = (
         f"holds a hover{loads} for {seconds:.3g} s, and the flight takes {duration:g} s"
     )
-    words = (text, field, f"more of {field}, or a shorter duration")
+    remedy = f"more of {field}, or a shorter duration"
     return [
-        at_least("battery over the flight", seconds, *words, fault=duration, unit="s")
+        at_least(
+            "battery over the flight",
+            seconds,
+            text,
+            field,
+            remedy,
+            fault=duration,
+            unit="s",
+        )
     ]
 
 

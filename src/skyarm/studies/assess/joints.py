@@ -57,14 +57,16 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
                 " current_limit"
             )
         stated = f" of {limit:g}" if limit < math.inf else ", no limit stated"
-        words = (f"up to {value:.3g} {unit}{stated} to hold the arm", field)
+        text = f"up to {value:.3g} {unit}{stated} to hold the arm"
         remedy = f"a stronger drive ({stronger}) or a lighter, shorter arm"
         shown = float(limit) if limit < math.inf else math.nan
         more = Details(
             limit=shown, unit=unit, joints=pose, concerns=Concern.STATIC_EFFORT
         )
         findings.append(
-            at_most(question, float(value), *words, remedy, fault=float(limit), **more)
+            at_most(
+                question, float(value), text, field, remedy, fault=float(limit), **more
+            )
         )
     return findings
 
@@ -146,8 +148,19 @@ def servo_speeds(
         text += f": too fast for {late:.1%} of the flight" if late else ""
         question = f"joints[{joint.name}] servo's speed"
         remedy = f"a slower reference, or more of {field}"
-        words = (level, text, field, remedy, rates[k], top, unit)
-        findings.append(Finding(question, *words, concerns=Concern.SERVO_SPEED))
+        findings.append(
+            Finding(
+                question,
+                level,
+                text,
+                field,
+                remedy,
+                rates[k],
+                top,
+                unit,
+                concerns=Concern.SERVO_SPEED,
+            )
+        )
     return findings
 
 

@@ -51,8 +51,19 @@ def disc_loading(vehicle: Vehicle, gravity: float) -> list[Finding]:
     remedy = f"check {field} (kg, not g?) and rotors.position (m, not mm?)"
     limit = most if loading > least else least
     part = Concern.BASE_LOADING if field == "base.mass" else Concern.ARM_LOADING
-    words = (level, text, field, remedy, loading, limit, "N/m^2")
-    return [Finding("weight on the rotors' discs", *words, concerns=part)]
+    return [
+        Finding(
+            "weight on the rotors' discs",
+            level,
+            text,
+            field,
+            remedy,
+            loading,
+            limit,
+            "N/m^2",
+            concerns=part,
+        )
+    ]
 
 
 STAGGERED = 0.1

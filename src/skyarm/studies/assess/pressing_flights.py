@@ -146,9 +146,10 @@ def lost_force(scenario: Scenario, log: Log) -> list[str]:
         return []
     force = float(at.push[0])
     error, limited = score(log, ("contact_error_mean", "rotor_saturation")).values()
-    off, (cause, remedy) = abs(error) / force, cause_of(scenario, at, {log.status})
+    off = abs(error) / force
     if log.status == "completed" and not (off > ALLOWED or limited > LIMITED):
         return []
+    cause, remedy = cause_of(scenario, at, {log.status})
     share = f"{100.0 * off:.2g} % off" if math.isfinite(off) else "not held"
     return [
         f"{FORCE}: {force:.3g} N are {share}, with a rotor at its limit"
@@ -213,11 +214,9 @@ def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
     Stoermer-Verlet steps h are stable up to h sqrt(k / m) = 2; Hairer, Lubich, Wanner
     2003.
     """
-    (contact,), vehicle, period = (
-        scenario.worlds,
-        scenario.agent.vehicle,
-        scenario.rates.period,
-    )
+    (contact,) = scenario.worlds
+    vehicle = scenario.agent.vehicle
+    period = scenario.rates.period
     joints, push = tuple(map(float, at.joints)), push_on_level_base(at)
     mass = tip_mass(vehicle, joints, push / np.linalg.norm(push))
     step = float(contact.largest_verlet_step or 0.0)
@@ -288,7 +287,8 @@ def cause_of(
             "a rotor touches a surface",
             "a pose with the tip further ahead of the rotors, or a longer arm",
         )
-    room, (turning, _) = yaw_room(scenario, joints), yaw_torques(scenario, joints, push)
+    room = yaw_room(scenario, joints)
+    turning, _ = yaw_torques(scenario, joints, push)
     if turning > HALF * room:
         text = (
             f"the push beside the middle takes {turning:.3g} of {room:.3g} N m of yaw"

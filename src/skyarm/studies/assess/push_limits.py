@@ -158,8 +158,19 @@ def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
         f" {unit} at joint {name}"
     )
     remedy = "less force, or a pose with the tip nearer to the joint's height"
-    words = ("joints while pressing", share, text, FORCE, remedy)
-    return [at_most(*words, fault=1.0, warning=WARNS, limit=1.0, joints=joints)]
+    return [
+        at_most(
+            "joints while pressing",
+            share,
+            text,
+            FORCE,
+            remedy,
+            fault=1.0,
+            warning=WARNS,
+            limit=1.0,
+            joints=joints,
+        )
+    ]
 
 
 def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
@@ -169,10 +180,8 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
     joints = tuple(map(float, at.joints))
     if not frictions:
         return []
-    room, (pushing, sliding) = (
-        yaw_room(scenario, joints),
-        yaw_torques(scenario, joints, push_on_level_base(at)),
-    )
+    room = yaw_room(scenario, joints)
+    pushing, sliding = yaw_torques(scenario, joints, push_on_level_base(at))
     torque = pushing + max(frictions) * sliding
     text = (
         f"pushing and sliding take {torque:.3g} of {room:.3g} N m of yaw torque at"
@@ -203,6 +212,8 @@ def _guards(scenario: Scenario, speed: float) -> list[Finding]:
     """
     findings = []
     surfaces = [surface for world in scenario.worlds for surface in world.surfaces]
+    objects = [thing for world in scenario.worlds for thing in world.objects]
+    standing = [thing for thing in objects if thing.standing]
     friction = max(
         (float(surface.material.friction) for surface in surfaces), default=0.0
     )
@@ -211,9 +222,7 @@ def _guards(scenario: Scenario, speed: float) -> list[Finding]:
         n = np.array(guard.direction)
         if guard.force is None or not tip or abs(n[2]) > LEVEL:
             continue
-        for thing in (
-            each for world in scenario.worlds for each in world.objects if each.standing
-        ):
+        for thing in standing:
             away = np.array(tip) - doubles([*thing.position])
             # the worst case: the whole force acts all the time that it must hold
             bears = friction * float(thing.mass) * float(scenario.agent.plant.gravity)

@@ -19,7 +19,6 @@ from skyarm.studies.assess.finding import (
     OK,
     WARNING,
     Concern,
-    Details,
     Finding,
     at_least,
 )
@@ -74,11 +73,14 @@ def thrust_margin(poses: ArmPoses) -> list[Finding]:
             f" {', '.join(rotor.name for rotor in backwards)} backwards"
         )
         field, remedy = "rotors.reversible", OWN_LAW
-    words = (f"balance of the rotors{poses.held}", share, text, field, remedy)
     return [
         _margin(poses, -float(busiest), at[0]),
         at_least(
-            *words,
+            f"balance of the rotors{poses.held}",
+            share,
+            text,
+            field,
+            remedy,
             fault=0.0,
             warning=LEAST_SHARE,
             joints=at[1],
@@ -114,8 +116,17 @@ def _margin(poses: ArmPoses, busiest: float, joints: Array) -> Finding:
             cannot = "cannot lift itself"
             concerns = Concern.LOADED_LIFT if poses.held else Concern.LIFT
         text = f"{cannot}: {text} ({weight:.3g} N of weight)"
-    words = (question, margin, text, field, remedy)
-    return at_least(*words, fault=1.0, warning=ENOUGH, joints=joints, concerns=concerns)
+    return at_least(
+        question,
+        margin,
+        text,
+        field,
+        remedy,
+        fault=1.0,
+        warning=ENOUGH,
+        joints=joints,
+        concerns=concerns,
+    )
 
 
 AXES = ("roll", "pitch", "yaw")
@@ -171,16 +182,19 @@ def torque_authority(poses: ArmPoses) -> list[Finding]:
             else "rotors.position"
         )
         fields += ", base.inertia" + ", rotors.axis" * bool(sides.any())
-        words = (
-            f"{name} authority",
-            acceleration,
-            text,
-            fields,
-            f"check {fields}; more thrust margin",
-        )
-        more = Details(unit="rad/s^2", joints=at[i], concerns=Concern.AUTHORITY)
         findings.append(
-            at_least(*words, fault=FAULTS[axis], warning=WARNINGS[axis], **more)
+            at_least(
+                f"{name} authority",
+                acceleration,
+                text,
+                fields,
+                f"check {fields}; more thrust margin",
+                fault=FAULTS[axis],
+                warning=WARNINGS[axis],
+                unit="rad/s^2",
+                joints=at[i],
+                concerns=Concern.AUTHORITY,
+            )
         )
     return findings
 
@@ -213,17 +227,20 @@ def side_forces(poses: ArmPoses) -> list[Finding]:
         "lean rotors.axis inward, or take a law with a slower attitude:"
         " controller.bandwidth = 0.3"
     )
-    words = (
-        "side force of torques",
-        WARNING,
-        text,
-        "rotors.axis",
-        remedy,
-        zero,
-        SLOWEST_ZERO,
-        "rad/s",
-    )
-    return [Finding(*words)] if zero < SLOWEST_ZERO else []
+    if not zero < SLOWEST_ZERO:
+        return []
+    return [
+        Finding(
+            "side force of torques",
+            WARNING,
+            text,
+            "rotors.axis",
+            remedy,
+            zero,
+            SLOWEST_ZERO,
+            "rad/s",
+        )
+    ]
 
 
 def _sides(poses: ArmPoses) -> Array:

@@ -26,7 +26,7 @@ from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.perturbed_plants import draw, hardest
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.flights import Rows, Work
-from skyarm.studies.trial.facts import Setting
+from skyarm.studies.trial.facts import TrialSetting
 from skyarm.studies.trial.table import spread, success_share, values_of
 from skyarm.studies.trial.trial import Trial
 
@@ -244,7 +244,7 @@ class TrialFlights(CellFlights):
     """
 
     trial: Trial
-    setting: Setting
+    setting: TrialSetting
     points: tuple[float, ...]
 
     def numbers(self, count: int) -> dict[str, Array]:

@@ -13,7 +13,7 @@ from skyarm.studies.compare.cell_flights import CellFlights, Document, Record
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.run_suite import DPI, Refused, SummarySuite
 from skyarm.studies.compare.suite import CASES, Condition, conditions
-from skyarm.studies.trial.table import COLUMNS, Column, report_of
+from skyarm.studies.trial.table import COLUMNS, TableColumn, report_of
 from skyarm.view.figures.comparison_figures import Share, laws_figure
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import DASH, Report, Section, Table, image, table_of
@@ -303,7 +303,7 @@ def _table_by_kind(
 
 
 def truth_rows(
-    summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[Column]
+    summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[TableColumn]
 ) -> list[list[str]]:
     """Table rows of errors on the unperturbed plant, one per controller with any
     result.

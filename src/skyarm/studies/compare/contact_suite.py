@@ -21,7 +21,7 @@ from skyarm.studies.compare.contact_tasks import (
     FLAGSHIP,
     LAWS,
     TASKS,
-    Task,
+    ContactTask,
     flies_its_own,
     scenario_of,
 )
@@ -32,7 +32,7 @@ from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.sweep.expressions import read_expression
 from skyarm.studies.trial.table import (
     COLUMNS,
-    Column,
+    TableColumn,
     refusals,
     report_of,
     success_share,
@@ -64,7 +64,7 @@ class ContactFlights(CellFlights):
     meets_perturbed_plants = True
 
     @property
-    def task(self) -> Task:
+    def task(self) -> ContactTask:
         """Contact task that these flights perform."""
         return TASKS[self.case.name]
 
@@ -193,11 +193,13 @@ class ContactSuite(Suite[ContactFlights]):
         return contact_report(found)
 
 
-NUMBERS: Mapping[str, Column] = {column.name: column for column in COLUMNS["contact"]}
+NUMBERS: Mapping[str, TableColumn] = {
+    column.name: column for column in COLUMNS["contact"]
+}
 """Columns by the key of a cell; each is a percentile over completed flights."""
 
 
-def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Mask]:
+def lacks(task: ContactTask, cell: Cell, weight: float, phases: int) -> dict[str, Mask]:
     """Unmet success criteria of a contact task: criterion -> True for each flight that
     fails it.
 
@@ -220,7 +222,7 @@ def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Mask]
     return unmet
 
 
-def cell_record(task: Task, cell: Cell, weight: float, phases: int) -> Document:
+def cell_record(task: ContactTask, cell: Cell, weight: float, phases: int) -> Document:
     """Results of one controller in a contact task as plain data: success rate, failure
     causes, median errors.
 

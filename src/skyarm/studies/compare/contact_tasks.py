@@ -54,7 +54,7 @@ DELAY = 0.010
 
 
 @immutable
-class Task:
+class ContactTask:
     """Contact task of the benchmark: scenario, desired contact force, bounds of
     perturbations, success criteria.
 
@@ -88,8 +88,8 @@ class Task:
     success: Mapping[str, str] = field(default_factory=dict)
 
 
-TASKS: Mapping[str, Task] = {
-    row["name"]: Task(**row) for row in library_rows("contact_tasks")
+TASKS: Mapping[str, ContactTask] = {
+    row["name"]: ContactTask(**row) for row in library_rows("contact_tasks")
 }
 """Tasks by name, in the order of the tables."""
 
@@ -114,12 +114,12 @@ BEHIND = 0.01
 positions."""
 
 
-def document_of(task: Task) -> dict[str, Any]:
+def document_of(task: ContactTask) -> dict[str, Any]:
     """Shipped scenario of a task as plain data."""
     return tomllib.loads((LIBRARY / f"{task.name}.toml").read_text("utf-8"))
 
 
-def flies_its_own(task: Task, law: str) -> bool:
+def flies_its_own(task: ContactTask, law: str) -> bool:
     """True if a variant of the centroidal law behaves differently from the full law in
     a contact task.
 
@@ -134,7 +134,12 @@ def flies_its_own(task: Task, law: str) -> bool:
 
 
 def scenario_of(
-    task: Task, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0
+    task: ContactTask,
+    law: str,
+    *,
+    noisy: bool,
+    plant: str = "rigid_body",
+    seed: int = 0,
 ) -> Scenario:
     """Shipped, unperturbed scenario of a task for one controller.
 
@@ -167,7 +172,7 @@ def scenario_of(
     )
 
 
-def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
+def as_positions(task: ContactTask, document: dict[str, Any]) -> dict[str, Any]:
     """Scenario for a controller without force control: desired tip path offset by
     ``BEHIND`` into the surface.
     """

@@ -51,8 +51,8 @@ class Entrant:
             blocks), and "own" of any other.
         law: a preset or a law. options: options of the law, whatever the condition.
         perfect, noisy: options for either kind.
-        tuned: whether it has the gains of :mod:`skyarm.control.catalogue`. told:
-            whether it receives a known delay.
+        tuned: whether it has the gains of :mod:`skyarm.control.catalogue`.
+        knows_delay: whether it receives a known delay.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Entrant:
     perfect: Mapping[str, Any] = field(default_factory=dict)
     noisy: Mapping[str, Any] = field(default_factory=dict)
     tuned: bool = False
-    told: bool = True
+    knows_delay: bool = True
 
     def controller(self, model: Model, *, noisy: bool) -> Controller:
         """Make the controller for a nominal model, with the known measurement delay if
@@ -71,7 +71,7 @@ class Entrant:
         if self.law in PRESETS:
             return preset(self.law, model)
         options = {**self.options, **(self.noisy if noisy else self.perfect)}
-        if noisy and self.told:
+        if noisy and self.knows_delay:
             options |= suitable_options(self.law, {"delay": DELAY, "delay_periods": 1})
         return (
             make_tuned(self.law, model, **options)

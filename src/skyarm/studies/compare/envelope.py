@@ -42,7 +42,7 @@ from skyarm.studies.compare.envelope_axes import (
 )
 from skyarm.studies.compare.run_suite import DPI, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.studies.trial.facts import DURATION, PAPER, Setting, setting_of
+from skyarm.studies.trial.facts import DURATION, PAPER, TrialSetting, setting_of
 from skyarm.studies.trial.table import refusals, report_of
 from skyarm.view.figures.comparison_figures import envelope_figure
 from skyarm.view.figures.style import image_bytes
@@ -119,7 +119,7 @@ class AxisFlights(TrialFlights):
 def axis_flights(
     law: str,
     axis: EnvelopeAxis,
-    setting: Setting,
+    setting: TrialSetting,
     *,
     seed: int = 0,
     plant: str = "rigid_body",
@@ -178,11 +178,11 @@ class Envelope(Suite[AxisFlights]):
     settings = ("vehicle", "seed", "plant", "quick")
 
     @property
-    def setting(self) -> Setting:
+    def setting(self) -> TrialSetting:
         """Hover scenario of the vehicle, with the scales of its envelope trials."""
         return setting_of(self.vehicle, QUICK if self.quick else DURATION, self.plant)
 
-    def setting_of_axis(self, name: str) -> Setting:
+    def setting_of_axis(self, name: str) -> TrialSetting:
         """Hover scenario for a difficulty axis: of the envelope's vehicle, or of a
         vehicle that the axis prescribes.
         """
@@ -363,7 +363,7 @@ def _over(
     return combined if math.isfinite(combined) else None
 
 
-def axis_record(axis: EnvelopeAxis, setting: Setting) -> Document:
+def axis_record(axis: EnvelopeAxis, setting: TrialSetting) -> Document:
     """Description of a difficulty axis as plain data, without results; values in
     display units.
     """

@@ -25,7 +25,7 @@ from skyarm.studies.compare.perturbed_plants import (
     spread_of,
 )
 from skyarm.studies.compare.suite import library_rows
-from skyarm.studies.trial.facts import DURATION, PAPER, Setting
+from skyarm.studies.trial.facts import DURATION, PAPER, TrialSetting
 from skyarm.studies.trial.trial import MOTIONS, Maker, Trial
 from skyarm.vehicle import BodyDrag
 from skyarm.world import MovingAir
@@ -51,7 +51,7 @@ PLANTS = 24
 as the value grows."""
 
 
-def random_curve(built: Scenario, setting: Setting, step: float) -> Scenario:
+def random_curve(built: Scenario, setting: TrialSetting, step: float) -> Scenario:
     """Envelope trial: base and joints follow B-splines with random control points at a
     given spacing (s).
     """
@@ -80,7 +80,7 @@ def random_curve(built: Scenario, setting: Setting, step: float) -> Scenario:
     )
 
 
-def turbulence(built: Scenario, setting: Setting, mean: float) -> Scenario:
+def turbulence(built: Scenario, setting: TrialSetting, mean: float) -> Scenario:
     """Envelope trial: hover in turbulent wind along x with given mean (m/s), standard
     deviation half the mean.
     """
@@ -134,7 +134,7 @@ def axis_words(name: str) -> str:
 
 
 def plants_at(
-    setting: Setting, scenario: Scenario, times: float, count: int, *, seed: int
+    setting: TrialSetting, scenario: Scenario, times: float, count: int, *, seed: int
 ) -> dict[str, Array]:
     """Perturbed plants at one axis value: parameter path -> values (plants,).
 

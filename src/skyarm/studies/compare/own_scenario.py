@@ -23,7 +23,7 @@ from skyarm.studies.compare.comparison import title_of
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.run_suite import Refused, SummarySuite
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.studies.trial.table import COLUMNS, Column, refusals, report_of
+from skyarm.studies.trial.table import COLUMNS, TableColumn, refusals, report_of
 from skyarm.view.pages import Report, Section, table_of
 
 OWN = "own"
@@ -157,12 +157,12 @@ class OwnScenario(SummarySuite[GivenFlights]):
         columns = [
             *COLUMNS["own"],
             *(
-                Column(head=f"{each.words}, {each.unit}", metric=name)
+                TableColumn(head=f"{each.words}, {each.unit}", metric=name)
                 for name, each in GRASPS.items()
                 if several
             ),
             *(
-                Column(
+                TableColumn(
                     head=", ".join(filter(None, metric_words(name))),
                     metric=name,
                     fine=math.inf,

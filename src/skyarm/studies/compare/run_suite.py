@@ -33,7 +33,7 @@ from skyarm.studies.compare.cell_flights import (
     Record,
     table,
 )
-from skyarm.studies.flights import Crew, Store
+from skyarm.studies.flights import Store, WorkRunner
 from skyarm.studies.flights.executor import Progress
 from skyarm.studies.flights.store import ROWS, concatenate, files_by_label, unpack_rows
 from skyarm.view.pages import Report
@@ -140,8 +140,8 @@ def fly_suite(
         store = open_store(require_writable(out))
         with store.alone() if store else nullcontext():
             cells, flown = dict[str, Cell](), dict[str, bytes]()
-            with Crew(on, workers, store) as crew:
-                for work, content in crew.fly(each.work() for each in todo):
+            with WorkRunner(on, workers, store) as runner:
+                for work, content in runner.fly(each.work() for each in todo):
                     cells[work.label] = Cell.of_rows(work, unpack_rows(content))
                     flown[work.label] = content
                     if progress is not None:

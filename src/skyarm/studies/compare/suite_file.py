@@ -67,11 +67,11 @@ from skyarm.studies.sweep.plan import fastest_plant
 from skyarm.studies.trial.facts import (
     DURATION,
     PAPER,
-    Setting,
+    TrialSetting,
     setting_of,
     setting_of_scenario,
 )
-from skyarm.studies.trial.table import Column, refusals, report_of, values_of
+from skyarm.studies.trial.table import TableColumn, refusals, report_of, values_of
 from skyarm.studies.trial.trial import MOTIONS, Trial
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.pages import Report, Section, Table, table_of
@@ -114,7 +114,7 @@ class SuiteTrial(Trial):
         tables = [self.entries, *(agents.values() if isinstance(agents, dict) else ())]
         return any("controller" in table for table in tables if isinstance(table, dict))
 
-    def setting(self, suite: FileSuite, law: str) -> Setting:
+    def setting(self, suite: FileSuite, law: str) -> TrialSetting:
         """Vehicle of the trial under a law, or the trial's scenario.
 
         Raises:
@@ -429,7 +429,7 @@ def _table(entry: Record, metric: str) -> Table:
     """Table of a metric in a trial: a row for each law, a column for each value."""
     words, unit = metric_words(metric)
     factor, unit, fine = (1e3, "mm", 0.0) if unit == "m" else (1.0, unit, FINE)
-    column = Column(
+    column = TableColumn(
         head=f"{words}, {unit}" if unit else words,
         metric=metric,
         factor=factor,
@@ -443,7 +443,7 @@ def _table(entry: Record, metric: str) -> Table:
     return table_of(["law", *values], rows, title=column.head)
 
 
-def _cell(point: Record, column: Column) -> str:
+def _cell(point: Record, column: TableColumn) -> str:
     if not point["completed"]:
         return ", ".join(point["endings"])
     mean = column.cell(point["means"][column.metric])

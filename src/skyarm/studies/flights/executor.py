@@ -76,7 +76,7 @@ class Executor(Protocol):
         """
 
 
-class Here:
+class InProcess:
     """Executor that runs one function call at a time, in this process."""
 
     slots = 1
@@ -111,7 +111,7 @@ class Here:
 def _executor(on: str, workers: int) -> Executor:
     """Create the execution backend of a given name."""
     if on == LOCAL:
-        return Here()
+        return InProcess()
     if on == PROCESSES:
         from skyarm.studies.flights.processes import Processes
 
@@ -121,7 +121,7 @@ def _executor(on: str, workers: int) -> Executor:
     return Ray(on.partition(":")[2], workers)
 
 
-class Crew:
+class WorkRunner:
     """Runner that simulates work items on a chosen backend and stores their results;
     stored ones are not repeated.
 
@@ -149,8 +149,8 @@ class Crew:
         self._executor: Executor | None = None
         self.flights = 0
 
-    def __enter__(self) -> Crew:
-        # a component of the user may have changed since an earlier crew
+    def __enter__(self) -> WorkRunner:
+        # a component of the user may have changed since an earlier runner
         identified.clear()
         return self
 
@@ -163,8 +163,7 @@ class Crew:
         if self._executor is not None:
             for work, content in self._executor.close(abandon=kind is not None):
                 if self.store is not None:
-                    # what is not kept flies again; the error that ends the crew matters
-                    # more
+                    # what is not kept flies again; the error that ends all matters more
                     with contextlib.suppress(OSError):
                         self.store.put(work, content)
         if self.store is not None:

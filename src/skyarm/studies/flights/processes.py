@@ -72,7 +72,8 @@ class Processes:
         with _ignore_interrupts(), suppress(BrokenProcessPool):
             self._flying[self._pool.submit(perform, call)] = token, call, tries
             return
-        broken: Future[bytes] = Future()  # told of where it lands
+        # collect() meets its error, and begins the call again
+        broken: Future[bytes] = Future()
         broken.set_exception(BrokenProcessPool())
         self._flying[broken] = token, call, tries
 

@@ -156,7 +156,7 @@ identified: OrderedDict[int, tuple[Scenario, str]] = OrderedDict()
 """Scenarios by address with their digests; they are stored so that no other object
 takes the address.
 
-A component of the user may be changed, so that it holds for one crew only."""
+A component of the user may be changed, so that it holds for one runner only."""
 
 
 def _identity(scenario: Scenario) -> str:

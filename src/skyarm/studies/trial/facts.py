@@ -58,7 +58,7 @@ DURATION = 20.0
 
 
 @immutable
-class Setting:
+class TrialSetting:
     """Hover scenario of a vehicle, and the scales of trials with the vehicle.
 
     Attributes:
@@ -129,7 +129,7 @@ def setting_of(
     *,
     armed: bool = True,
     at: str = "--vehicle",
-) -> Setting:
+) -> TrialSetting:
     """Hover scenario and trial scales of a vehicle given by name or file.
 
     Args:
@@ -156,7 +156,7 @@ def setting_of(
 
 def setting_of_scenario(
     name: PathLike, folder: Path, given: Mapping[str, Any]
-) -> Setting:
+) -> TrialSetting:
     """Scenario of a file and the scales of its vehicle, the first of several.
 
     Args:
@@ -177,11 +177,11 @@ def setting_of_scenario(
 
 def _setting(
     name: str, document: Mapping[str, Any], folder: Path, given: Mapping[str, Any]
-) -> Setting:
+) -> TrialSetting:
     hover = scenario_from(document, folder, given)
     truth, paper = next(iter(hover.vehicles.values())), load_vehicle(PAPER)
     ranges = list(map(_swing_range, truth.joints))
-    return Setting(
+    return TrialSetting(
         vehicle=name,
         document=document,
         folder=folder,

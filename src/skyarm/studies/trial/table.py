@@ -28,7 +28,7 @@ V = TypeVar("V")
 
 
 @immutable
-class Column:
+class TableColumn:
     """Column of a results table.
 
     Attributes:
@@ -77,8 +77,8 @@ class Column:
         return float(np.percentile(sizes, self.percentile)) if sizes.size else None
 
 
-COLUMNS: Mapping[str, Sequence[Column]] = {
-    name: [Column(**row) for row in rows]
+COLUMNS: Mapping[str, Sequence[TableColumn]] = {
+    name: [TableColumn(**row) for row in rows]
     for name, rows in tomllib.loads(
         (
             resources.files("skyarm.studies.trial") / "library" / "columns.toml"

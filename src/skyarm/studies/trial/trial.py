@@ -22,7 +22,7 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.studies.sweep.expressions import read_expression
-from skyarm.studies.trial.facts import Facts, Setting
+from skyarm.studies.trial.facts import Facts, TrialSetting
 
 NOISE = SensorNoise(
     position=0.001,
@@ -46,7 +46,7 @@ MOTIONS: Mapping[str, dict[str, Any]] = tomllib.loads(
 )
 """Tables "parts", "bases" and "arms": entries of a scenario file by name."""
 
-Maker = Callable[[Scenario, Setting, float], Scenario]
+Maker = Callable[[Scenario, TrialSetting, float], Scenario]
 """Function that completes the scenario of a trial, of its vehicle and value, where no
 entries of a file can."""
 
@@ -86,13 +86,13 @@ class Trial:
     makers: ClassVar[Mapping[str, Maker]] = {}
     """Makers by name."""
 
-    def of(self, setting: Setting) -> tuple[float, ...]:
+    def of(self, setting: TrialSetting) -> tuple[float, ...]:
         """Values of the trial, scaled to a vehicle, SI."""
         share = evaluate(self.share, setting.facts, "share")
         # three digits, so that tables show the values that fly
         return tuple(float(f"{value * share:.3g}") for value in self.values)
 
-    def scenario(self, setting: Setting, value: float) -> Scenario:
+    def scenario(self, setting: TrialSetting, value: float) -> Scenario:
         """Scenario of the trial at one value."""
         built = self.built(setting, value)
         made = self.makers[self.made](built, setting, value) if self.made else built
@@ -100,7 +100,7 @@ class Trial:
         with errors_as(ScenarioError, "numbers: "):
             return with_numbers(made, numbers)
 
-    def built(self, setting: Setting, value: float) -> Scenario:
+    def built(self, setting: TrialSetting, value: float) -> Scenario:
         """Scenario of the trial at one value before its numbers."""
         facts, document = setting.facts | {"value": value}, dict(setting.document)
         if not self.file:
@@ -118,7 +118,7 @@ class Trial:
         whole = with_entries(document, fill_in(self.entries, facts, setting))
         return scenario_from(whole, setting.folder, setting.given)
 
-    def numbers_of(self, setting: Setting, value: float) -> dict[str, float]:
+    def numbers_of(self, setting: TrialSetting, value: float) -> dict[str, float]:
         """Numbers by path in which a value differs from another; empty where each value
         is a scenario of its own.
         """
@@ -139,7 +139,7 @@ class Trial:
         return found
 
 
-def _each(pattern: str, setting: Setting) -> Iterator[tuple[str, Facts]]:
+def _each(pattern: str, setting: TrialSetting) -> Iterator[tuple[str, Facts]]:
     """Paths of a pattern with the facts of the joint of each."""
     if "*" not in pattern:
         yield pattern, {}
@@ -193,7 +193,9 @@ def columns_of(
     }
 
 
-def fill_in(entry: Any, facts: Facts, setting: Setting, at: str = "entries") -> Any:
+def fill_in(
+    entry: Any, facts: Facts, setting: TrialSetting, at: str = "entries"
+) -> Any:
     """Entry of a scenario file with its expressions and named parts filled in; ``at``
     is its place, in messages.
 

@@ -15,7 +15,7 @@ from skyarm.records.leaves import parts
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.perturbed_plants import arm_length, hardest
-from skyarm.studies.flights import Crew, Rows, Work
+from skyarm.studies.flights import Rows, Work, WorkRunner
 from skyarm.studies.tune.excitation import KINDS, Plants
 from skyarm.studies.tune.law_knobs import GainKnob
 
@@ -41,7 +41,7 @@ final check."""
 
 
 @immutable
-class Flown:
+class CandidateResults:
     """Errors and control effort of tuning flights, as arrays (gain candidates,
     perturbed plants).
 
@@ -118,7 +118,7 @@ class CandidateFlights:
         scenario: flight as :func:`skyarm.studies.tune.excitation.tuning_flight` made
             it. knobs: gains of its law.
         plants: plants to fly.
-        crew: flies them; results do not depend on it.
+        runner: flies them; results do not depend on it.
         own: along the scenario's own motion, as :func:`shorten` made it; the plants are
             those of :func:`with_own`.
         seed: seed of the noise; each plant has its own, which all candidates share.
@@ -134,20 +134,20 @@ class CandidateFlights:
         scenario: Scenario,
         knobs: Sequence[GainKnob],
         plants: Plants,
-        crew: Crew,
+        runner: WorkRunner,
         *,
         own: Scenario | None = None,
         seed: int = 0,
         gust: bool = False,
         saturation: bool = False,
     ) -> None:
-        self.knobs, self.plants, self._crew = tuple(knobs), plants, crew
+        self.knobs, self.plants, self._runner = tuple(knobs), plants, runner
         # the scenario's own reference has none of the numbers of drawn motions
         still = _without_motions(plants)
         self._own = (
             None
             if own is None
-            else CandidateFlights(own, knobs, still, crew, seed=seed)
+            else CandidateFlights(own, knobs, still, runner, seed=seed)
         )
         self._windows = ("", "gust_") if gust else ("",)
         self._work = Work(
@@ -189,7 +189,7 @@ class CandidateFlights:
         logs: Array,
         plants: int | None = None,
         others: Plants | None = None,
-    ) -> Flown:
+    ) -> CandidateResults:
         """Simulate every gain candidate on the first perturbed plants, up to a given
         number.
 
@@ -203,13 +203,13 @@ class CandidateFlights:
         flown = flown.select(np.arange(flown.count)[:plants])
         if self._own is None:
             works = self._works(stage, logs, flown)
-            return self._results(len(logs), flown, self._crew.rows(works))
+            return self._results(len(logs), flown, self._runner.rows(works))
         mine = flown.kinds == OWN
         drawn = flown.select(np.flatnonzero(~mine))
         own = flown.select(np.flatnonzero(mine))
         works = self._works(stage, logs, drawn)
         further = self._own._works(f"{stage}.own", logs, _without_motions(own))
-        rows = self._crew.rows([*works, *further])
+        rows = self._runner.rows([*works, *further])
         one, other = rows[: len(works)], rows[len(works) :]
         return _join(
             mine,
@@ -245,7 +245,9 @@ class CandidateFlights:
             )
         return works
 
-    def _results(self, count: int, plants: Plants, rows: Sequence[Rows]) -> Flown:
+    def _results(
+        self, count: int, plants: Plants, rows: Sequence[Rows]
+    ) -> CandidateResults:
         """Errors and control effort of some gain candidates, from their result rows."""
 
         def column(name: str) -> AnyArray:
@@ -261,7 +263,7 @@ class CandidateFlights:
 
     def _outcome(
         self, completed: Mask, table: Callable[[str], Array], kinds: IntArray
-    ) -> Flown:
+    ) -> CandidateResults:
         """Errors and control effort from the metrics (candidates, plants)."""
         # not ">=": a tilt that is no number is of a lost flight
         lost = ~completed | ~(table("tilt_max") < LARGEST_TILT)
@@ -275,7 +277,7 @@ class CandidateFlights:
         base = parts[0]["position"]
         squares = [table(name) ** 2 for name in self._efforts]
         measured = LIMITED in self._work.metrics
-        return Flown(
+        return CandidateResults(
             error=penalize(product ** (1.0 / len(parts)), lost),
             tip=penalize(parts[0].get("ee", base), lost),
             base=penalize(base, lost),
@@ -303,12 +305,14 @@ class CandidateFlights:
         return 0.5 * (errors["ee"] + posture) if self._has_tip else posture
 
 
-def of_drawn(flown: Flown) -> Flown:
+def of_drawn(flown: CandidateResults) -> CandidateResults:
     """Results of the plants that flew random reference motions, without the scenario's
     own motion.
     """
     which = flown.kinds != OWN
-    return Flown(**{name: table[..., which] for name, table in parts(flown).items()})
+    return CandidateResults(
+        **{name: table[..., which] for name, table in parts(flown).items()}
+    )
 
 
 def _without_motions(plants: Plants) -> Plants:
@@ -320,7 +324,9 @@ def _without_motions(plants: Plants) -> Plants:
     return replace(plants, values=values)
 
 
-def _join(mine: Mask, drawn: Flown, own: Flown) -> Flown:
+def _join(
+    mine: Mask, drawn: CandidateResults, own: CandidateResults
+) -> CandidateResults:
     """Merge flight results along random motions and along the scenario's own motion, in
     the order of the plants.
     """
@@ -328,7 +334,7 @@ def _join(mine: Mask, drawn: Flown, own: Flown) -> Flown:
     for name, some in parts(drawn).items():
         tables[name] = np.empty((*some.shape[:-1], len(mine)), dtype=some.dtype)
         tables[name][..., ~mine], tables[name][..., mine] = some, getattr(own, name)
-    return Flown(**tables)
+    return CandidateResults(**tables)
 
 
 def _error(window: str, name: str) -> str:
@@ -400,7 +406,7 @@ class Scores:
         )
 
 
-def scores(flown: Flown) -> Scores:
+def scores(flown: CandidateResults) -> Scores:
     """Scores of gain candidates from their flights over all perturbed plants."""
     return Scores(
         error=_error_quantile(flown.error, flown.kinds),

@@ -38,7 +38,7 @@ from skyarm.studies.tune.candidate_flights import (
     LOST,
     OWN,
     CandidateFlights,
-    Flown,
+    CandidateResults,
     penalize,
 )
 from skyarm.studies.tune.excitation import Plants, with_noise
@@ -227,7 +227,7 @@ class TeamCandidates(CandidateFlights):
 
     def _outcome(
         self, completed: Mask, table: Callable[[str], Array], kinds: IntArray
-    ) -> Flown:
+    ) -> CandidateResults:
         def largest(name: str) -> Array:
             """Metric of the vehicle that has the largest."""
             found: Array = np.max(
@@ -242,7 +242,7 @@ class TeamCandidates(CandidateFlights):
 
         lost = ~completed | ~(largest(TILT) < LARGEST_TILT)
         position, pull = (penalize(table(name), lost) for name in (POSITION, PULL))
-        return Flown(
+        return CandidateResults(
             error=np.sqrt(position * pull),
             tip=position,
             base=position,

@@ -13,7 +13,7 @@ from skyarm.records.identity import identity
 from skyarm.records.leaves import part, parts, walk
 from skyarm.records.text_tables import Row, aligned_lines
 from skyarm.studies.tune.front import RULE, LoopMargins, Point
-from skyarm.studies.tune.tuning import Aside, Tuning
+from skyarm.studies.tune.tuning import Tuning, Validation
 from skyarm.view.pages import Facts, render_template
 from skyarm.view.pages import page as plain_page
 
@@ -128,12 +128,12 @@ def plain_point(tuning: Tuning, point: Point) -> dict[str, float | str]:
     return _scores(tuning, point) | plain_margins(point.margins)
 
 
-def plain_aside(tuning: Tuning, aside: Aside) -> dict[str, float | str | bool]:
+def plain_aside(tuning: Tuning, aside: Validation) -> dict[str, float | str | bool]:
     """Scores of gains on validation plants, as plain data."""
     return {**_scores(tuning, aside), "meets_constraints": aside.meets}
 
 
-def _scores(tuning: Tuning, scored: Point | Aside) -> dict[str, float | str]:
+def _scores(tuning: Tuning, scored: Point | Validation) -> dict[str, float | str]:
     """Scores that the subject of a tuning has, by their names in files."""
     names, numbers = tuning.plan.subject.score_names, parts(scored)
     return {
@@ -272,7 +272,7 @@ def _without(absent: Collection[str], rows: Sequence[Row]) -> list[Row]:
     ]
 
 
-def _errors(scored: Point | Aside) -> tuple[str, str]:
+def _errors(scored: Point | Validation) -> tuple[str, str]:
     """Format the error and the pull for a table row."""
     return f"{1e3 * scored.tip:.3g} mm", f"{scored.pull:.3g} N"
 

@@ -27,12 +27,12 @@ from skyarm.records.files import PathLike, versions
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import as_scenario, is_scenario
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.flights import Crew, Store
+from skyarm.studies.flights import Store, WorkRunner
 from skyarm.studies.flights.executor import LOCAL, Progress, require_place
 from skyarm.studies.tune.candidate_flights import (
     WEIGHTS,
     CandidateFlights,
-    Flown,
+    CandidateResults,
     Scores,
     of_drawn,
     scores,
@@ -102,7 +102,7 @@ class TuningPlan:
 
 
 @immutable
-class Aside:
+class Validation:
     """Scores of gains on validation plants and a reference path that are not used in
     tuning.
 
@@ -140,7 +140,7 @@ class Tuning:
     picked: int
     required: Required
     plants: Plants
-    aside: dict[str, Aside]
+    aside: dict[str, Validation]
 
     @property
     def pick(self) -> Point:
@@ -172,14 +172,14 @@ class Tuner:
 
     Args:
         plan: plan of the tuning. plants: plants of the search.
-        crew: flies them; results do not depend on it. progress: called after every
+        runner: flies them; results do not depend on it. progress: called after every
             round.
     """
 
     def __init__(
-        self, plan: TuningPlan, plants: Plants, crew: Crew, progress: Progress
+        self, plan: TuningPlan, plants: Plants, runner: WorkRunner, progress: Progress
     ) -> None:
-        self._plan, self._crew = plan, crew
+        self._plan, self._runner = plan, runner
         self._plants = with_own(plants) if plan.own else plants
         self._progress, self._done = progress, 0
         self._first: tuple[Array, Scores] | None = None
@@ -203,7 +203,7 @@ class Tuner:
             plan.flight,
             plan.knobs,
             self._plants,
-            self._crew,
+            self._runner,
             own=plan.own,
             seed=plan.seed,
             gust=True,
@@ -212,7 +212,7 @@ class Tuner:
     @cached_property
     def _margins(self) -> HoverMargins:
         return self._plan.subject.margins(
-            self._plan.flight, self._plan.knobs, self._crew.workers
+            self._plan.flight, self._plan.knobs, self._runner.workers
         )
 
     def judge(self, number: int, asked: Array, plants: int) -> Scores:
@@ -321,7 +321,7 @@ class Tuner:
             for i, row in enumerate(rows)
         ]
 
-    def fly_aside(self, points: dict[str, Point]) -> dict[str, Aside]:
+    def fly_aside(self, points: dict[str, Point]) -> dict[str, Validation]:
         """Validate the selected and the initial gains on plants and a reference path
         not used in tuning.
         """
@@ -335,7 +335,7 @@ class Tuner:
             points.items(), flown.tip, flown.jitter, flown.lost, flown.pull, strict=True
         )
         return {
-            name: Aside(
+            name: Validation(
                 tip=float(tip),
                 jitter=float(jitter),
                 lost=float(lost),
@@ -355,7 +355,7 @@ class Tuner:
         *,
         mixed: bool = False,
         saturation: bool = False,
-    ) -> Flown:
+    ) -> CandidateResults:
         """Simulate some gain candidates on another scenario, with plants and noise not
         used in the search.
         """
@@ -368,7 +368,7 @@ class Tuner:
             scenario,
             self._plan.knobs,
             plants,
-            self._crew,
+            self._runner,
             seed=seed,
             saturation=saturation,
         )
@@ -526,13 +526,13 @@ def tune_plan(
     store = None if folder is None else Store.if_kept(folder)
     with (
         store.alone() if store else nullcontext(),
-        Crew(on, workers, store) as crew,
+        WorkRunner(on, workers, store) as runner,
         one_blas_thread(),
     ):
-        return _tune(plan, crew, progress or (lambda *_: None))
+        return _tune(plan, runner, progress or (lambda *_: None))
 
 
-def _tune(plan: TuningPlan, crew: Crew, progress: Progress) -> Tuning:
+def _tune(plan: TuningPlan, runner: WorkRunner, progress: Progress) -> Tuning:
     """Tune the gains of a controller, with a given runner for the simulations."""
     subject, sizes = plan.subject, plan.stages
     start = subject.centred(plan.flight, plan.knobs, plan.label)
@@ -546,7 +546,7 @@ def _tune(plan: TuningPlan, crew: Crew, progress: Progress) -> Tuning:
         knobs=start.knobs,
     )
     plants = subject.draw(plan.flight, plan.effort.plants, seed=plan.seed, mixed=True)
-    tuner = Tuner(plan, plants, crew, progress)
+    tuner = Tuner(plan, plants, runner, progress)
     logs, rounds = search(
         plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows
     )
