@@ -18,8 +18,8 @@ characters from 1.
 from __future__ import annotations
 
 import ast
-import math
 import re
+import sys
 from collections.abc import Collection, Mapping
 
 import numpy as np
@@ -179,12 +179,11 @@ def read_expression(
             field, text, (getattr(error, "offset", None) or 1) - 1, GRAMMAR
         ) from None
     for node in ast.walk(tree):
-        leaf = type(getattr(node, "value", "")) in (int, float) or getattr(
-            node, "id", ""
-        ) in (*words, FUNCTION)
-        if not isinstance(node, ast.expr) or (
-            leaf and math.isfinite(getattr(node, "value", 0))
-        ):
+        number = getattr(node, "value", "")
+        # not math.isfinite, which overflows at whole numbers beyond the largest double
+        is_number = type(number) in (int, float) and number <= sys.float_info.max
+        is_name = getattr(node, "id", "") in (*words, FUNCTION)
+        if is_number or is_name or not isinstance(node, ast.expr):
             continue
         if _operation(node) not in OPERATIONS or (
             isinstance(node, ast.Call) and len(_operands(node)) != 1
