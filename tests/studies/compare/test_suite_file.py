@@ -115,6 +115,25 @@ def test_values_go_with_the_weight_of_another_vehicle(file: Path) -> None:
     np.testing.assert_allclose(column, np.repeat([0.5, 1.0], 2) * weight, rtol=1e-12)
 
 
+def test_values_that_differ_late_fly_as_they_are(file: Path) -> None:
+    near = SHORT.replace("values = [0.5, 1.0]", "values = [0.50001, 0.50002]")
+    file.write_text(near, "utf-8")
+    (flights,), _ = load_suite(file, only=["push"]).plan_cells()
+    assert flights.points == (0.50001, 0.50002)
+
+
+def test_scenarios_of_values_that_differ_late_have_files_of_their_own(
+    file: Path,
+) -> None:
+    near = SHORT.replace("values = [0.5, 1.0]", "values = [0.5, 0.50000001]")
+    near = near.replace('{ kind = "constant", value = 0.0 }', '"= 2 * value"')
+    near = "\n".join(line for line in near.splitlines() if "force.y.value" not in line)
+    file.write_text(near, "utf-8")
+    cells, _ = load_suite(file, only=["push"]).plan_cells()
+    labels = [each.label for each in cells]
+    assert [label.rpartition("_")[2] for label in labels] == ["0.5", "0.50000001"]
+
+
 def test_an_entry_of_the_value_makes_a_scenario_of_each_value(file: Path) -> None:
     changed = SHORT.replace('{ kind = "constant", value = 0.0 }', '"= 2 * value"')
     changed = "\n".join(

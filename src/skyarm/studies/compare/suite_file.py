@@ -162,7 +162,12 @@ class FileFlights(TrialFlights):
         """File name of the stored results; includes the value if each is a scenario of
         its own.
         """
-        return super().label + ("" if self.trial.numbers else f"_{self.points[0]:g}")
+        if self.trial.numbers:
+            return super().label
+        value = self.points[0]
+        short = f"{value:g}"
+        # six digits may be those of two values, whose files would be one
+        return f"{super().label}_{short if float(short) == value else repr(value)}"
 
     def scenario(self) -> Scenario:
         """Scenario of the trial at the first of these values."""

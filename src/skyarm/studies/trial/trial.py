@@ -89,7 +89,9 @@ class Trial:
     def of(self, setting: TrialSetting) -> tuple[float, ...]:
         """Values of the trial, scaled to a vehicle, SI."""
         share = evaluate(self.share, setting.facts, "share")
-        # three digits, so that tables show the values that fly
+        if share == 1.0:
+            return tuple(map(float, self.values))
+        # three digits, so that tables show the scaled values that fly
         return tuple(float(f"{value * share:.3g}") for value in self.values)
 
     def scenario(self, setting: TrialSetting, value: float) -> Scenario:
