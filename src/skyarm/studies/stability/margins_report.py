@@ -40,8 +40,7 @@ def margin_lines(found: Evidence) -> list[str]:
     head = ("at", "max |z|", "slowest", "damping", "delay", *GAINS.values())
     swings = []
     if found.instants:
-        least = min(each.swings for each in found.instants)
-        tolerated = "more than 100" if math.isinf(least) else _number(1e3 * least)
+        tolerated = _milliseconds(min(each.swings for each in found.instants))
         swings = [
             f"small swings grow in flight from {tolerated} ms of further dead time on"
         ]
@@ -81,6 +80,11 @@ def _factor(value: float) -> str:
         if value >= 9.995
         else f"{value:.2f}"
     )
+
+
+def _milliseconds(seconds: float) -> str:
+    """Format a delay in ms; no delay beyond 100 ms is looked at."""
+    return "more than 100" if math.isinf(seconds) else f"{1e3 * seconds:.3g}"
 
 
 def _number(value: float) -> str:
@@ -190,8 +194,8 @@ def margins_page(found: Evidence, loci: Sequence[Locus], picture: bytes = b"") -
             for name in ("delay", "swings")
         )
         facts = (
-            f"delay margin {1e3 * delay:.3g} ms; small swings grow from"
-            f" {1e3 * swings:.3g} ms on"
+            f"delay margin {_milliseconds(delay)} ms; small swings grow from"
+            f" {_milliseconds(swings)} ms on"
         )
         facts += f"; instants: {len(found.instants)}"
     if found.left_out:
