@@ -222,7 +222,8 @@ def check(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", WithoutEffectWarning)  # a finding below
             what = load_scenario(what) if is_scenario(str(what)) else load_vehicle(what)
-    if flights and (isinstance(what, Vehicle) or len(what.agents) > 1):
+    # the flights are hovers of one vehicle without its world
+    if flights and (isinstance(what, Vehicle) or what.is_team):
         raise ValueError(
             "--flights: must be left out unless a scenario of one vehicle states the"
             " law that flies"
@@ -334,10 +335,11 @@ def assess_scenario(
     first = next(iter(agents.values()))
     flies = all(each.flies for each in agents.values())
     shared = balance_of_bodies(bodies)
-    if flies and len(agents) > 1 and bodies:
+    # where one vehicle holds a body nobody is left to bear the share of a lost one
+    if flies and scenario.is_team and bodies:
         shared += [*losses(scenario, bodies, payload), *flight_together(scenario)]
     # one vehicle's report is flat, as its JSON file is; several have one each
-    if len(agents) == 1:
+    if not scenario.is_team:
         return replace(first, name=scenario.name, findings=(*first.findings, *shared))
     return replace(first, name=scenario.name, findings=tuple(shared), agents=agents)
 

@@ -21,23 +21,19 @@ def warnings_before_flight(scenario: Scenario) -> list[str]:
     """Warnings about suspicious values, a reference beyond limits, and a contact force
     that cannot be held.
     """
-    if scenario.is_team:
-        bodies = balances(scenario) if scenario.team is not None else []
-        loads = {
-            name: carried_loads(scenario, name, bodies) for name in scenario.agents
-        }
-        found = {
-            name: _warnings_of(scenario.of(name), carried)
-            for name, carried in loads.items()
-        }
-        first, *others = found.values()
-        # as those of the world
-        shared = [line for line in first if all(line in lines for lines in others)]
-        lines = list(shared)
-        for name, own in found.items():
-            lines += [f"{name}: {line}" for line in own if line not in shared]
-        return lines
-    return _warnings_of(scenario, ())
+    # only a team carries bodies in shares
+    bodies = balances(scenario) if scenario.team is not None else []
+    found = {
+        name: _warnings_of(scenario.of(name), carried_loads(scenario, name, bodies))
+        for name in scenario.agents
+    }
+    first, *others = found.values()
+    # of the world, or of the only vehicle
+    shared = [line for line in first if all(line in lines for lines in others)]
+    lines = list(shared)
+    for name, own in found.items():
+        lines += [f"{name}: {line}" for line in own if line not in shared]
+    return lines
 
 
 def _warnings_of(scenario: Scenario, carried: Sequence[Load]) -> list[str]:

@@ -89,9 +89,7 @@ def balances(scenario: Scenario, lost: str = "") -> list[Balance]:
         lost: name of a vehicle whose grasps are open.
     """
     solved = []
-    for contact in (
-        scenario.worlds if any(each.grasps for each in scenario.worlds) else ()
-    ):
+    for contact in (each for each in scenario.worlds if each.grasps):
         alone = [scenario.of(name) for name in scenario.agents]
         plants = [each.agent.plant for each in alone]
         states = [first_state(each) for each in alone]

@@ -224,15 +224,15 @@ class CellFlights:
             setpoints: for each vehicle and joint, whether its command is a setpoint of
                 its drive: its torque is then not counted.
         """
-        grasps = GRASPS if len(setpoints) > 1 else ()
-        words = (
+        names = (
             *METRICS,
             EFFORTS,
-            *grasps,
+            # stored rows and tables of one vehicle have no columns of its grasps
+            *(GRASPS if len(setpoints) > 1 else ()),
             *sorted(registered("metric", shipped=False)),
             *self.further_metrics,
         )
-        return row_names(words, setpoints)
+        return row_names(names, setpoints)
 
 
 @immutable(slots=False)
@@ -259,11 +259,9 @@ class TrialFlights(CellFlights):
         return np.repeat(self.points, count // len(self.points))
 
 
-SUCCESS_METRIC, PLACED, SUCCESS_LIMIT = (
-    "ee_error_last_max_continuous",
-    "team_position_last",
-    0.020,
-)
+SUCCESS_METRIC = "ee_error_last_max_continuous"
+PLACED = "team_position_last"
+SUCCESS_LIMIT = 0.020
 """Success criterion: the flight completes with the tip within 20 mm of its reference
 throughout the last 5 s, or with the body of a team within 20 mm of its place at the
 end."""

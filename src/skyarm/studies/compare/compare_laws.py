@@ -25,14 +25,7 @@ from skyarm.studies.compare.team_suite import TEAM, TeamSuite
 from skyarm.studies.flights.executor import Progress
 from skyarm.view.pages import Report, section
 
-SUITES: dict[
-    str,
-    type[Comparison]
-    | type[Envelope]
-    | type[SurviveSuite]
-    | type[ContactSuite]
-    | type[TeamSuite],
-] = {
+SUITES: dict[str, type[Suite[Any]]] = {
     SUITE: Comparison,
     ENVELOPE: Envelope,
     SURVIVE: SurviveSuite,

@@ -62,19 +62,22 @@ class Comparison(SummarySuite[CellFlights]):
 
     def flights(self) -> list[CellFlights]:
         """All flights of the comparison, grouped by controller, condition and case."""
-        return [
-            CellFlights(
-                entrant=entrant,
-                case=CASES[case],
-                condition=condition,
-                seed=self.seed,
-                plant=self.plant,
-            )
-            for entrant in self.entrants.values()
-            for condition in self.conditions.values()
-            for case in condition.cases
-            if not condition.spread or case == WIDEST or entrant.group not in BRIEF
-        ]
+        cells = list[CellFlights]()
+        for entrant in self.entrants.values():
+            for condition in self.conditions.values():
+                brief = condition.spread is not None and entrant.group in BRIEF
+                cells += [
+                    CellFlights(
+                        entrant=entrant,
+                        case=CASES[case],
+                        condition=condition,
+                        seed=self.seed,
+                        plant=self.plant,
+                    )
+                    for case in condition.cases
+                    if not brief or case == WIDEST
+                ]
+        return cells
 
     def plan_cells(self) -> tuple[list[CellFlights], Refused]:
         """All flights of the comparison, and an empty mapping, since no controller is
@@ -349,7 +352,8 @@ def _plants(laws: Record, name: str) -> list[str]:
         if count < max(FEW, *(each["episodes"] for each in laws.values()))
         else ""
     )
-    share, (low, high) = laws[name]["success_rate"], laws[name]["success_interval"]
+    share = laws[name]["success_rate"]
+    low, high = laws[name]["success_interval"]
     return [
         f"{share:.1%} [{low:.1%}, {high:.1%}]{few}",
         (

@@ -132,19 +132,22 @@ class ContactSuite(Suite[ContactFlights]):
             Condition(name=name, noisy=name == "noisy", episodes=self.worlds)
             for name in CONDITIONS
         ]
-        return [
-            ContactFlights(
-                entrant=Entrant(name=law, law=law),
-                case=Case(name=task),
-                condition=condition,
-                plant=self.plant,
-                seed=self.seed,
-            )
-            for task in self.tasks
-            for law in self.laws
-            for condition in conditions
-            if flies_its_own(TASKS[task], law)
-        ]
+        cells = list[ContactFlights]()
+        for task in self.tasks:
+            for law in self.laws:
+                if not flies_its_own(TASKS[task], law):
+                    continue
+                cells += [
+                    ContactFlights(
+                        entrant=Entrant(name=law, law=law),
+                        case=Case(name=task),
+                        condition=condition,
+                        plant=self.plant,
+                        seed=self.seed,
+                    )
+                    for condition in conditions
+                ]
+        return cells
 
     def plan_cells(self) -> tuple[list[ContactFlights], dict[str, str]]:
         """All flights of the contact benchmark, and reasons why a controller is
@@ -237,13 +240,8 @@ def cell_record(task: ContactTask, cell: Cell, weight: float, phases: int) -> Do
     causes: Counter[str] = Counter()
     for word, flags in lacks(task, cell, weight, phases).items():
         for k in np.flatnonzero(flags & ~bad):
-            causes[
-                (
-                    str(cell.status[k])
-                    if word == "lost" and not cell.completed[k]
-                    else word
-                )
-            ] += 1
+            ended = word == "lost" and not cell.completed[k]
+            causes[str(cell.status[k]) if ended else word] += 1
         bad |= flags
     record: Document = {
         "flights": len(bad),

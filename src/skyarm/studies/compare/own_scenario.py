@@ -153,6 +153,7 @@ class OwnScenario(SummarySuite[GivenFlights]):
         (case, laws), *_ = found["summaries"][AS_GIVEN].items()
         of_agents = {law: _of_agents(each["metrics"]) for law, each in laws.items()}
         agents = dict.fromkeys(chain.from_iterable(of_agents.values()))
+        # the table of one vehicle has no column of names
         several = len(agents) > 1
         columns = [
             *COLUMNS["own"],
@@ -179,22 +180,20 @@ class OwnScenario(SummarySuite[GivenFlights]):
             for law, each in laws.items()
             for agent in agents
         ]
-        endings = [
-            f"{law}: {ending} ({count} of {each['episodes']})"
-            for law, each in laws.items()
-            for ending, count in each["endings"].items()
-            if ending != "completed"
-        ]
+        endings = []
+        for law, each in laws.items():
+            endings += [
+                f"{law}: {ending} ({count} of {each['episodes']})"
+                for ending, count in each["endings"].items()
+                if ending != "completed"
+            ]
         first = ("law", "agent") if several else ("law",)
         table = table_of(
             [*first, "completed", *(each.head for each in columns)],
             rows,
             left=len(first),
         )
-        notes = [
-            *refusals(found),
-            *endings,
-        ]
+        notes = [*refusals(found), *endings]
         name = "Means over the flights that came to their end"
         return report_of(
             f"{title_of(list(laws))}, {case} on {found['plant']}",

@@ -117,12 +117,11 @@ def draw(
     return values
 
 
-FRICTION_PATHS, OBJECT = (
-    (".damping", ".coulomb"),
-    re.compile(r"world\.objects\.\w+\.mass"),
-)
-"""Ends of the paths of numbers that make joints and grasps stiffer; paths of masses
-that touch."""
+FRICTION_PATHS = (".damping", ".coulomb")
+"""Ends of the paths of numbers that make joints and grasps stiffer."""
+
+OBJECT = re.compile(r"world\.objects\.\w+\.mass")
+"""Paths of masses that touch."""
 
 
 def hardest(scenario: Scenario, columns: Mapping[str, Array]) -> dict[str, float]:

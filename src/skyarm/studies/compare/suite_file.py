@@ -322,7 +322,8 @@ class FileSuite(Suite[FileFlights]):
         """
         trials: Document = {}
         for flights, cell in zip(todo, cells, strict=True):
-            trial, (_, name, law) = flights.trial, flights.name
+            trial = flights.trial
+            _, name, law = flights.name
             entry = trials.setdefault(
                 name,
                 {"title": trial.title, "unit": trial.unit, "values": {}, "laws": {}},
@@ -533,7 +534,8 @@ def _metric(name: str, at: str) -> str:
     """
     if name in GROUPS:
         raise ValueError(f"{at} = {shown(name)}: must be a metric, not a group of them")
-    known, (alone,) = measures(0), catalogue_names([name])
+    known = measures(0)
+    (alone,) = catalogue_names([name])
     if alone not in known and not is_torque(alone):
         words = (
             f"{did_you_mean(alone, known)}must be a metric, such as"

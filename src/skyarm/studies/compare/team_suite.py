@@ -114,9 +114,9 @@ def under_law(document: Document, law: str) -> Document:
     if document["team"]["law"] == law:
         return document
     entries = dict(LAWS[law])
-    words = field_names(find("team", law)) or ()
+    options = field_names(find("team", law)) or ()
     team = {
-        key: entry for key, entry in document["team"].items() if key in words
+        key: entry for key, entry in document["team"].items() if key in options
     } | entries.pop("team")
     own = {
         name: entries
@@ -205,18 +205,19 @@ class TeamSuite(SummarySuite[TeamFlights]):
     ) -> Report:
         """Report of the benchmark with one table: a row per condition and law."""
         word = "title" if self.scenario == FLOWN else "own"
-        rows = [
-            [
-                ROWS[row].get(word, ROWS[row]["title"]),
-                law,
-                f"{each['success']} of {each['episodes']}",
-                *(column.text(each["metrics"]) for column in COLUMNS["team"]),
+        rows = []
+        for row, cases in found["summaries"].items():
+            title = ROWS[row].get(word, ROWS[row]["title"])
+            ((case, laws),) = cases.items()
+            rows += [
+                [
+                    title,
+                    law,
+                    f"{each['success']} of {each['episodes']}",
+                    *(column.text(each["metrics"]) for column in COLUMNS["team"]),
+                ]
+                for law, each in laws.items()
             ]
-            for row, cases in found["summaries"].items()
-            for laws in cases.values()
-            for law, each in laws.items()
-        ]
-        (case, *_), *_ = found["summaries"].values()
         notes = [
             f"not flown: {name} {why}"
             for name, why in found.get("not_flown", {}).items()

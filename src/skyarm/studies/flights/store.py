@@ -86,19 +86,19 @@ def pack_rows(rows: Rows, metadata: Mapping[bytes, bytes]) -> bytes:
         return pickle.dumps(rows)
     import pyarrow as pa
 
-    words = [name for name, column in rows.items() if column.dtype.kind == "U"]
+    texts = [name for name, column in rows.items() if column.dtype.kind == "U"]
     columns = {
-        name: _words(pa, each) if name in words else _numbers(pa, each)
+        name: _texts(pa, each) if name in texts else _numbers(pa, each)
         for name, each in rows.items()
     }
     table, sink = pa.table(columns).replace_schema_metadata(metadata), io.BytesIO()
-    parquet.write_table(table, sink, compression="zstd", use_dictionary=words)
+    parquet.write_table(table, sink, compression="zstd", use_dictionary=texts)
     return sink.getvalue()
 
 
-def _words(pa: ModuleType, column: Array) -> DictionaryArray:
-    words, places = np.unique(column, return_inverse=True)
-    texts = [word.encode() for word in words.tolist()]
+def _texts(pa: ModuleType, column: Array) -> DictionaryArray:
+    different, places = np.unique(column, return_inverse=True)
+    texts = [text.encode() for text in different.tolist()]
     ends = np.cumsum([0, *map(len, texts)]).astype(np.int32)
     strings = pa.StringArray.from_buffers(
         len(texts), pa.py_buffer(ends), pa.py_buffer(b"".join(texts))
@@ -147,8 +147,8 @@ def _column(column: ChunkedArray) -> Array:
         return np.asarray(column.to_numpy())
     whole = column.unify_dictionaries().combine_chunks()
     whole = whole.chunk(0) if isinstance(whole, pa.ChunkedArray) else whole
-    words = np.array(whole.dictionary.to_pylist(), dtype=object)
-    return np.asarray(words[whole.indices.to_numpy()])
+    texts = np.array(whole.dictionary.to_pylist(), dtype=object)
+    return np.asarray(texts[whole.indices.to_numpy()])
 
 
 def open_rows(content: bytes) -> ParquetFile:
@@ -206,9 +206,9 @@ def _is_of_rows(kind: DataType) -> bool:
     import pyarrow as pa
 
     types = pa.types
-    words = types.is_dictionary(kind) and types.is_string(kind.value_type)
+    is_text = types.is_dictionary(kind) and types.is_string(kind.value_type)
     return bool(
-        words
+        is_text
         or types.is_floating(kind)
         or types.is_integer(kind)
         or types.is_binary(kind)
@@ -469,7 +469,7 @@ def _fits(content: bytes, work: Work) -> bool:
     ]
     if work.alone:
         given = [name for name in given if not is_torque(name)]
-    words = {name for name, column in rows.items() if column.dtype == object} - {"log"}
+    texts = {name for name, column in rows.items() if column.dtype == object} - {"log"}
     text_columns = {
         "status",
         *(
@@ -484,11 +484,11 @@ def _fits(content: bytes, work: Work) -> bool:
     numbers = {
         name: column.dtype
         for name, column in rows.items()
-        if name not in (*words, "log")
+        if name not in (*texts, "log")
     }
     return (
         {*given} <= {*rows}
-        and words == text_columns
+        and texts == text_columns
         and all(
             kind == dtypes.get(name, np.dtype(float)) for name, kind in numbers.items()
         )

@@ -160,17 +160,13 @@ class Response:
     def at(self, frequencies: Array) -> Complex:
         """Responses (frequencies, outputs, inputs) at frequencies in rad/s."""
         z = np.exp(1j * doubles(frequencies) * self.period)[:, None, None]
-        responses = [
-            self.C @ np.linalg.solve(some * np.eye(len(self.A)) - self.A, self.B)
-            for some in _parts(z)
-        ]
-        return np.concatenate(
-            [np.zeros((0, len(self.C), self.B.shape[1]), dtype=complex), *responses]
-        )
-
-
-def _parts(z: Complex) -> list[Complex]:
-    return [z[k : k + AT_ONCE] for k in range(0, len(z), AT_ONCE)]
+        responses = np.zeros((len(z), len(self.C), self.B.shape[1]), dtype=complex)
+        for k in range(0, len(z), AT_ONCE):
+            some = slice(k, k + AT_ONCE)
+            responses[some] = self.C @ np.linalg.solve(
+                z[some] * np.eye(len(self.A)) - self.A, self.B
+            )
+        return responses
 
 
 ROUNDS = 30

@@ -73,13 +73,9 @@ def _factor(value: float) -> str:
     """Format a gain margin in at most four characters."""
     if math.isinf(value):
         return "none"
-    return (
-        f"{value:.0f}"
-        if value >= 99.95
-        else f"{value:.1f}"
-        if value >= 9.995
-        else f"{value:.2f}"
-    )
+    # from where on rounding would take one character more
+    digits = 0 if value >= 99.95 else 1 if value >= 9.995 else 2
+    return f"{value:.{digits}f}"
 
 
 def _milliseconds(seconds: float) -> str:

@@ -243,11 +243,9 @@ class Differentiator:
         """Next state, measurement, controller state and command, with the loop open
         between them.
         """
-        stages, scenario, (late, _) = (
-            period.stages,
-            period.stages.scenario,
-            period.numbers[0],
-        )
+        stages = period.stages
+        scenario = stages.scenario
+        late, _ = period.numbers[0]
         row = cast("InputRow[Reference]", period.row.given[0])
         power = tuple(
             each.supply(charge, self._period, point.state, point.old.rotor_speeds)

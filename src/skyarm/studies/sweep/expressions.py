@@ -21,6 +21,7 @@ import ast
 import re
 import sys
 from collections.abc import Collection, Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -179,7 +180,7 @@ def read_expression(
             field, text, (getattr(error, "offset", None) or 1) - 1, GRAMMAR
         ) from None
     for node in ast.walk(tree):
-        number = getattr(node, "value", "")
+        number: Any = getattr(node, "value", "")
         # not math.isfinite, which overflows at whole numbers beyond the largest double
         is_number = type(number) in (int, float) and number <= sys.float_info.max
         is_name = getattr(node, "id", "") in (*words, FUNCTION)

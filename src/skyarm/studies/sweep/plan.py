@@ -56,7 +56,7 @@ class SweepPlan:
     def works(self, index: int) -> Iterator[Work]:
         """Flights of one chunk of episodes, with each controller."""
         study = self.study
-        episodes = np.arange(study.span(index).start, study.span(index).stop)
+        episodes = np.array(self.manifest.span(index))
         drawn = values(study, episodes)
         for label, scenario in study.scenarios.items():
             yield Work(

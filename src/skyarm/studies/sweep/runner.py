@@ -121,7 +121,7 @@ def run_sweep(
             report(present, study.episodes)
             works = (
                 work
-                for index in range(first, study.chunks, stride)
+                for index in range(first, manifest.chunks, stride)
                 for work in plan.works(index)
             )
             try:

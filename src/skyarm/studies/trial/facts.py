@@ -217,8 +217,12 @@ def _hover(vehicle: str) -> dict[str, Any]:
             "name": "hover",
             "title": "hover",
         }
-    words = {"plant": {"vehicle": vehicle}, "controller": {"law": "centroidal"}}
-    return {"name": "hover", "duration": DURATION, **words}
+    return {
+        "name": "hover",
+        "duration": DURATION,
+        "plant": {"vehicle": vehicle},
+        "controller": {"law": "centroidal"},
+    }
 
 
 def _height(truth: Vehicle) -> float:

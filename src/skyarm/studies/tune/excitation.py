@@ -310,7 +310,7 @@ def tuning_flight(
     """
     longest = float(scenario.agent.delays.command) + UNKNOWN_DELAY
     delays = replace(scenario.agent.delays, longest_command=longest)
-    words: FieldsByWord = (
+    motions: FieldsByWord = (
         {}
         if own_motion
         else {
@@ -324,7 +324,7 @@ def tuning_flight(
         }
     )
     return with_words(
-        with_words(scenario.as_begun.with_kind("rigid_body"), **words),
+        with_words(scenario.as_begun.with_kind("rigid_body"), **motions),
         noise=with_noise(scenario.agent).noise,
         delays=delays,
         faults=(),

@@ -177,9 +177,8 @@ def with_margins(
         leading = [
             _leaders(now.cost(weight), which, count) for weight, which, count in groups
         ]
-        missing = np.unique(
-            [k for each in leading for k in each if np.isnan(shortfalls[k])]
-        ).astype(int)
+        leaders = np.unique([k for each in leading for k in each]).astype(int)
+        missing = leaders[np.isnan(shortfalls[leaders])]
         if not len(missing):
             return replace(
                 scores, short=np.where(np.isnan(shortfalls), NOT_LOOKED_AT, shortfalls)

@@ -72,12 +72,8 @@ outward or inward."""
 CHANNEL = 31
 """Channel of the random generator, separate from those of plants, motions and noise."""
 
-POSITION, PULL, JITTER, TILT = (
-    "team_position_mean",
-    "team_pull_rms",
-    "rotor_jitter",
-    "tilt_max",
-)
+POSITION, PULL = "team_position_mean", "team_pull_rms"
+JITTER, TILT = "rotor_jitter", "tilt_max"
 
 WITHOUT = "they are of one vehicle, and the law of a team was tuned"
 """Reason why no margins are computed."""

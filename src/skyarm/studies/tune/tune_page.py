@@ -56,13 +56,13 @@ def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
     return gains
 
 
-def gains_text(tuning: Tuning, point: Point, words: Facts, kept: Facts) -> str:
+def gains_text(tuning: Tuning, point: Point, law: Facts, kept: Facts) -> str:
     """Text of a TOML file of tuned gains, with their origin.
 
     Args:
         tuning: result.
         point: point of its front.
-        words: facts of the law, for [law].
+        law: facts of the law, for [law].
         kept: gains that stood in the file before and are no knobs.
     """
     plan = tuning.plan
@@ -79,7 +79,7 @@ def gains_text(tuning: Tuning, point: Point, words: Facts, kept: Facts) -> str:
             " --laws THIS FILE"
         ),
         "schema = 1",
-        *_table("law", words),
+        *_table("law", law),
         "",
         "[gains]",
     ]
@@ -147,16 +147,14 @@ def plain_margins(margins: LoopMargins) -> dict[str, float | str]:
     """
     if margins.why_none:
         return {"no_margins": margins.why_none}
-    delay: dict[str, float | str] = (
-        {"delay_margin_s": _short(margins.delay)}
-        if math.isfinite(margins.delay)
-        else {}
-    )
-    return delay | {
-        f"{name}_gain_{side}": _short(value)
-        for name, pair in (("rotor", margins.rotors), ("joint", margins.joints))
-        for side, value in zip(("least", "most"), pair, strict=True)
-        if math.isfinite(value) and value > 0.0
+    stated = {"delay_margin_s": margins.delay}
+    for name, pair in (("rotor", margins.rotors), ("joint", margins.joints)):
+        stated[f"{name}_gain_least"], stated[f"{name}_gain_most"] = pair
+    # a factor of 0 or without end is one beyond those that were looked at
+    return {
+        name: _short(value)
+        for name, value in stated.items()
+        if math.isfinite(value) and (value > 0.0 or name == "delay_margin_s")
     }
 
 
