@@ -298,20 +298,17 @@ class ArmPoses:
                 * rng.normal(size=(AROUND, len(self.low)))
             )
             near = np.clip(best[:, None] + steps, self.low, self.high)
-            near = rest_of_hanging(
-                self.vehicle, near.reshape(count * AROUND, -1)
-            ).reshape(near.shape)
+            near = rest_of_hanging(self.vehicle, near.reshape(count * AROUND, -1))
             # every quantity is evaluated at the poses of all, but searched in its own
             # lanes
-            near_values = in_parts(
-                quantities, near.reshape(count * AROUND, -1)
-            ).reshape(count, count, AROUND)
+            near_values = in_parts(quantities, near).reshape(count, count, AROUND)
             own = near_values[np.arange(count), np.arange(count)]
             at = np.argmin(own, axis=1)
             tried = own[np.arange(count), at]
             better = tried < least
             least = np.where(better, tried, least)
-            best = np.where(better[:, None], near[np.arange(count), at], best)
+            nearest = near.reshape(count, AROUND, -1)[np.arange(count), at]
+            best = np.where(better[:, None], nearest, best)
             spread *= CLOSER
         return least, best
 

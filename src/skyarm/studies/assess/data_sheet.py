@@ -141,25 +141,18 @@ def sheet(vehicle: Vehicle, known: Facts) -> list[Table]:
                 heading,
                 {name: each for name, each in records.items() if type(each) is kind},
             )
-    if vehicle.gaps:
-        tables.append(
-            table_of(
-                ("",),
-                zip(vehicle.gaps, strict=True),
-                title="gaps: what its rotors lack to fly",
-            )
-        )
-    notes = "notes: what its file says that was left out, or taken in another way"
-    tables += (
-        [table_of(("",), zip(vehicle.notes, strict=True), title=notes)]
-        if vehicle.notes
-        else []
-    )
-    return tables + (
-        [table_of(("", ""), vehicle.sources, left=2, title="sources")]
-        if vehicle.sources
-        else []
-    )
+    for title, lines in (
+        ("gaps: what its rotors lack to fly", vehicle.gaps),
+        (
+            "notes: what its file says that was left out, or taken in another way",
+            vehicle.notes,
+        ),
+    ):
+        if lines:
+            tables.append(table_of(("",), zip(lines, strict=True), title=title))
+    if vehicle.sources:
+        tables.append(table_of(("", ""), vehicle.sources, left=2, title="sources"))
+    return tables
 
 
 APART = ("name", "tilt")

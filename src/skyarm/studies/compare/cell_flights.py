@@ -40,9 +40,15 @@ METRICS = (
         for what in ("position", "joint", "ee")
         for how in ("mean", "max")
     ),
-    *("gust_peak_x_continuous", "gust_ee_peak_x_continuous"),
-    *("ee_error_last_mean_continuous", "ee_error_last_max_continuous"),
-    *(JITTER, LIMITED, "rate_rms", "tilt_max", "altitude_error_max_continuous"),
+    "gust_peak_x_continuous",
+    "gust_ee_peak_x_continuous",
+    "ee_error_last_mean_continuous",
+    "ee_error_last_max_continuous",
+    JITTER,
+    LIMITED,
+    "rate_rms",
+    "tilt_max",
+    "altitude_error_max_continuous",
 )
 """Metrics of every flight, named as in :mod:`skyarm.log.metrics.metric_catalogue`; and
 every joint's effort."""

@@ -121,6 +121,7 @@ def suite_of(
     elif names is not None:
         # of an own scenario any controller flies
         of_suite = ("own", *filter(is_gains_file, names))
+        # parts of the scenario's own law are names in the contact suite alone
         own = OWN if what == CONTACT else () if kind else of_suite if file else names
         options["laws"] = names if kind is TeamSuite else chosen_laws(names, field, own)
     if file:

@@ -202,6 +202,7 @@ def title_of(laws: Sequence[str]) -> str:
     """Title of a comparison of controllers, such as "A against B" for two of them."""
     if len(laws) == 2:
         return f"{laws[0]} against {laws[1]}"
+    # whatever else flies with the shipped ones
     if set(ENTRANTS) <= set(laws):
         return "All laws compared"
     return laws[0] if len(laws) == 1 else f"{len(laws)} laws compared"
@@ -339,6 +340,7 @@ def plants_rows(
         ]
         for name in entrants
     ]
+    # laws that met no perturbed plant have no row
     return [row for row in rows if set(row[1:]) - {DASH}]
 
 
@@ -347,6 +349,7 @@ def _plants(laws: Record, name: str) -> list[str]:
     if name not in laws:
         return [DASH, DASH, DASH]
     count, metrics = laws[name]["episodes"], laws[name]["metrics"]
+    # an interval does not show that others flew more, or that all flew few
     few = (
         f" of {count}"
         if count < max(FEW, *(each["episodes"] for each in laws.values()))

@@ -154,6 +154,7 @@ def scenario_of(
         document["controller"]["load"] = LARGEST
     planned = scenario_from(document)
     if law not in OWN:
+        # the paper's gains fit the paper's vehicle alone
         name = law if document["plant"]["vehicle"] == PAPER else TUNED.get(law, law)
         name = f"{law}{TUNED_GAINS}" if law in RIVALS else name
         planned = planned.with_controller(controller_by_name(planned, name))

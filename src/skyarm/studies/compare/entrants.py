@@ -145,6 +145,7 @@ def _entrant(row: dict[str, Any]) -> Entrant:
         key: tuple(each) if isinstance(each, list) else each
         for key, each in row.pop("options", {}).items()
     }
+    # a table names the terms that are off; all others are on
     if "without" in options:
         options["terms"] = Terms(**dict.fromkeys(options.pop("without"), False))
     gains = PAPER_GAINS if row.pop("paper_gains", False) else {}

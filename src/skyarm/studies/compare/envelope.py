@@ -273,8 +273,12 @@ LEVELS = (0.010, 0.100)
 first shows where a law is accurate, below the second where it is still usable."""
 
 MEASURED = {
-    **{"tip_mean": TIP, "tip_max": TIP_MAX, "outside": OUTSIDE, "tilt": "tilt_max"},
-    **{"jitter": JITTER, "limited": LIMITED},
+    "tip_mean": TIP,
+    "tip_max": TIP_MAX,
+    "outside": OUTSIDE,
+    "tilt": "tilt_max",
+    "jitter": JITTER,
+    "limited": LIMITED,
 }
 """Key of a point -> metric in m, s, rad, rad/s or as a fraction."""
 

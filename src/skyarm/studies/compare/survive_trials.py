@@ -37,6 +37,7 @@ def faulty_sensors(built: Scenario, setting: TrialSetting, value: float) -> Scen
 
 def known_damping(built: Scenario, setting: TrialSetting, value: float) -> Scenario:
     """Scenario whose joints are damped, and whose model has that damping."""
+    # in plant and model alike: stiffness is on trial here, not a mismatch
     paths = (
         "plant.vehicle.links.{}.joint.damping",
         "model.vehicle.links.{}.joint.damping",
@@ -97,6 +98,7 @@ class SurviveTrial(Trial):
         Raises:
             ControllerError: the law does not fit the vehicle.
         """
+        # the law is made of what it may know, and flies what is there
         known = replace(self, entries=with_entries(self.entries, self.known))
         return self.scenario(setting, value).with_controller(
             controller_by_name(known.scenario(setting, value), law)

@@ -173,6 +173,7 @@ class TeamSuite(SummarySuite[TeamFlights]):
         refused = dict[str, str]()
         for name in self.rows:
             row = {"episodes": self.seeds, **ROWS[name]}
+            # a condition may be of some laws, or of a plant, alone
             laws, plant = row.pop("laws", tuple(LAWS)), row.pop("plant", self.plant)
             condition = TeamCondition(**row)
             if why := condition.refusal(given.team):

@@ -168,6 +168,7 @@ def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> Mask:
     links = (A != 0.0) | (
         ((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0
     )
+    # a state is in the loop if it acts on the vehicle and the vehicle on it
     first = np.zeros(len(A), dtype=bool)
     first[:states] = True
     return _reachable(links, first) & _reachable(links.T, first)

@@ -13,9 +13,12 @@ import numpy as np
 
 from skyarm.records.arrays import Array
 
+CONFIDENCE = 0.95
+"""Usual coverage of an interval."""
+
 
 def wilson(
-    successes: float, count: int, confidence: float = 0.95
+    successes: float, count: int, confidence: float = CONFIDENCE
 ) -> tuple[float, float]:
     """Wilson score interval of a proportion.
 
@@ -53,7 +56,7 @@ def quantiles(values: Array, shares: Sequence[float]) -> list[float]:
 
 
 def quantile_intervals(
-    values: Array, shares: Sequence[float], confidence: float = 0.95
+    values: Array, shares: Sequence[float], confidence: float = CONFIDENCE
 ) -> list[tuple[float, float] | None]:
     """Confidence intervals of quantiles between order statistics, for any distribution
     of the values.
@@ -88,7 +91,7 @@ def _interval_ranks(
 
 
 def mean_interval(
-    values: Array, confidence: float = 0.95
+    values: Array, confidence: float = CONFIDENCE
 ) -> tuple[float, float] | None:
     """Confidence interval of a mean by Student's t; None for fewer than two values, or
     for equal ones.
@@ -134,7 +137,11 @@ def _student_quantile(degrees: int, confidence: float) -> float:
 
 
 def paired_difference(
-    both: int, only_first: int, only_second: int, neither: int, confidence: float = 0.95
+    both: int,
+    only_first: int,
+    only_second: int,
+    neither: int,
+    confidence: float = CONFIDENCE,
 ) -> tuple[float, float]:
     """Score interval of the difference of two success rates on the same episodes, from
     the counts of pairs.

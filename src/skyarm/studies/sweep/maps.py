@@ -115,6 +115,7 @@ def axis(
     ones, more for more episodes.
     """
     different = np.unique(values)
+    # drawn values hardly recur: a cell for each would hold one episode
     if 2 <= different.size <= LISTED and values.size > 2 * different.size:
         middle = 0.5 * (different[:-1] + different[1:])
         edges = np.concatenate(

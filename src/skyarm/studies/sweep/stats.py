@@ -28,6 +28,7 @@ from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import axis_label, words_of
 from skyarm.studies.flights.store import read_column, require_parquet
 from skyarm.studies.sweep.intervals import (
+    CONFIDENCE,
     mean_interval,
     paired_difference,
     quantile_intervals,
@@ -203,13 +204,12 @@ def parse_limits(texts: list[str]) -> dict[str, float]:
     return limits
 
 
-def statistics(rows: Rows, *, confidence: float = 0.95) -> Facts:
+def statistics(rows: Rows) -> Facts:
     """Statistics of a sweep as plain data: success rates, quantiles and paired
     differences.
 
     Args:
         rows: rows of the study.
-        confidence: coverage of all intervals.
 
     Returns:
         Success and quantiles of each controller, and differences of each pair. Metrics
@@ -232,7 +232,7 @@ def statistics(rows: Rows, *, confidence: float = 0.95) -> Facts:
         "files_not_counted": list(rows.skipped),
         "episodes": rows.episodes,
         "deterministic": rows.deterministic,
-        "confidence": confidence,
+        "confidence": CONFIDENCE,
         "limits": rows.limits,
         "controllers": {},
         "paired": {},
@@ -244,13 +244,13 @@ def statistics(rows: Rows, *, confidence: float = 0.95) -> Facts:
             "status": dict(sorted(counts.items())),
             "successes": won,
             "success_rate": won / rows.episodes,
-            "success_interval": wilson(won, rows.episodes, confidence),
+            "success_interval": wilson(won, rows.episodes),
             "metrics": {},
         }
     pairs = list(combinations(rows.controllers, 2))
     for one, other in pairs:
         facts["paired"][f"{one} - {other}"] = _success_difference(
-            wins[one], wins[other], confidence
+            wins[one], wins[other]
         )
     for metric in rows.metrics:
         columns = {
@@ -258,14 +258,12 @@ def statistics(rows: Rows, *, confidence: float = 0.95) -> Facts:
         }
         for controller, column in columns.items():
             flown = column[flew[controller] & np.isfinite(column)]
-            facts["controllers"][controller]["metrics"][metric] = _spread(
-                flown, confidence
-            )
+            facts["controllers"][controller]["metrics"][metric] = _spread(flown)
         for one, other in pairs:
             difference = columns[one] - columns[other]
             flown = difference[flew[one] & flew[other] & np.isfinite(difference)]
             facts["paired"][f"{one} - {other}"]["metrics"][metric] = (
-                _difference_statistics(flown, confidence)
+                _difference_statistics(flown)
             )
     return _without_intervals(facts) if rows.deterministic else facts
 
@@ -284,7 +282,7 @@ def _without_intervals(facts: Facts) -> Facts:
     }
 
 
-def _spread(values: Array, confidence: float) -> Facts | None:
+def _spread(values: Array) -> Facts | None:
     if not values.size:
         return None
     return {
@@ -294,16 +292,12 @@ def _spread(values: Array, confidence: float) -> Facts | None:
             zip(map(str, SHARES), quantiles(values, SHARES), strict=True)
         ),
         "intervals": dict(
-            zip(
-                map(str, SHARES),
-                quantile_intervals(values, SHARES, confidence),
-                strict=True,
-            )
+            zip(map(str, SHARES), quantile_intervals(values, SHARES), strict=True)
         ),
     }
 
 
-def _difference_statistics(difference: Array, confidence: float) -> Facts | None:
+def _difference_statistics(difference: Array) -> Facts | None:
     """Mean and median of paired differences, and share of negative ones (ties count
     half).
     """
@@ -313,15 +307,15 @@ def _difference_statistics(difference: Array, confidence: float) -> Facts | None
     return {
         "count": int(difference.size),
         "mean": float(difference.mean()),
-        "mean_interval": mean_interval(difference, confidence),
+        "mean_interval": mean_interval(difference),
         "median": quantiles(difference, (0.5,))[0],
-        "median_interval": quantile_intervals(difference, (0.5,), confidence)[0],
+        "median_interval": quantile_intervals(difference, (0.5,))[0],
         "first_smaller": smaller / difference.size,
-        "first_smaller_interval": wilson(smaller, int(difference.size), confidence),
+        "first_smaller_interval": wilson(smaller, int(difference.size)),
     }
 
 
-def _success_difference(one: Array, other: Array, confidence: float) -> Facts:
+def _success_difference(one: Array, other: Array) -> Facts:
     counts = {
         "both": int((one & other).sum()),
         "only_first": int((one & ~other).sum()),
@@ -331,9 +325,7 @@ def _success_difference(one: Array, other: Array, confidence: float) -> Facts:
     return {
         "success": counts,
         "success_difference": (counts["only_first"] - counts["only_second"]) / one.size,
-        "success_difference_interval": paired_difference(
-            **counts, confidence=confidence
-        ),
+        "success_difference_interval": paired_difference(**counts),
         "metrics": {},
     }
 

@@ -67,6 +67,7 @@ class TableColumn:
 
     def cell(self, quantity: float | None) -> str:
         """Cell of the column for a number, SI; a dash for None."""
+        # two decimals of a small number may have no digit of it
         if quantity is None or abs(quantity * self.factor) >= self.fine:
             return number(quantity, self.factor)
         return shown_number(quantity * self.factor)
@@ -104,6 +105,7 @@ def spread(values: Array) -> dict[str, Any] | None:
     None if there are none.
     """
     finite = doubles(values)
+    # a flight that never met the metric's window has NaN there
     finite = finite[np.isfinite(finite)]
     if not finite.size:
         return None

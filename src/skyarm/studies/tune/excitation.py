@@ -260,24 +260,21 @@ GUST, GUST_SHARE = Vec3(0.75, 0.5, 0.43), 0.15
 """Direction of the gust's force, and its size over the weight."""
 
 
-def of_vehicle(
-    vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.81
-) -> Scenario:
+def of_vehicle(vehicle: Vehicle, law: str | None = None) -> Scenario:
     """Tuning scenario of a vehicle, with a controller whose nominal model is exact.
 
     Args:
         vehicle: plant and belief.
         law: any name of the catalogue; left out, the centroidal law, on the tip if
             there is one.
-        gravity: m/s^2.
     """
     named = law or ("centroidal_tip" if vehicle.end_effector else "centroidal_joint")
     rates, delays = Rates(), Delays(measurement=DELAY)
     controller = make_named_or_tuned(
-        named, Model(vehicle=vehicle, gravity=gravity), loop_facts(rates, delays)
+        named, Model(vehicle=vehicle), loop_facts(rates, delays)
     )
     agent = Agent(
-        plant=Truth(vehicle=vehicle, gravity=gravity),
+        plant=Truth(vehicle=vehicle),
         controller=controller,
         reference=motion(vehicle),
         noise=NOISE,

@@ -116,6 +116,7 @@ class Subject:
             "check": flight,
             "aside": tuning_flight(scenario, unseen=True),
         }
+        # the search scores the first seconds of the own motion, the check all of it
         return scenes | ({"check": own, "own": shorten(own)} if moves else {})
 
     def constants(self, scenario: Scenario) -> tuple[Tree, Place]:

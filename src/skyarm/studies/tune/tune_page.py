@@ -52,6 +52,7 @@ def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
             for _, value in walk(part(tuned, place), place)
             if isinstance(value, float)
         ]
+        # equal numbers, as of all axes, are stated as one
         gains[knob.path] = values[0] if len(set(values)) == 1 else values
     return gains
 
