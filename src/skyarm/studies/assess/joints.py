@@ -169,11 +169,12 @@ def arm_workspace(poses: ArmPoses) -> list[Finding]:
     vehicle = poses.vehicle
     if not vehicle.end_effector or vehicle.frame().link == BASE:
         return []
-    ends, _ = poses.worst(
-        lambda joints: np.vstack(
-            [tip_places(vehicle, joints).T, -tip_places(vehicle, joints).T]
-        )
-    )
+
+    def both_ways(joints: Array) -> Array:
+        places = tip_places(vehicle, joints).T
+        return np.vstack([places, -places])
+
+    ends, _ = poses.worst(both_ways)
     # adding zero turns -0.0, which would show its sign, into 0.0
     low, high = (np.round(each, 9) + 0.0 for each in (ends[:3], -ends[3:]))
     box = ", ".join(

@@ -89,7 +89,7 @@ def pressing_flights(scenario: Scenario) -> list[Finding]:
                 f"not known: {force:.3g} N meet nothing, or for too short a time",
             )
         ]
-    # flights without a contact have no error: they fail, and limit no rotor
+    # a flight without values fails by its error, and counts as free of limits
     strained = np.nan_to_num(limited).mean(axis=1)
     fails = (
         ended.any(axis=1)

@@ -168,19 +168,18 @@ class TeamCondition(Condition):
 
     def change_path(self, scenario: Scenario, last: str) -> Scenario:
         """Scenario in which the path of a named member is late."""
+        if not self.late:
+            return scenario
 
         def later(signal: Signal) -> Signal:
+            # a constant is the same at any time
             return (
                 signal if isinstance(signal, Constant) else Shifted(signal, self.late)
             )
 
         agent = scenario.agents[last]
         agent = replace(agent, reference=with_signals(agent.reference, later))
-        return (
-            replace(scenario, agents={**scenario.agents, last: agent})
-            if self.late
-            else scenario
-        )
+        return replace(scenario, agents={**scenario.agents, last: agent})
 
     def columns(
         self, scenario: Scenario, given: CarryingTeam, seed: int

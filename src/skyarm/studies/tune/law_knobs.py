@@ -311,7 +311,7 @@ def centre(
     )
     place = moved({place: number for knob in centred for place, number in knob.numbers})
     starts = {GIVEN: _log_factors([knob.values for knob in knobs], middle)}
-    for name in dict.fromkeys(names):
+    for name in names:
         row = _log_factors(catalogue[name], middle)
         # the given gains do not count: with good ones and with bad ones a search asks
         # for as many others

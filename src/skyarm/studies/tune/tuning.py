@@ -183,16 +183,15 @@ class Tuner:
         self._plants = with_own(plants) if plan.own else plants
         self._progress, self._done = progress, 0
         self._first: tuple[Array, Scores] | None = None
-        effort = plan.effort
-        rounds = effort.scatter * effort.first_plants
         self._stages = sizes = plan.stages
-        rounds += (effort.candidates - effort.scatter) * effort.plants + len(
-            WEIGHTS
-        ) * sizes.pool * effort.plants
+        effort = plan.effort
+        # after the scatter each leader of a weight flies the pool once
+        later = effort.candidates - effort.scatter + len(WEIGHTS) * sizes.pool
         self._total = (
-            rounds
+            effort.scatter * effort.first_plants
+            + later * effort.plants
             + sizes.semifinalists * sizes.further
-            + sizes.points * plan.stages.unseen
+            + sizes.points * sizes.unseen
         )
 
     @cached_property
