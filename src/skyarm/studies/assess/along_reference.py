@@ -214,7 +214,8 @@ def _speed_steps(scenario: Scenario) -> list[Finding]:
     one, or rest.
     """
     # before a later start of tracking the vehicle hovers: its initial velocity is gone
-    start, initial = float(scenario.agent.tracking_start), scenario.agent.initial
+    start = float(scenario.agent.tracking_start)
+    initial = scenario.agent.initial
     times = np.array(
         [start, *(t for t in _jump_times(scenario) if start < t < scenario.duration)]
     )
@@ -347,7 +348,8 @@ def _sample_times(part: FlightPart, end: float) -> list[Array]:
 
 def _jump_times(scenario: Scenario) -> list[float]:
     """Times (s) at which the reference may jump, in order."""
-    path, times = scenario.agent.path_time, scenario.agent.reference.switch_times()
+    path = scenario.agent.path_time
+    times = scenario.agent.reference.switch_times()
     return (
         list(times) if path is None else [path.instant_of(t) for t in times if t > 0.0]
     )
@@ -385,7 +387,8 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
 def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
     findings = []
     for i, link in enumerate(scenario.agent.vehicle.links):
-        joint, q = link.joint, demand.joints[i]
+        joint = link.joint
+        q = demand.joints[i]
         low, high = joint.ends
         beyond = (q < low) | (q > high)
         if np.any(beyond):

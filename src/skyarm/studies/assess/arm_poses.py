@@ -286,11 +286,14 @@ class ArmPoses:
         """
         values = in_parts(quantities, self.joints)
         at = np.argmin(values, axis=1)
-        least, best = values[np.arange(len(values)), at], self.joints[at]
+        least = values[np.arange(len(values)), at]
+        best = self.joints[at]
         if not self.searched or not self.joints.shape[1]:
             return least, best
         # a fixed seed, so that one vehicle always has the same findings
-        rng, spread, count = np.random.default_rng(0), 0.1, len(values)
+        rng = np.random.default_rng(0)
+        spread = 0.1
+        count = len(values)
         for _ in range(ROUNDS):
             steps = (
                 spread

@@ -84,7 +84,8 @@ def delay_margin(scenario: Scenario) -> list[Finding]:
     delay = hover_delay_if_known(scenario)
     if isinstance(delay, str):
         return [Finding(QUESTION, NOTE, f"not known: {delay}")]
-    text, unit = delay.sentence(scenario.agent.controller.name), "s"
+    text = delay.sentence(scenario.agent.controller.name)
+    unit = "s"
     if not delay.margin > 0.0:
         remedy = (
             "softer gains or another law: skyarm margins shows which loop is short of"
@@ -302,7 +303,8 @@ def assess_scenario(
     # of vehicles that are equal
     once = cache(partial(assess_vehicle, payload=payload, poses=poses))
     for name in scenario.agents:
-        one, plant = scenario.of(name), scenario.of(name).agent.plant
+        one = scenario.of(name)
+        plant = one.agent.plant
         about = once(plant.vehicle, gravity=float(plant.gravity))
         try:
             carried = carried_loads(scenario, name, bodies)
@@ -407,7 +409,8 @@ def _no_rotors(vehicle: Vehicle, file: str) -> Finding:
     """Fault of a vehicle without rotors: there are none, or its file states some with
     gaps.
     """
-    place, writes = f"{file}, where they are missing", ""
+    place = f"{file}, where they are missing"
+    writes = ""
     if not file.endswith(".toml"):
         place = "a vehicle file"
         writes = (

@@ -238,7 +238,8 @@ def _whole(vehicle: Vehicle, facts: Facts) -> Iterator[tuple[str, str]]:
             )
     if not vehicle.links:
         return
-    reached, tip = facts["reach_m"], vehicle.end_effector
+    reached = facts["reach_m"]
+    tip = vehicle.end_effector
     none = (
         "none: the end effector is fixed to the base"
         if tip
@@ -254,7 +255,8 @@ def _whole(vehicle: Vehicle, facts: Facts) -> Iterator[tuple[str, str]]:
         none if reached is None else f"{shown_number(reached, 4)} m, over {searched}",
     )
     for each in facts["joints"]:
-        torque, limit = facts["static_efforts"][each["name"]], each["effort_limit"]
+        torque = facts["static_efforts"][each["name"]]
+        limit = each["effort_limit"]
         unit = "N m" if each["kind"] == "revolute" else "N"
         margin = f", limit {limit:g} {unit}" if limit < math.inf else ""
         margin += (

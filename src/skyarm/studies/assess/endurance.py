@@ -80,7 +80,9 @@ def aloft_for(parts: Sequence[FlightPart], payload: float = 0.0) -> list[Finding
         parts: parts of the flight, each with its loads.
         payload: kg, a point mass at the tip in all of them.
     """
-    battery, seconds, duration = parts[0].vehicle.battery, 0.0, parts[-1].stop
+    battery = parts[0].vehicle.battery
+    seconds = 0.0
+    duration = parts[-1].stop
     if battery is None or not parts[0].vehicle.rotors:
         return []
     charge = float(battery.charge)
@@ -101,7 +103,8 @@ def aloft_for(parts: Sequence[FlightPart], payload: float = 0.0) -> list[Finding
             if not seconds and not part.words:  # said by time_aloft
                 return []
             break
-        seconds, charge = seconds + hover.seconds, hover.charge
+        seconds += hover.seconds
+        charge = hover.charge
         if hover.seconds < lasts:
             break
     # a battery that is not full is charged before a larger one is bought
@@ -203,14 +206,18 @@ def hover_time(
             f"vehicle '{vehicle.name}': battery.charge = {start:g}: must be enough for"
             " a level hover"
         )
-    seconds, charge, width = 0.0, start, start / STEPS
+    seconds = 0.0
+    charge = start
+    width = start / STEPS
     for i in range(STEPS):
         middle = voltage_at(start - (i + 0.5) * width)
         if middle is None:
             break
         lasts = 3600.0 * float(battery.capacity) * width * middle / power
         part = min(1.0, (longest - seconds) / lasts)
-        voltage, charge, seconds = middle, charge - part * width, seconds + part * lasts
+        voltage = middle
+        charge -= part * width
+        seconds += part * lasts
         if part < 1.0:
             # without rounding: a sum below ``longest`` would mean that the battery
             # ended

@@ -165,7 +165,8 @@ def _along(scenario: Scenario, frame: str, time: Array) -> Array:
     """World positions (3, K) of a vehicle frame (m) at K times, if a level base tracks
     the reference exactly.
     """
-    reference, vehicle = reference_at(scenario, time), scenario.agent.vehicle
+    reference = reference_at(scenario, time)
+    vehicle = scenario.agent.vehicle
     half = 0.5 * doubles(reference.yaw)
     state = State(
         position=reference.position,

@@ -132,7 +132,8 @@ def servo_speeds(
         top = min(float(servo.speed_limit), servo.no_load_speed)
         if math.isinf(top):
             continue
-        rates, unit = np.abs(every_rate[i]), f"{joint.units[0]}/s"
+        rates = np.abs(every_rate[i])
+        unit = f"{joint.units[0]}/s"
         k = int(np.argmax(rates))
         late = share(rates > top)
         field = (

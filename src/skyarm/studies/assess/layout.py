@@ -137,7 +137,8 @@ def _axes(vehicle: Vehicle) -> list[Finding]:
     """Faults for rotors that turn one way and whose thrust points down."""
     findings = []
     for rotor in vehicle.rotors:
-        up, name = float(rotor.axis.z), f"rotors[{rotor.name}].axis"
+        up = float(rotor.axis.z)
+        name = f"rotors[{rotor.name}].axis"
         if up < 0.0 and not rotor.reversible:
             text = f"the thrust of {rotor.name} points down (z of its axis: {up:.3g})"
             remedy = (
@@ -235,7 +236,8 @@ def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
     turns against the other.
     """
     own = _spread(vehicle, gravity)
-    question, limit = "senses of rotation", UNEVEN if math.isinf(own) else EVENER * own
+    question = "senses of rotation"
+    limit = UNEVEN if math.isinf(own) else EVENER * own
     for count in () if own < UNEVEN else (1, 2) if math.isinf(own) else (1,):
         turns = list(combinations(vehicle.rotors, count))
         tried = [
@@ -287,7 +289,8 @@ def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
         else f"spread of hover {own:.2g}"
     )
     text += f"; {turning} more turn one way than the other" if turning > 1 else ""
-    level, field = WARNING if turning > 1 else OK, "rotors.direction"
+    level = WARNING if turning > 1 else OK
+    field = "rotors.direction"
     return Finding(
         question,
         level,

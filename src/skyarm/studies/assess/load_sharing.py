@@ -156,7 +156,8 @@ def _balance(
     grasps = [row[0] for row in rows]
     places = np.array([float_array(row[1]) for row in rows]).reshape(-1, 3)
     lines = np.array([float_array(row[2] - row[1]) for row in rows]).reshape(-1, 3)
-    stretch, K = np.pad(lines, ((0, 0), (0, 3))), np.zeros((len(rows), 6, 6))
+    stretch = np.pad(lines, ((0, 0), (0, 3)))
+    K = np.zeros((len(rows), 6, 6))
     for i, grasp in enumerate(grasps):
         k = float(grasp.stiffness)
         turning = float(grasp.radius) ** 2
@@ -194,7 +195,9 @@ def _balance(
     )
     left = needed - np.einsum("ijk,ik->j", G, wrenches)
     below = float(pole[2] - middle[2])
-    lever, most, torque = norm(left[3:]) / weight, K[:, 5, 5], lengths(wrenches[:, 3:])
+    lever = norm(left[3:]) / weight
+    most = K[:, 5, 5]
+    torque = lengths(wrenches[:, 3:])
     pivot = "grasp " + ", ".join(
         each.label for each, own in zip(grasps, K, strict=True) if own.any()
     )
@@ -276,9 +279,11 @@ def poses_with_share(
     tilts if grasps pull sideways.
     """
     one = scenario.of(name)
-    vehicle, gravity = one.agent.vehicle, float(one.agent.plant.gravity)
+    vehicle = one.agent.vehicle
+    gravity = float(one.agent.plant.gravity)
     vehicle = vehicle.with_payload(payload) if payload else vehicle
-    load, weight = np.zeros(6 + vehicle.n), float(vehicle.mass) * gravity
+    load = np.zeros(6 + vehicle.n)
+    weight = float(vehicle.mass) * gravity
     for each in bodies:
         load += sum(
             own
@@ -356,7 +361,8 @@ def carried_loads(
     It is the share of the weight at the start, until the grasp opens. Sideways pulls of
     cables and internal forces are not in it, nor moments of fixed grasps.
     """
-    team, gravity = scenario.team, float(scenario.agents[name].plant.gravity)
+    team = scenario.team
+    gravity = float(scenario.agents[name].plant.gravity)
     if team is None or team.motion is None or not gravity:
         return []
     loads = []

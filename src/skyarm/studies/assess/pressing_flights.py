@@ -71,7 +71,8 @@ def pressing_flights(scenario: Scenario) -> list[Finding]:
     at = _constant_push(scenario)
     if at is None:
         return []
-    force, unresolved = float(at.push[0]), contact_steps(scenario, at)
+    force = float(at.push[0])
+    unresolved = contact_steps(scenario, at)
     if unresolved:
         return unresolved
     try:
@@ -217,7 +218,8 @@ def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
     (contact,) = scenario.worlds
     vehicle = scenario.agent.vehicle
     period = scenario.rates.period
-    joints, push = tuple(map(float, at.joints)), push_on_level_base(at)
+    joints = tuple(map(float, at.joints))
+    push = push_on_level_base(at)
     mass = tip_mass(vehicle, joints, push / np.linalg.norm(push))
     step = float(contact.largest_verlet_step or 0.0)
     hardest = max(
@@ -280,8 +282,10 @@ def cause_of(
         at: reference at the largest force.
         statuses: how flights with this force ended.
     """
-    vehicle, joints = scenario.agent.vehicle, tuple(map(float, at.joints))
-    push, force = push_on_level_base(at), float(at.push[0])
+    vehicle = scenario.agent.vehicle
+    joints = tuple(map(float, at.joints))
+    push = push_on_level_base(at)
+    force = float(at.push[0])
     if RotorContact.status in statuses:
         return (
             "a rotor touches a surface",
@@ -329,7 +333,8 @@ def reach_left(vehicle: Vehicle, joints: tuple[float, ...]) -> float:
 
     Infinite for an arm of one link, which no force stretches.
     """
-    poses, index = link_poses(vehicle, joints), vehicle.frame().link
+    poses = link_poses(vehicle, joints)
+    index = vehicle.frame().link
     places = [frame_pose(vehicle, vehicle.frame(), joints).p]
     while index != BASE:
         places.append(poses[index].p)

@@ -146,12 +146,14 @@ def yaw_torques(
 
 
 def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
-    vehicle, joints = scenario.agent.vehicle, tuple(map(float, at.joints))
+    vehicle = scenario.agent.vehicle
+    joints = tuple(map(float, at.joints))
     efforts = pushing_efforts(scenario, joints, push_on_level_base(at))
     limits = effort_limits(vehicle)
     shares = np.abs(efforts) / limits
     i = int(np.argmax(shares))
-    share, name = float(shares[i]), vehicle.links[i].joint.name
+    share = float(shares[i])
+    name = vehicle.links[i].joint.name
     unit = vehicle.links[i].joint.units[1]
     text = (
         f"{float(at.push[0]):.3g} N take {abs(efforts[i]):.3g} of {limits[i]:.3g}"

@@ -72,7 +72,8 @@ def thrust_margin(poses: ArmPoses) -> list[Finding]:
             "no shipped law flies it: hover turns"
             f" {', '.join(rotor.name for rotor in backwards)} backwards"
         )
-        field, remedy = "rotors.reversible", OWN_LAW
+        field = "rotors.reversible"
+        remedy = OWN_LAW
     return [
         _margin(poses, -float(busiest), at[0]),
         at_least(
@@ -90,7 +91,8 @@ def thrust_margin(poses: ArmPoses) -> list[Finding]:
 
 
 def _margin(poses: ArmPoses, busiest: float, joints: Array) -> Finding:
-    question, field = f"thrust margin{poses.held}", "rotors.max_speed"
+    question = f"thrust margin{poses.held}"
+    field = "rotors.max_speed"
     if any(math.isinf(float(rotor.max_speed)) for rotor in poses.vehicle.rotors):
         return Finding(
             question,
@@ -291,7 +293,8 @@ def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
     pose has its largest mass in closed form; the least of them is sought over the
     poses.
     """
-    question, vehicle = "largest payload", poses.vehicle
+    question = "largest payload"
+    vehicle = poses.vehicle
     if not vehicle.end_effector:
         return [
             Finding(
@@ -346,7 +349,8 @@ def _largest_by_part(poses: ArmPoses, loaded: ArmPoses, joints: Array) -> Array:
     negative if already overloaded.
     """
     # as much reserve with the payload as the thrust margin asks for
-    limits, bare = poses.allocation, poses.efforts(joints)
+    limits = poses.allocation
+    bare = poses.efforts(joints)
     allocation = replace(
         limits, highest=limits.highest / ENOUGH, lowest=limits.lowest / ENOUGH
     )
@@ -369,7 +373,8 @@ def largest_side_force(
     """Check result for the largest steady horizontal force, as of wind, at which hover
     is possible, N.
     """
-    question, weight = "largest side force", (float(vehicle.mass) + payload) * gravity
+    question = "largest side force"
+    weight = (float(vehicle.mass) + payload) * gravity
     top = float(highest_thrust(vehicle)) / ENOUGH
     if not math.isfinite(top):
         return [Finding(question, NOTE, "not known: a rotor has no max_speed")]

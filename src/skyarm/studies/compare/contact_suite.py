@@ -153,7 +153,8 @@ class ContactSuite(Suite[ContactFlights]):
         """All flights of the contact benchmark, and reasons why a controller is
         excluded from a task.
         """
-        flown, refused = list[ContactFlights](), dict[str, str]()
+        flown = list[ContactFlights]()
+        refused = dict[str, str]()
         for each in self.flights():
             try:
                 # refuses a law that does not fit
@@ -212,7 +213,8 @@ def lacks(task: ContactTask, cell: Cell, weight: float, phases: int) -> dict[str
         weight: weight of the vehicle, N.
         phases: number of phases of the scenario that was flown; 0 where none waits.
     """
-    m, late = cell.metrics, cell.status == "phase_failed"
+    m = cell.metrics
+    late = cell.status == "phase_failed"
     # a phase that was late ends a flight that is not lost: it lacks its phases
     unmet = {"lost": ~(cell.tracked_to_end | (late & cell.upright))}
     # not "<": what was not measured counts as unmet

@@ -137,7 +137,8 @@ def axis_flights(
     Raises:
         ControllerError: the law does not fit the vehicle.
     """
-    points, inside = axis.of(setting), Window(axis.start, setting.duration)
+    points = axis.of(setting)
+    inside = Window(axis.start, setting.duration)
     whole = AxisFlights(
         # the paper's gains fit no other vehicle
         entrant=Entrant(name=law, law=TUNED.get(law, law) if axis.vehicle else law),
@@ -547,7 +548,8 @@ def reach_text(axis: Record, points: Sequence[Record]) -> str:
     Then the largest rotor jitter where it flies, rad/s, and the largest share of
     periods with a rotor at its limit.
     """
-    values, gone = axis["values"], lost_at(points)
+    values = axis["values"]
+    gone = lost_at(points)
     counts = [within(points, level) for level in LEVELS]
     good = " / ".join(f"{values[count - 1]:g}" if count else DASH for count in counts)
     if gone:

@@ -87,7 +87,8 @@ def turbulence(built: Scenario, setting: TrialSetting, mean: float) -> Scenario:
     drag = BodyDrag(
         area=Vec3(*(2.0 * HULL * setting.weight / 1.225,) * 3), air_density=1.225
     )
-    sigma, length = Vec3(*(0.5 * mean,) * 3), Vec3(*(SCALE_LENGTH,) * 3)
+    sigma = Vec3(*(0.5 * mean,) * 3)
+    length = Vec3(*(SCALE_LENGTH,) * 3)
     gusts = Dryden(intensity=sigma, scale_length=length, airspeed=mean, direction_W=E_X)
     plant = replace(built.agent.plant, vehicle=replace(setting.truth, drag=drag))
     return with_words(

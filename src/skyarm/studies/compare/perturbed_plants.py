@@ -187,7 +187,8 @@ def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, f
     reach for both.
     """
     usual = Spread()
-    mass, length = float(vehicle.mass) / MASS, arm_length(vehicle) / ARM
+    mass = float(vehicle.mass) / MASS
+    length = arm_length(vehicle) / ARM
     weakest = 1.0 + usual.thrust[0]
     load, wind = usual.payload * mass, usual.wind * mass
     needed = (load * gravity + wind) / (float(vehicle.mass) * gravity)

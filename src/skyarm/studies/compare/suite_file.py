@@ -123,7 +123,8 @@ class SuiteTrial(Trial):
         """
         if not self.file:
             duration = DURATION if self.duration is None else self.duration
-            vehicle, own = suite.vehicle or PAPER, None if law == OWN else law
+            vehicle = suite.vehicle or PAPER
+            own = None if law == OWN else law
             hover = setting_of(
                 vehicle, duration, suite.plant, own, armed=False, at="vehicle"
             )
@@ -253,7 +254,8 @@ class FileSuite(Suite[FileFlights]):
         Raises:
             ValueError: one line with file and trial.
         """
-        cells, refused = list[FileFlights](), dict[str, str]()
+        cells = list[FileFlights]()
+        refused = dict[str, str]()
         if any(not trial.file for trial in self.trials):
             with errors_as(ValueError, f"{self.source}: "):
                 # of all that hover: its fault is of no trial
@@ -405,7 +407,8 @@ def _point(
     cell: Cell, rows: slice, metrics: Sequence[str], trial: SuiteTrial
 ) -> Document:
     """Results of one law at one value; of several vehicles the largest of theirs."""
-    flown, wanted = cell.completed[rows], (*metrics, *trial.success)
+    flown = cell.completed[rows]
+    wanted = (*metrics, *trial.success)
     numbers = {
         name: np.max([each[rows] for each in values_of(cell.metrics, name)], axis=0)
         for name in wanted
@@ -468,7 +471,8 @@ def load_suite(path: PathLike, **options: Any) -> FileSuite:
     Raises:
         ValueError: one line, ``file: table.key = value: what is allowed``.
     """
-    source, only = file_name(path, "suite"), options.pop("only", None)
+    source = file_name(path, "suite")
+    only = options.pop("only", None)
     require_file(source, f"suite = {shown(source)}")
     with errors_as(ValueError, f"{source}: "):
         document = read_toml(Path(source).read_bytes())
@@ -476,7 +480,8 @@ def load_suite(path: PathLike, **options: Any) -> FileSuite:
         top = Fields(document, "")
         top.require_schema()
         require_plugins(top)
-        table, given = top.inner("suite"), top.take("trials", [])
+        table = top.inner("suite")
+        given = top.take("trials", [])
         own = {
             "title": table.text("title", Path(source).stem),
             "laws": chosen_laws(_texts(table, "laws", LAWS), "suite.laws", (OWN,)),
@@ -585,7 +590,8 @@ ELSEWHERE = {
 
 def _trial(table: Fields, usual: Record) -> SuiteTrial:
     """Read one table of a suite."""
-    name, file = table.text("name"), table.text("scenario", "")
+    name = table.text("name")
+    file = table.text("scenario", "")
     if not is_result_name(name):
         raise ValueError(
             f"{table.at('name')} = {shown(name)}: must be the name of a file, of"

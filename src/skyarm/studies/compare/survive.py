@@ -106,7 +106,8 @@ class SurviveSuite(Suite[SurviveFlights]):
 
     def plan_cells(self) -> tuple[list[SurviveFlights], dict[str, str]]:
         """All flights of the suite, and reasons why a law is excluded."""
-        cells, refused = list[SurviveFlights](), dict[str, str]()
+        cells = list[SurviveFlights]()
+        refused = dict[str, str]()
         chosen = [trial for trial in TRIALS.values() if trial.name in self.conditions]
         for law in self.laws:
             try:

@@ -96,7 +96,8 @@ class TeamCondition(Condition):
             given: team that it describes.
         """
         changed = with_entries(document, self.tables)
-        world, own = changed["world"], changed["agents"][given.last]
+        world = changed["world"]
+        own = changed["agents"][given.last]
         entries: Document = {
             "agents": {given.last: {**self.last}},
             "world": {},
@@ -154,7 +155,8 @@ class TeamCondition(Condition):
         """Table of a grasp with the stiffness of the condition, and with the time at
         which the last member's opens.
         """
-        changed, own = dict(entry), given.grasps.get(entry["agent"])
+        changed = dict(entry)
+        own = given.grasps.get(entry["agent"])
         if own is None or entry["body"] != own.body:
             return changed
         if self.stiffness != 1.0:
@@ -192,7 +194,9 @@ class TeamCondition(Condition):
             given: the team before its changes.
             seed: seed of the draws.
         """
-        name, agents, last = given.body.name, scenario.agents, f"agents.{given.last}"
+        name = given.body.name
+        agents = scenario.agents
+        last = f"agents.{given.last}"
         several = {"masses": [*agents, name], "wind": [*AXES[:2]]}
         spread = {
             f"{each}_{part}": table

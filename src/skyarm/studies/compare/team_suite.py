@@ -174,7 +174,8 @@ class TeamSuite(SummarySuite[TeamFlights]):
         for name in self.rows:
             row = {"episodes": self.seeds, **ROWS[name]}
             # a condition may be of some laws, or of a plant, alone
-            laws, plant = row.pop("laws", tuple(LAWS)), row.pop("plant", self.plant)
+            laws = row.pop("laws", tuple(LAWS))
+            plant = row.pop("plant", self.plant)
             condition = TeamCondition(**row)
             if why := condition.refusal(given.team):
                 refused[name] = why

@@ -42,7 +42,8 @@ def fly_together(works: Sequence[Work], threads: int = 1) -> list[Rows]:
     """Simulate work items of equal compiled program and seed as one batch; results are
     as in separate ones.
     """
-    first, ends = works[0], np.cumsum([work.count for work in works])[:-1]
+    first = works[0]
+    ends = np.cumsum([work.count for work in works])[:-1]
     if first.alone:
         return [{**_leading_columns(first), **_one_by_one(first)}]
     columns = {
@@ -158,7 +159,8 @@ def one_scenario(work: Work, k: int) -> Scenario:
         seed=work.seed,
         episode=int(work.episodes[k]),
     )
-    agents, rate = dict(single.agents), single.rates.physics
+    agents = dict(single.agents)
+    rate = single.rates.physics
     for path, seconds in late.items():
         name = agent_of(path) or next(iter(agents))
         delays = replace(

@@ -36,7 +36,8 @@ class Processes:
 
     def __init__(self, count: int) -> None:
         # a second call waits for each process, which so is never idle
-        self.slots, self._count = 2 * count, count
+        self.slots = 2 * count
+        self._count = count
         self._flying: dict[Future[bytes], tuple[Work, bytes, int]] = {}
         # children of others, which are not ended here
         self._before = set(multiprocessing.active_children())

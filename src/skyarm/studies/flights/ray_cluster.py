@@ -83,7 +83,8 @@ class Ray:
         self._ray = require_ray("on = 'ray'")
         self._flying: dict[ObjectRef, Work] = {}
         self._landed: list[ObjectRef] = []
-        self._slots, self._counted = 1, -LOOK_SECONDS
+        self._slots = 1
+        self._counted = -LOOK_SECONDS
         outfit = pack((luggage(), TRIED))
         self._ours = not self._ray.is_initialized()
         if self._ours:
@@ -94,7 +95,8 @@ class Ray:
                 " or that address"
             )
         try:
-            self._kin, self._outfit = kin(), self._ray.put(outfit)
+            self._kin = kin()
+            self._outfit = self._ray.put(outfit)
             self._perform = self._ray.remote(max_retries=MOST_TRIES)(_travelling())
         # a cluster started here must not outlive a failed start
         except BaseException:

@@ -91,7 +91,8 @@ def pack_rows(rows: Rows, metadata: Mapping[bytes, bytes]) -> bytes:
         name: _texts(pa, each) if name in texts else _numbers(pa, each)
         for name, each in rows.items()
     }
-    table, sink = pa.table(columns).replace_schema_metadata(metadata), io.BytesIO()
+    table = pa.table(columns).replace_schema_metadata(metadata)
+    sink = io.BytesIO()
     parquet.write_table(table, sink, compression="zstd", use_dictionary=texts)
     return sink.getvalue()
 
@@ -346,7 +347,8 @@ class Store:
     """
 
     def __init__(self, folder: PathLike, *, study: str = "") -> None:
-        self.folder, self.study = require_writable(folder), study
+        self.folder = require_writable(folder)
+        self.study = study
         self.rows = require_writable(require_no_link(self.folder / ROWS))
         self.damaged, self.written = list[str](), set[str]()
 
@@ -389,7 +391,8 @@ class Store:
         """Content of the stored result file of a work item; None if it must be
         simulated.
         """
-        label, key = name_of(work.label), work.key.encode()
+        label = name_of(work.label)
+        key = work.key.encode()
         for path in self._files.get(label, ()):
             content = sound_content(path)
             stored_key = facts_of(content or b"").metadata.get(KEY)

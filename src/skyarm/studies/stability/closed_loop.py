@@ -90,11 +90,17 @@ def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
     the commands.
     """
     whole, late = _split(loop, loop.command_delay + extra_delay)
-    nx, nm, nu, ny = loop.x_x.shape[1], len(loop.m_m), loop.u_m.shape[0], len(loop.y_x)
+    nx = loop.x_x.shape[1]
+    nm = len(loop.m_m)
+    nu = loop.u_m.shape[0]
+    ny = len(loop.y_x)
     r = loop.measurement_delay
     ends = np.cumsum([0, nx, nm, *[ny] * r, *[nu] * (whole + 1)])
     places = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-    x, m, readings, queue = places[0], places[1], places[2 : 2 + r], places[2 + r :]
+    x = places[0]
+    m = places[1]
+    readings = places[2 : 2 + r]
+    queue = places[2 + r :]
     size = int(ends[-1])
     one = np.eye(size)
     now = np.zeros((ny, size))

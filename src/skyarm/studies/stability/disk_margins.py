@@ -236,7 +236,10 @@ def _descend(M: Complex) -> float:
         moved = d[:, None] * M / d[None, :]
         lower, its_slope = _slope(moved)
         if lower < value * (1.0 - ENOUGH):
-            M, value, slope, step = moved, lower, its_slope, 1.5 * step
+            M = moved
+            value = lower
+            slope = its_slope
+            step = 1.5 * step
         else:
             step *= 0.5
     return value
@@ -419,7 +422,8 @@ def _refine(response: Response, grid: Array) -> tuple[Array, Complex]:
             for k in np.argmax(np.abs(np.diagonal(T, axis1=1, axis2=2) + 0.5), axis=0)
         }
     ):
-        low, high = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
+        low = grid[max(k - 1, 0)]
+        high = grid[min(k + 1, len(grid) - 1)]
         more.append(np.linspace(low, high, 2 * BETWEEN + 1)[1:-1])
     added = np.setdiff1d(np.concatenate(more), grid)
     order = np.argsort(np.concatenate([grid, added]))

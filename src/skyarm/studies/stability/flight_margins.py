@@ -238,7 +238,8 @@ def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
     flight = flight.with_kind("rigid_body")
     # flown once: what compiles quickly is ready sooner
     engine = Engine(EpisodeCode(flight, commands=False, effort=0))
-    inputs, differentiator = engine.inputs, Differentiator(flight)
+    inputs = engine.inputs
+    differentiator = Differentiator(flight)
     for k in range(1, count + 1):
         # the instant is fed a row, so that the last one is that of the last period
         until = min(round(k * flight.steps / count), flight.steps - 1)

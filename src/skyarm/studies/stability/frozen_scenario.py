@@ -104,7 +104,8 @@ def _split(
         ScenarioError: a memory moves with the plant or follows its state: the loop
             without it is another.
     """
-    memoryless, left_out = list[Component[Tree]](), list[str]()
+    memoryless = list[Component[Tree]]()
+    left_out = list[str]()
     for i, part in enumerate(getattr(scenario, field)):
         name = f"environment.{field}[{i}]"
         memory = part.start(scenario.rates.period, (0.5,) * (2 * part.uniforms))

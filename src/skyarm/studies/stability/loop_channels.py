@@ -107,7 +107,8 @@ def vehicle_channels(
         attitude: base to world at the instant: the attitude is cut in rotations about
             the base's axes.
     """
-    rotors, joints = len(vehicle.rotors), vehicle.joint_names
+    rotors = len(vehicle.rotors)
+    joints = vehicle.joint_names
     size = rotors + len(joints)
     channels = single(
         [f"rotor {rotor.name}" for rotor in vehicle.rotors], "rotors", COMMANDS, size

@@ -124,11 +124,13 @@ def gain_edge(
     stable up to there.
     """
     nearer = min if limit > 1.0 else max
-    good, gain = 1.0, nearer(stride, limit)
+    good = 1.0
+    gain = nearer(stride, limit)
     while not is_unstable(gain):
         if gain == limit:
             return limit
-        good, gain = gain, nearer(gain * stride, limit)
+        good = gain
+        gain = nearer(gain * stride, limit)
     for _ in range(HALVINGS):
         # factors are ratios: the interval is halved in logarithms
         middle = math.sqrt(good * gain)

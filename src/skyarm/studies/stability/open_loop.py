@@ -294,7 +294,8 @@ class Differentiator:
         # well
         count = self._substeps(self._period).near
         step = COUPLED_STEP[scenario.integrator]
-        worlds, part = (scenario.agent.plant,), seconds / count
+        worlds = (scenario.agent.plant,)
+        part = seconds / count
         return repeat(
             count, lambda x: step(worlds, (x,), (command,), air, part)[0][0], state
         )
@@ -332,7 +333,8 @@ class Differentiator:
         columns = np.cumsum([0, sizes[0] - 1, *sizes[1:5]])
         x, old, new, m, y = (slice(int(a), int(b)) for a, b in pairwise(columns))
         # only the next state depends on when a command arrives
-        first, following = parts[0], np.array([part[0] for part in parts])
+        first = parts[0]
+        following = np.array([part[0] for part in parts])
         return OpenLoop(
             period=self._period,
             rotors=len(point.state.rotor_speeds),

@@ -118,7 +118,8 @@ def variable(rows: Rows, text: str, field: str) -> Variable:
     """
     name, equals, after = text.partition("=")
     if text in rows.parameters:
-        unit, logarithmic = rows.manifest.units.get(text, ""), rows.is_logarithmic(text)
+        unit = rows.manifest.units.get(text, "")
+        logarithmic = rows.is_logarithmic(text)
         return Variable(
             words=words_of(text),
             unit=unit,

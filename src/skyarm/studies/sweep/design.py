@@ -107,8 +107,10 @@ def extremes(draws: Design) -> dict[str, tuple[float, float, int, int]]:
             low, high, first, last = ranges.get(path, (np.inf, -np.inf, 0, 0))
             i, j = int(column.argmin()), int(column.argmax())
             if column[i] < low:
-                low, first = float(column[i]), block[i]
+                low = float(column[i])
+                first = block[i]
             if column[j] > high:
-                high, last = float(column[j]), block[j]
+                high = float(column[j])
+                last = block[j]
             ranges[path] = low, high, first, last
     return ranges

@@ -147,7 +147,8 @@ def read_expression(
         """Python identifier in place of a dotted parameter name, of equal length to
         keep error positions.
         """
-        name, call = match["quoted"] or match["plain"], match["call"] or ""
+        name = match["quoted"] or match["plain"]
+        call = match["call"] or ""
         if call and name != FUNCTION:
             why = f"{shown(name)} must not be called; the one function is {FUNCTION}"
             raise _wrong(field, text, match.start(), why)

@@ -81,7 +81,8 @@ def _interval_ranks(
     """Indices of the order statistics around a quantile, each end with half of the
     error; None if there are none.
     """
-    tail, k = 0.5 * (1.0 - confidence), np.arange(1.0, count + 1.0)
+    tail = 0.5 * (1.0 - confidence)
+    k = np.arange(1.0, count + 1.0)
     ratios = np.log((count + 1.0 - k) / k) + math.log(share / (1.0 - share))
     # P(at most 0, 1, ... values)
     below = np.cumsum(np.exp(np.cumsum([count * math.log1p(-share), *ratios])))
@@ -124,7 +125,8 @@ def _student_quantile(degrees: int, confidence: float) -> float:
     # the first term is 1, then each is (k - 1) / k times the one before
     k = np.arange(2 + n % 2, n, 2)
     factors = np.cumprod([1.0, *((k - 1.0) / k)])
-    low, high = 0.0, 0.5 * math.pi
+    low = 0.0
+    high = 0.5 * math.pi
     # 60 halvings reach the last bit of a double
     for _ in range(60):
         angle = 0.5 * (low + high)

@@ -162,7 +162,8 @@ class Manifest:
         """Settings that determine a sweep's results, by name, as shown in error
         messages.
         """
-        study, vary = self.study, self.study.get("vary") or {}
+        study = self.study
+        vary = self.study.get("vary") or {}
         return {
             **{
                 name: value
@@ -230,7 +231,8 @@ def read_manifest(folder: PathLike) -> Manifest | None:
     try:
         if not isinstance(table, dict):
             raise ValueError("must be a table")
-        schema, digest = table.get("schema"), table.pop("sha256", None)
+        schema = table.get("schema")
+        digest = table.pop("sha256", None)
         if schema not in (SCHEMA, OLD):
             raise ValueError(f"schema = {shown(schema)}: must be {SCHEMA}")
         if (digest is not None or schema == SCHEMA) and digest != _sum(table):

@@ -313,7 +313,8 @@ def save_episode(path: PathLike, study: Study, label: str, episode: int) -> Path
             f"episode = {shown(episode)}: must be a whole number from 0 to"
             f" {study.episodes - 1}"
         )
-    episode, drawn = index, values(study, [index])
+    episode = index
+    drawn = values(study, [index])
     scenario = at_episode(
         study, label, {name: column[0] for name, column in drawn.items()}, episode
     )

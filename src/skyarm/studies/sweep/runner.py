@@ -107,7 +107,9 @@ def run_sweep(
     plan = prepare(study)
     begin = time.perf_counter()
     report = progress or (lambda *_: None)
-    folder, manifest, controllers = Path(out), plan.manifest, len(study.scenarios)
+    folder = Path(out)
+    manifest = plan.manifest
+    controllers = len(study.scenarios)
     with taken_back(folder, folder / MANIFEST, folder / ROWS):
         store = Store(folder, study=manifest.digest)
         with store.alone(f"{first + 1}_of_{stride}" if stride > 1 else ""):

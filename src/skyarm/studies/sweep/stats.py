@@ -77,7 +77,8 @@ class Rows:
                 f"{at}: must be one that 'skyarm sweep' wrote; it has no whole"
                 f" {MANIFEST}"
             )
-        self.manifest, there = manifest, rows_there(self.folder, manifest)
+        self.manifest = manifest
+        there = rows_there(self.folder, manifest)
         self.skipped = there.ignored
         self._chunks = there.chunks
         self._files = there.files
@@ -101,7 +102,8 @@ class Rows:
                     f"success.{name}: is no metric of these rows; {listed}"
                 )
         self.episodes = sum(len(manifest.span(index)) for index in there.chunks)
-        self.count, self.planned = self.episodes * len(self.controllers), manifest.rows
+        self.count = self.episodes * len(self.controllers)
+        self.planned = manifest.rows
 
     @property
     def deterministic(self) -> bool:

@@ -142,7 +142,8 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     if type(schema) is not int or schema != 1:
         raise ValueError(f"schema = {shown(schema)}: must be 1")
     require_plugins(top)
-    name, title = top.take("name"), top.text("title", "")
+    name = top.take("name")
+    title = top.text("title", "")
     check_name(name)
     design = top.choice("design", DESIGNS, "random")
     vary = _vary(top.take("vary", {}), design)

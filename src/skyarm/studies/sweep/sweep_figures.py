@@ -224,7 +224,9 @@ def robustness_figure(found: RobustnessMap) -> Figure:
     episodes stay blank.
     """
     figure, (ax,) = PAPER.tiles(1, 1, (MAP_WIDTH, MAP_HEIGHT))
-    across, upward, share = found.across, found.upward, np.ma.masked_invalid(found.rate)
+    across = found.across
+    upward = found.upward
+    share = np.ma.masked_invalid(found.rate)
     ax.grid(visible=False)
     shade = ax.pcolormesh(
         across.edges, upward.edges, share, cmap=COLORS, vmin=0.0, vmax=1.0

@@ -179,7 +179,8 @@ def _setting(
     name: str, document: Mapping[str, Any], folder: Path, given: Mapping[str, Any]
 ) -> TrialSetting:
     hover = scenario_from(document, folder, given)
-    truth, paper = next(iter(hover.vehicles.values())), load_vehicle(PAPER)
+    truth = next(iter(hover.vehicles.values()))
+    paper = load_vehicle(PAPER)
     ranges = list(map(_swing_range, truth.joints))
     return TrialSetting(
         vehicle=name,

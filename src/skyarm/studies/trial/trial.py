@@ -104,7 +104,8 @@ class Trial:
 
     def built(self, setting: TrialSetting, value: float) -> Scenario:
         """Scenario of the trial at one value before its numbers."""
-        facts, document = setting.facts | {"value": value}, dict(setting.document)
+        facts = setting.facts | {"value": value}
+        document = dict(setting.document)
         if not self.file:
             at = {"kind": "signals", "x": 0, "y": 0, "z": setting.facts["height"]}
             base = at | fill_in(MOTIONS["bases"].get(self.base, {}), facts, setting)
@@ -231,7 +232,8 @@ def fill_in(
         case "value":
             raise ValueError(f"{at} = 'value': must be '= value', an expression")
         case str() if entry.startswith("{"):
-            name, there = entry.strip("{}"), setting.words | MOTIONS["parts"]
+            name = entry.strip("{}")
+            there = setting.words | MOTIONS["parts"]
             if name not in there:
                 raise ValueError(
                     f"{at} = {shown(entry)}: {must_be_one_of(there, name)}"

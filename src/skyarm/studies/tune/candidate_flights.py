@@ -141,7 +141,9 @@ class CandidateFlights:
         gust: bool = False,
         saturation: bool = False,
     ) -> None:
-        self.knobs, self.plants, self._runner = tuple(knobs), plants, runner
+        self.knobs = tuple(knobs)
+        self.plants = plants
+        self._runner = runner
         # the scenario's own reference has none of the numbers of drawn motions
         still = _without_motions(plants)
         self._own = (
@@ -166,7 +168,8 @@ class CandidateFlights:
     def _metrics(self, scenario: Scenario, saturation: bool) -> tuple[str, ...]:
         """Metrics of the flights."""
         vehicle = scenario.agent.vehicle
-        self._arm, self._has_tip = arm_length(vehicle), bool(vehicle.end_effector)
+        self._arm = arm_length(vehicle)
+        self._has_tip = bool(vehicle.end_effector)
         self._keeps_tip = scenario.agent.controller.keeps_tip
         # a servo receives setpoints: its torque is its own
         self._efforts = tuple(
@@ -210,7 +213,8 @@ class CandidateFlights:
         works = self._works(stage, logs, drawn)
         further = self._own._works(f"{stage}.own", logs, _without_motions(own))
         rows = self._runner.rows([*works, *further])
-        one, other = rows[: len(works)], rows[len(works) :]
+        one = rows[: len(works)]
+        other = rows[len(works) :]
         return _join(
             mine,
             self._results(len(logs), drawn, one),

@@ -269,7 +269,8 @@ def of_vehicle(vehicle: Vehicle, law: str | None = None) -> Scenario:
             there is one.
     """
     named = law or ("centroidal_tip" if vehicle.end_effector else "centroidal_joint")
-    rates, delays = Rates(), Delays(measurement=DELAY)
+    rates = Rates()
+    delays = Delays(measurement=DELAY)
     controller = make_named_or_tuned(
         named, Model(vehicle=vehicle), loop_facts(rates, delays)
     )

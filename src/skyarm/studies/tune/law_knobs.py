@@ -93,7 +93,8 @@ def inner_place(controller: Controller) -> Place:
     place: Place = ()
     par = controller.par
     while is_record(inner := getattr(par, "inner", None)):
-        place, par = (*place, "inner"), inner
+        place = (*place, "inner")
+        par = inner
     return place
 
 

@@ -110,7 +110,8 @@ class Subject:
         """Scenarios of a plan by their names there; its own motion is flown, too, if it
         ``moves``.
         """
-        flight, own = tuning_flight(scenario), tuning_flight(scenario, own_motion=True)
+        flight = tuning_flight(scenario)
+        own = tuning_flight(scenario, own_motion=True)
         scenes = {
             "flight": flight,
             "check": flight,

@@ -88,7 +88,8 @@ def team_flight(scenario: Scenario) -> Scenario:
     """Scenario with noise where it has none, and with paths of tips whose grasps can be
     off.
     """
-    team, agents = team_of(scenario), dict(scenario.agents)
+    team = team_of(scenario)
+    agents = dict(scenario.agents)
     if not (team.position_noise or team.attitude_noise):
         team = replace(
             team, position_noise=NOISE.position, attitude_noise=NOISE.attitude
@@ -166,7 +167,9 @@ def draw_team_plants(
         seed: key.
         mixed: one kind after the other.
     """
-    own, members, spread = masses(scenario), len(team_of(scenario).members), Spread()
+    own = masses(scenario)
+    members = len(team_of(scenario).members)
+    spread = Spread()
     drawn = 2.0 * uniforms(seed, np.arange(count), CHANNEL, 0, len(own) + 1) - 1.0
     offs = [FIRST_OFF + i for i in range(members)]
     # resize repeats the kinds in turn
@@ -260,7 +263,8 @@ class NoMargins(HoverMargins):
     """Margins that are not required."""
 
     def __init__(self, *_: object) -> None:
-        self._loops, self._why_none = None, WITHOUT
+        self._loops = None
+        self._why_none = WITHOUT
 
 
 class TeamSubject(Subject):

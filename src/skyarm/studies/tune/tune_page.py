@@ -136,7 +136,8 @@ def plain_aside(tuning: Tuning, aside: Validation) -> dict[str, float | str | bo
 
 def _scores(tuning: Tuning, scored: Point | Validation) -> dict[str, float | str]:
     """Scores that the subject of a tuning has, by their names in files."""
-    names, numbers = tuning.plan.subject.score_names, parts(scored)
+    names = tuning.plan.subject.score_names
+    numbers = parts(scored)
     return {
         names[name]: _short(float(numbers[name])) for name in names if name in numbers
     }

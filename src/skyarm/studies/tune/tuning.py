@@ -181,7 +181,8 @@ class Tuner:
     ) -> None:
         self._plan, self._runner = plan, runner
         self._plants = with_own(plants) if plan.own else plants
-        self._progress, self._done = progress, 0
+        self._progress = progress
+        self._done = 0
         self._first: tuple[Array, Scores] | None = None
         self._stages = sizes = plan.stages
         effort = plan.effort
@@ -304,7 +305,8 @@ class Tuner:
             saturation=True,
         )
         self._progress(self._total, self._total, "margins")
-        scored, margins = scores(flown), self._margins.measure(rows)
+        scored = scores(flown)
+        margins = self._margins.measure(rows)
         return [
             Point(
                 logs=tuple(row.tolist()),
@@ -459,7 +461,8 @@ def tune(
             what if isinstance(what, Vehicle) else load_vehicle(what), controller
         )
     else:
-        moves, scenario = True, as_scenario(what, controller)
+        moves = True
+        scenario = as_scenario(what, controller)
     subject = subject_of(scenario)
     label = subject.label(scenario, controller)
     plan = plan_of(
