@@ -60,7 +60,7 @@ from skyarm.records.files import (
 )
 from skyarm.records.files.writing import one_writer
 from skyarm.scenario.scenario_record import PLANTS
-from skyarm.studies.flights import Crew, Rows, Store, Work
+from skyarm.studies.flights import Rows, Store, Work, WorkRunner
 from skyarm.studies.flights.executor import Progress, require_place
 from skyarm.studies.flights.store import unpack_rows
 from skyarm.view.figures.paper_figures import overview_figure, paper_figures
@@ -177,7 +177,7 @@ def run_campaign(
         work for work in every if work.keeps_log and work.fixed["plant"] == plants[0]
     ]
     landed: dict[str, bytes] = {}
-    with Crew(on, workers, store) as crew:
+    with WorkRunner(on, workers, store) as crew:
         for work, content in crew.fly(every):
             landed[work.label] = content
             if progress is not None:

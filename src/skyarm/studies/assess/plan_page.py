@@ -21,6 +21,7 @@ def plan_page(plan: Plan) -> str:
     """Make the HTML page of a plan."""
     found = summary(plan)
     first, *_, last = summary_lines(plan.task.name, found)
+    # no phase begins at the last edge, the end of the flight
     phases = [
         (f"{k}", name, f"{begin:.3f}", f"{length:.3f}")
         for k, ((name, length), begin) in enumerate(
