@@ -114,7 +114,8 @@ def check_controller(controller: Controller) -> None:
     except TypeError as error:
         raise wrong(controller, f"cannot be called as {CALLED_AS}: {error}") from None
     except ValueError:
-        pass  # built in: it has no signature to look at
+        # built in: it has no signature to look at
+        pass
     par = controller.par
     if not is_record(par):
         raise wrong(
@@ -359,7 +360,8 @@ def call_maker(
     except TypeError as error:
         raise wrong_maker(f" cannot be called as maker(model): {error}") from None
     except ValueError:
-        pass  # built in: it has no signature to look at
+        # built in: it has no signature to look at
+        pass
     try:
         made = maker(model, **options)
     except (RecordError, ControllerError) as error:
@@ -451,7 +453,8 @@ def _results_with_floats(
         try:
             result = step(memory, measured, reference)
         except ArithmeticError:
-            break  # floats refuse 1 / 0, a program goes on with inf
+            # floats refuse 1 / 0, a program goes on with inf
+            break
         if (name := changed_argument(given, before)) is not None:
             raise wrong(
                 controller,
@@ -470,12 +473,9 @@ def _results_with_floats(
 
 def _same_numbers(first: Sequence[Scalar], second: Sequence[Scalar]) -> bool:
     """True if two sequences contain the same numbers; NaN equals NaN."""
-    if len(first) != len(second):
-        return False
-    return all(
-        a is b or a == b or (a != a and b != b)
-        for a, b in zip(first, second, strict=True)
-    )  # noqa: PLR0124
+    return np.array_equal(
+        np.array(first, float), np.array(second, float), equal_nan=True
+    )
 
 
 def _require_numbers(
@@ -494,7 +494,8 @@ def _require_numbers(
         for name, count in _counts(controller).items()
         for i in range(count)
     ]
-    for field, value in zip(fields, command, strict=False):  # angles may be left out
+    # angles may be left out
+    for field, value in zip(fields, command, strict=False):
         if not math.isfinite(value):
             raise wrong(
                 controller,

@@ -218,13 +218,13 @@ def touches(
     )
     step = maximum(weak, through)
     losing = where(logical_and(was, step > 0.0), memory.losing + step, 0.0)
-    # a sum of periods is not exactly their number times one the force at a tip that
-    # still goes in, soon after a loss, is a remainder in the observer or a sensor's
-    # filter
+    # the force at a tip that still goes in, soon after a loss, is a remainder in the
+    # observer or a sensor's filter
     begins = logical_and(
         force > gains.touch,
         logical_or(into < gains.escape, memory.free > gains.rebound),
     )
+    # a sum of periods is not exactly their number times one
     touching = where(
         was,
         where(losing > 1.0 - 1e-9, 0.0, 1.0),

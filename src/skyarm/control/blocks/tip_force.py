@@ -4,7 +4,8 @@ A force f at the tip (base axes) appears in the observed disturbance as J^T f at
 joints, r x f in the base's torque and f in its force, in addition to the bias b of
 wind, wrong masses and friction: f is the weighted least squares
 
-    |J^T f - (d_q - b_q)|^2 / l_q^2 + |r x f - (d_w - b_w)|^2 / l_w^2 + |f - (d_F - b_F)|^2
+    |J^T f - (d_q - b_q)|^2 / l_q^2 + |r x f - (d_w - b_w)|^2 / l_w^2
+        + |f - (d_F - b_F)|^2
 
 with lengths l that say by which torque a force is wrong by as much as one of the base
 of 1 N. Joints weigh most, since little else pushes there; the base gives the direction

@@ -1,11 +1,14 @@
 """Ablation ladder: computed torque of Barakou et al. 2026, extended in steps towards
 the centroidal law.
 
-    a* = pdd_d + g e_z - (Kp e_p + Kv e_v) / m                         as (82), upwards
-    f  = m a* [+ R F_arm(q, qd, qdd*)] [- d_f]                          thrust direction; thrust = f . R e_z
-    alpha* = -I_b^-1 (KR e_R + Kw e_w) [+ R^T R_d wd_d - w x R^T R_d w_d]  as (85); w_d, wd_d from f, f', f''
-    a  = a*  or  [(f_real - F_0) / m]                                  the base's acceleration in the inverse dynamics
+    a* = pdd_d + g e_z - (Kp e_p + Kv e_v) / m                   (82), upwards
+    f  = m a* [+ R F_arm(q, qd, qdd*)] [- d_f]                   thrust = f . R e_z
+    alpha* = -I_b^-1 (KR e_R + Kw e_w) [+ R^T R_d wd_d - w x R^T R_d w_d]    (85)
+    a  = a*  or  [(f_real - F_0) / m]
     [T, tau] = M [a; alpha*; qdd*] + products  [- d]
+
+f is the direction of the thrust, and w_d and wd_d follow from f, f' and f''; a is the
+base's acceleration in the inverse dynamics.
 
 Terms in brackets are the steps. The base's angular acceleration stays out of the thrust
 direction: with it the attitude would chase its own control torque.

@@ -377,7 +377,8 @@ def admittance_motion(
     """
     s, rate = memory.interaction.shift, memory.interaction.shift_rate
     damping = divide(maximum(touch.force, LEAST), maximum(touch.speed, LEAST))
-    driven = divide(touch.along - touch.force, damping)  # m/s, at which it would settle
+    # m/s, at which it would settle
+    driven = divide(touch.along - touch.force, damping)
     # a hard surface pushes no faster back than the tip came
     driven = minimum(driven, touch.speed)
     after = where(
@@ -389,7 +390,8 @@ def admittance_motion(
     velocity = where(touch.pressing.asked, after, back)
     far = par.interaction.furthest
     place = clip(s + dt * velocity, -far, far)
-    velocity = divide(place - s, dt)  # none at the end of its way
+    # none at the end of its way
+    velocity = divide(place - s, dt)
     return place, velocity, divide(velocity - rate, dt)
 
 

@@ -103,7 +103,8 @@ def _thrust(controller: Controller, position: float, velocity: float) -> float:
             share * speed * speed for share, speed in zip(shares, speeds, strict=True)
         )
         if (speeds, thrust) == before:
-            break  # all further answers are the same
+            # all further answers are the same
+            break
     return thrust
 
 

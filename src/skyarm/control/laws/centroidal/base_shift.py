@@ -204,7 +204,8 @@ def tilt_shares(
     )
     directions, columns = axes(vehicle, poses), tip_columns(vehicle, joints, poses)
     ways = []
-    for tilt in (Vec3(0, 1, 0), Vec3(-1, 0, 0)):  # of a thrust along x, and along y
+    # of a thrust along x, and along y
+    for tilt in (Vec3(0, 1, 0), Vec3(-1, 0, 0)):
         way = tilt.cross(arm)
         still = joints_of_turns(
             vehicle, gains, directions, [-tilt] * vehicle.n, (0.0,) * vehicle.n

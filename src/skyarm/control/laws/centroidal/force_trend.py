@@ -1,14 +1,20 @@
 """Trend of the observed external force: its rate of change, weighted by how well past
 predictions matched.
 
-A steady turn of the wind can be predicted, turbulence and noise cannot. The rate comes from a second-order tracker,
+A steady turn of the wind can be predicted, turbulence and noise cannot. The rate comes
+from a second-order tracker,
+
     level' = rate + 2 w (d - level),    rate' = w^2 (d - level),
-d the observer's force. Force and rate then pass the same chain of three first-order filters of together ``horizon``
-seconds: horizon late(rate) predicts d - late(d). The slope of the least squares between both, over the last seconds, is
-the trust in the rate: none up to a half, full at 1. Rates as steep as a step's are not trusted. The force that is
-compensated now, and the attitude that turns against it, have the rate times the slope itself: over their short delays
-turbulence is predicted, too.
-Sources: Gao 2003 (poles of the tracker); the slope is the Wiener coefficient of a prediction by one regressor.
+
+d the observer's force. Force and rate then pass the same chain of three first-order
+filters of together ``horizon`` seconds: horizon late(rate) predicts d - late(d). The
+slope of the least squares between both, over the last seconds, is the trust in the
+rate: none up to a half, full at 1. Rates as steep as a step's are not trusted. The
+force that is compensated now, and the attitude that turns against it, have the rate
+times the slope itself: over their short delays turbulence is predicted, too.
+
+Sources: Gao 2003 (poles of the tracker); the slope is the Wiener coefficient of a
+prediction by one regressor.
 """
 
 from __future__ import annotations

@@ -3,15 +3,15 @@
 Each step is a function of the records before it, and none of these is changed:
 
 1. when the command acts, by the lag that was found; 2. the held reference continued
-  until then, with its preview;
-3. gains by lag and noise; 4. the observer's state at the (possibly old) measurement; 5.
-the state predicted from it, and what a tip in contact changes: reference, compensated
-force, adaptation; 6. the force as it will be, by its weighted rate; 7. attitude and 8.
-links of the plan without errors; 9. the force that the centre of mass requires; 10. the
-attitude of this force; 11. joint accelerations, of the joints' references or of tip and
-links; 12. commands by the inverse dynamics of an underactuated base: the real thrust
-goes in, the base's acceleration comes out; 13. adaptation of lag, noise, load and
-friction. The numbers are those of ``docs/centroidal_law_specification.md``.
+until then, with its preview; 3. gains by lag and noise; 4. the observer's state at the
+(possibly old) measurement; 5. the state predicted from it, and what a tip in contact
+changes: reference, compensated force, adaptation; 6. the force as it will be, by its
+weighted rate; 7. attitude and 8. links of the plan without errors; 9. the force that
+the centre of mass requires; 10. the attitude of this force; 11. joint accelerations, of
+the joints' references or of tip and links; 12. commands by the inverse dynamics of an
+underactuated base: the real thrust goes in, the base's acceleration comes out; 13.
+adaptation of lag, noise, load and friction. The numbers are those of
+``docs/centroidal_law_specification.md``.
 
 Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 """

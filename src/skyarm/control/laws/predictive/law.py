@@ -204,7 +204,8 @@ class PredictiveEngine:
     contact: TipContact | None = None
 
     def __deepcopy__(self, _memo: dict[int, Any]) -> PredictiveEngine:
-        return self  # machine code is not copied
+        # machine code is not copied
+        return self
 
 
 def engine_key(par: PredictiveParameters, dt: float, push: bool) -> EngineKey:

@@ -103,7 +103,8 @@ def _angular(
 
 
 def _margin(quaternion: Quaternion) -> Scalar:
-    return euler_margin(quaternion)  # under the name that logs of flights hold
+    # under the name that logs of flights hold
+    return euler_margin(quaternion)
 
 
 make_bulut = law_maker(

@@ -1,7 +1,8 @@
 """Incremental nonlinear dynamic inversion of base and joints, with its filters.
 
     f = F_f + m (a_c - a_f),   thrust = f . R e_z,   R_d from f
-    [T, tau] = [T_f, tau_f] + M(q) increments of [alpha_c - alpha_f, qdd_c - qdd_f] under the thrust increment
+    [T, tau] = [T_f, tau_f] + M(q) [alpha_c - alpha_f, qdd_c - qdd_f]
+        under the increment of the thrust
 
 a_f is the low-pass of the accelerometer (world axes, less gravity), alpha_f and qdd_f
 are differences of the low-passed gyroscope and joint rates, F_f and T_f are the

@@ -389,7 +389,6 @@ def admittance_gains(
     ``gains`` are the law's other options; ``leads``: whether it leads a tip; ``lead``:
     lag of its observer, s.
 
-
     Raises:
         ControllerError: a wrong table, a law without a tip to lead, or one that presses
             or learns a load.

@@ -244,7 +244,8 @@ def _effort(vehicle: Vehicle, sent: Command) -> Scalar:
     """
     most: Scalar = 0.0
     for link, effort in zip(vehicle.links, sent.efforts, strict=True):
-        limit = link.joint.effort_limit  # 0 is none
+        # 0 is none
+        limit = link.joint.effort_limit
         most = maximum(most, where(limit > 0.0, divide(absolute(effort), limit), 0.0))
     for rotor, speed in zip(vehicle.rotors, sent.rotor_speeds, strict=True):
         share = divide(speed, rotor.max_speed)
