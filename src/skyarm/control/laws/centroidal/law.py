@@ -122,7 +122,7 @@ class CentroidalMemory:
     def after_start(self) -> CentroidalMemory:
         """Internal state in which the gentle start of the gains is over."""
         lag = self.parts.lag
-        if lag is None:
+        if not lag:
             return self
         return dataclasses.replace(
             self,
