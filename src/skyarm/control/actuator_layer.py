@@ -144,12 +144,16 @@ class ActuatorMemory:
         efforts = command.efforts
         if self.drives:
             rows = zip(believed_drives(par.model), efforts, strict=True)
+            # a setpoint is affine in the torque of a joint at rest: a difference gives
+            # its slope
             slopes = [
                 (drive.standing(1.0, 0.0) - drive.standing(0.0, 0.0), goal)
                 for drive, goal in rows
             ]
             efforts = tuple(
-                where(slope > 0.0, divide(goal, slope), 0.0) for slope, goal in slopes
+                # a setpoint that no torque moves has none to be converted to
+                where(slope > 0.0, divide(goal, slope), 0.0)
+                for slope, goal in slopes
             )
         return replace(
             command,
@@ -298,12 +302,15 @@ def with_consequences(
             par.mixer,
             (pairs_model(par.model) if turns_rotors(controller) else par.model),
         )
+        # the mixer is the inverse of the rotors' allocation, which has changed
         mixer = make_mixer(
             allocated.vehicle, old.policy, bool(old.across), old.yaw_slack
         )
         par = replace(par, mixer=mixer)
         controller = replace(
             controller,
+            # a lead that is replaced itself is stated: it does not follow from the
+            # model any more
             par=par if any("lead" in place for place in changed) else with_leads(par),
         )
     controller = _with_layers_refitted(controller, changed)
@@ -315,6 +322,7 @@ def with_consequences(
             with_innermost(memory, begun),
         )
         controller = replace(controller, par=par, memory=memory)
+    # the memory of a late drive is sized by its latency, so it begins anew
     late = any(place[0] == "drives" and place[-1] == "latency" for place in inside)
     if late and isinstance(memory, ActuatorMemory) and memory.drives:
         drives = _first_memories(believed_drives(par.model), control_period)
@@ -388,6 +396,8 @@ def actuator_law(
     inner_measurement = replace(measurement, rotor_speeds=turning)
     following, command = inner(memory.inner, inner_measurement, reference, dt, par=own)
     speeds = tuple(
+        # to the law a thrust is k_f w^2: w^2 is the thrust at which the table is
+        # inverted
         w if rotor.table is None else speed_of_push(rotor, w * w)
         for rotor, w in zip(rotors, command.rotor_speeds, strict=True)
     )
@@ -426,6 +436,8 @@ def _setpoints(
     for drive, before, joint, effort, q, qd, modelled in rows:
         seen = joint.correct(q, qd, started, dt)
         qdd = add(modelled, seen.unmodelled)
+        # a flight begins with drives that have held the law's torque for long: an
+        # integral from zero would let the arm sag first
         begun = drive.steady_memory(before, q, drive.standing(effort, q))
         now = blend(started, before, begun)
         setpoint = data(
@@ -446,6 +458,7 @@ def _mean_motion(
     at constant acceleration.
     """
     ahead = add(getattr(drive, "latency", 0), 0.5 * dt)
+    # mean of t^2 over the period: the square of its middle, and the spread about it
     square = add(mul(ahead, ahead), dt * dt / 12.0)
     return add(add(q, mul(qd, ahead)), mul(qdd, mul(0.5, square))), add(
         qd, mul(qdd, ahead)

@@ -104,6 +104,8 @@ def _whole(par: Any) -> Any:
     inner = getattr(par, "inner", None)
     if inner is None or getattr(inner, "model", par) is not None:
         return par
+    # inside a layer both are None, so that a changed model is one number for all
+    # layers; the check of fields would refuse None
     filled = replace(inner, model=par.model, mixer=par.mixer)
     return replace(par, inner=_whole(filled))
 
@@ -152,6 +154,8 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
         and stored
         and all(isinstance(each, Command) for each in stored)
     ):
+        # older commands are those that were applied already: only the newest was
+        # altered
         desired, updated = stored[-1], replace(memory, sent=(*stored[:-1], sent))
     else:
         return memory
@@ -194,7 +198,10 @@ def _shifted(stored: Command, own: Command, sent: Command) -> Command:
     def shift(before: Scalars, old: Scalars, new: Scalars) -> Scalars:
         rows = zip(before, old, new, strict=True)
         return tuple(
-            where(logical_and(a <= b, a >= b), c, a + (c - b)) for a, b, c in rows
+            # equal by two comparisons, as == of a traced number is refused; there the
+            # sum would round, so the corrected command itself is taken
+            where(logical_and(a <= b, a >= b), c, a + (c - b))
+            for a, b, c in rows
         )
 
     return replace(
@@ -262,6 +269,7 @@ def _applied_flags(desired: Command, sent: Command) -> Scalars:
     """Flags for the rotors together and each joint: 1 where the applied command equals
     the desired one, else 0.
     """
+    # all rotors together, because each one bears part of every torque and of the thrust
     rotors: Scalar = True
     for a, b in zip(desired.rotor_speeds, sent.rotor_speeds, strict=True):
         rotors = logical_and(rotors, logical_and(a <= b, a >= b))

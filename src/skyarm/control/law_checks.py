@@ -96,6 +96,8 @@ def check_controller(controller: Controller) -> None:
     Raises:
         LawError: one line.
     """
+    # shipped laws are flown by the library's tests, so that a check would only cost
+    # time
     if not is_own(controller) and callable(controller.law):
         return
     law = controller.law
@@ -172,6 +174,7 @@ def checked_law(controller: Controller) -> Law:
     A wrong result raises LawError. An error of the law's own code passes as it is.
     """
     law = controller.law
+    # a law that a layer has wrapped is checked already: twice would find nothing more
     if not is_own(controller) or getattr(law, "func", None) is _check_step:
         return law
     counts = _counts(controller)
@@ -282,11 +285,13 @@ def mistake_in(error: Exception) -> str | None:
         return f"changes a record: {text}; must make another, by dataclasses.replace"
     if isinstance(error, RecordError):
         return f"makes a record that cannot be: {text}"
+    # NumPy and Python raise plain errors for a traced number, so only their texts tell
     if re.search("0-dimensional arrays|length-1 arrays", text):
         return f"{TRACED}: a NumPy array meets a traced number; {ALLOWED}"
     if "another trace" in text:
         return f"meets a number of an earlier call: {OUTSIDE}"
     if re.search(r"\bNode\b|ufunc", text):
+        # the class is internal: its name would tell a user nothing
         words = text.replace("'Node'", "a traced number").replace(
             "Node", "traced number"
         )
@@ -322,6 +327,7 @@ def _is_number(value: object) -> bool:
     """
     if isinstance(value, (int, str, Enum, np.ndarray)) or is_record(value):
         return False
+    # other engines call the law with scalars of their own, which are no floats
     return isinstance(value, (float, Node)) or (
         hasattr(value, "__mul__") and hasattr(value, "__float__")
     )
@@ -425,6 +431,7 @@ def try_law(
                 f" {OUTSIDE}",
             )
         now = numbers[: len(now)]
+    # a law that draws numbers or reads a clock is another program at each trace
     if fingerprint(step, start, *instants[0]) != fingerprint(step, start, *instants[0]):
         raise wrong(
             controller,
@@ -449,6 +456,7 @@ def _results_with_floats(
             "reference": reference,
             "par": controller.par,
         }
+        # frozen records may hold lists and arrays, which a law could write to unseen
         before = contents(given)
         try:
             result = step(memory, measured, reference)
@@ -533,11 +541,14 @@ def perturb(record: Measurement, k: int) -> Measurement:
     start = [float(leaf) for leaf in leaves(record)]
     if k == 0:
         return rebuild(record, iter(start))
+    # a sine and no draw, so that the verdict on a law is the same at each trial; every
+    # number moves by another amount, so that differences do not hide what is read
     moved = [
         x + 1e-3 * (1.0 + 0.01 * abs(x)) * math.sin(0.7 * i + 0.9 * k)
         for i, x in enumerate(start)
     ]
     perturbed = rebuild(record, iter(moved))
+    # four moved numbers are no attitude: laws count on unit length
     return replace(perturbed, quaternion=perturbed.quaternion.normalized())
 
 

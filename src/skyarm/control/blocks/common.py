@@ -90,6 +90,7 @@ def standing_command(model: Model) -> Command:
     vehicle = model.vehicle
     trim = hover_trim(vehicle, vehicle.zeros, model.gravity)
     speeds = tuple(
+        # a vehicle that is too heavy to hover begins with its rotors at their limits
         minimum(w, rotor.max_speed)
         for w, rotor in zip(trim.speeds, vehicle.rotors, strict=True)
     )

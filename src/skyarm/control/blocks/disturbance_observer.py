@@ -271,6 +271,7 @@ def measure_translation(
         dt: s.
     """
     felt = measurement.specific_force
+    # three zeros stand for no accelerometer: in free fall a real one has noise
     there: Scalar = where(felt.dot(felt) > 0.0, 1.0, 0.0)
     new = there * fresh.specific_force
     beside = R.apply(felt - seen.bias - modelled)
@@ -365,6 +366,7 @@ def observe(
     fresh, readings = memory.readings.fresh(ReadingSums.of(measurement), dt)
     place = filter_pose(gains.pose, memory, measurement, fresh, started, dt)
     half, speeds, squares = acted.amid, acted.speeds, acted.squares
+    # the sum of the quaternions before and after is along the attitude half-way
     R = memory.quaternion.plus(place.quaternion, 1).normalized().rotation()
     # the first measurement may be turns away from the memory
     pairs = zip(memory.joints, place.joints, strict=True)
@@ -679,6 +681,8 @@ def inertia_times(
     and joint torques.
     """
     still = (0,) * len(joints)
+    # inverse dynamics at rest and without weight is M times the acceleration, and does
+    # not form M
     base = Motion(angular_B, R.apply_T(linear_W))
     force, torques = dynamics.inverse_dynamics(
         model.vehicle, joints, ZERO3, still, base, joint
@@ -839,6 +843,7 @@ class ObserverGains:
     ] = JUMP
 
 
+# its share 1 - exp(-w dt) rounds to 1 for periods of 0.04 ms and more
 UNFILTERED = 1e6
 """Bandwidth (rad/s) of a pose filter that passes the measured pose unchanged."""
 

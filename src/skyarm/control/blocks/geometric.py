@@ -129,6 +129,7 @@ def angular_acceleration(
     RotorS adds w x w, which is zero; the gyroscopic torque is left to the inverse
     dynamics.
     """
+    # products of inertia couple the axes, so the torque is divided by the whole matrix
     torque = -(gains.attitude.hadamard(e_R) + gains.rate.hadamard(e_w))
     return Vec3(*ldl_solve([list(row) for row in inertia.full().rows], list(torque)))
 

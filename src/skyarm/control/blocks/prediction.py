@@ -289,6 +289,8 @@ def actuation(
     """Modelled rotor speeds and joint efforts over one period of a constant command;
     mean squares by Simpson's rule.
     """
+    # the speeds amid the period are needed for drag anyway, so Simpson's rule is at
+    # hand
     half = motor_speeds(model, speeds, command, 0.5 * dt)
     after = motor_speeds(model, speeds, command, dt)
     squares = [
@@ -310,6 +312,7 @@ def predict_across(
     value.
     """
     drift = 0.5 * h
+    # forces are taken amid the step: of second order at the cost of one evaluation
     R = (x.quaternion * Quaternion.of_small_rotation(x.rate * drift)).rotation()
     joints = tuple(q + v * drift for q, v in zip(x.joints, x.joint_rates, strict=True))
     applied = rotor_wrench(model, done.squares, sideways)
@@ -332,6 +335,8 @@ def _integrate(
     turned = x.quaternion * Quaternion.of_small_rotation((x.rate + rate) * (0.5 * h))
     return State(
         position=x.position + (x.velocity + velocity) * (0.5 * h),
+        # a small rotation leaves the length within its square of 1, which one Newton
+        # step mends without a root
         quaternion=turned.renormalized(),
         velocity=velocity,
         rate=rate,

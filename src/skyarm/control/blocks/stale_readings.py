@@ -132,6 +132,7 @@ class ReadingSums:
 
 def _sum(numbers: Sequence[Scalar]) -> Scalar:
     return data(
+        # an int 1 costs no product in a program
         total(mul(GOLDEN**i if i else 1, each) for i, each in enumerate(numbers))
     )
 

@@ -25,6 +25,7 @@ from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit
 from skyarm.vehicle import Link, Vehicle
 
+# ints are known before compilation, so that products with them vanish
 AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 
 Term = TypeVar("Term", Scalar, Vec3)
@@ -129,6 +130,7 @@ def _of_disturbance(
     disturbance.
     """
     squares = LeastSquares(3)
+    # the base's force is the unit of all weights
     squares.prefer(at.R.apply_T(rest.force), 1)
     for link, column, effort in zip(
         at.vehicle.links, at.columns, rest.efforts, strict=True

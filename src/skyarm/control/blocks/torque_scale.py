@@ -163,6 +163,7 @@ class TorqueScale:
         weight = mul(by.masses, self.unlearned)
         for A, factor, effort, share in rows:
             left = add(
+                # 1 - K is at least 0, but for rounding
                 mul(by.torques * by.torques, maximum(1.0 - mul(factor, A), 0.0)),
                 mul(weight, weight),
             )

@@ -163,6 +163,7 @@ def stepped_computed_torque(
     )
     speeds, squares = mix(par.mixer, torque, thrust)
     if steps >= LAG_INVERSION:
+        # the observer models the motors: its speeds have no noise to be led
         turning = observed.rotor_speeds if observed else measurement.rotor_speeds
         speeds = tuple(
             command_for(rotor, now, target, dt, minimum(par.lag_share, 1.0))
@@ -231,6 +232,7 @@ def _estimate_disturbance(
     """Next state of the disturbance observer and disturbance estimate; empty and zero
     without an observer.
     """
+    # int zeros: without an observer the program has no terms of it
     if not memory.observed:
         return (), Disturbance(
             force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n
@@ -322,6 +324,8 @@ def _force_series(
     present thrust.
     """
     mass, b3 = par.model.vehicle.mass, R.column(2)
+    # the derivatives take the present thrust along body z, not the desired one: this is
+    # what accelerates the base
     per_mass = divide(1.0, mass)
     b3d = R.apply(measurement.rate.cross(E_Z))
     along = force.dot(b3)

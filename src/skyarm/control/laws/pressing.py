@@ -149,6 +149,7 @@ def observe_contact(
     the reference requests one.
     """
     vehicle = par.model.vehicle
+    # the estimates are read and not compensated, so that nothing winds up at a limit
     free = (1.0,) * (1 + vehicle.n)
     observed = observe_uncompensated(
         par.model,
@@ -164,6 +165,7 @@ def observe_contact(
     if not reference.push:
         return after, None
     at = levers(vehicle, measurement.rotation, measurement.joints)
+    # neither law grips: force, speed and normal are all that they take
     desired = wanted_of(reference.push[:5])
     into = -desired.normal.dot(
         at.velocity(measurement.velocity, measurement.rate, measurement.joint_rates)
@@ -175,6 +177,7 @@ def observe_contact(
         disturbance(observed),
         at,
         into,
+        # no load of actuators: neither law compensates friction that could be relieved
         0.0,
         dt,
     )
@@ -309,6 +312,7 @@ def release_normal(touch: ObservedContact, wanted: Sequence[Scalar]) -> Scalars:
     """
     own = touch.at.R.apply_T(touch.pressing.n)
     row = [own.dot(column) for column in touch.at.columns]
+    # damps the pseudo-inverse where no joint has a lever along the normal
     length: Scalar = VAGUE * VAGUE
     along = touch.pressing.damping * -touch.into
     for each, acceleration in zip(row, wanted, strict=True):
@@ -381,6 +385,7 @@ def admittance_motion(
     driven = divide(touch.along - touch.force, damping)
     # a hard surface pushes no faster back than the tip came
     driven = minimum(driven, touch.speed)
+    # implicit Euler, so that a virtual mass of any lag is stable at any period
     after = where(
         touch.pressing.asked, (rate + RATE * dt * driven) / (1.0 + RATE * dt), 0.0
     )

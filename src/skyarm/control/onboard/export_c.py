@@ -178,6 +178,7 @@ def have_come(readings: FilterReadings) -> Scalar:
     ]
     conditions: list[Scalar] = [each.time > 0.0 for each in taken]
     conditions += [
+        # the square of a length that is 1 within 1 %
         absolute(sum((c * c for c in leaves(each.quaternion)), 0.0) - 1.0) < 0.02
         for each in taken
         if isinstance(each, PoseReading)
@@ -234,6 +235,7 @@ def estimated_law(
             if leaves(each) and name != "tip_force"
         }
         queue = (*memory.underway, memory.sent)
+        # the filter's model must have what acts now, not what was just sent
         rotors, joints = (queue[-1 - age] for age in late)
         acting = dataclasses.replace(rotors, efforts=joints.efforts)
         estimate, measurement = estimator.step(
@@ -371,6 +373,7 @@ def export_c(
     )
     names = tuple(member.name for member in structs["parameters"].members)
     opening = _header(controller, file, period, operations, generator, estimator)
+    # behind the line that names the file, before what it holds
     opening[1:1] = notes
     text = file.text(opening)
     return ExportedC(name=name, text=text, operations=operations, parameters=names)
@@ -449,6 +452,7 @@ def _trace_step(
         following, command = law(
             memory, measurement, reference, constants.period, par=constants.parameters
         )
+        # a C struct has one layout, so a memory that grows cannot be written
         if len(leaves(following)) != len(leaves(memory)):
             raise ValueError(
                 f"law '{controller.name}': its memory must keep its structure to be"
@@ -528,6 +532,7 @@ def _member(path: Place) -> str:
         else:
             words.append(SHORTER.get(part, part))
     text = "_".join(word for word in words if word)
+    # a C name must not begin with a digit, as a member of a tuple would
     return text if text[:1].isalpha() else f"value{text}"
 
 

@@ -212,6 +212,7 @@ def govern_joints(
         limits.joint_margin,
         strict=True,
     ):
+        # the barrier acts from one margin on: a reference at two is tracked without it
         low, high = add(joint.lower, 2.0 * margin), sub(joint.upper, 2.0 * margin)
         target = minimum(maximum(desired, low), high)
         step = mul(speed, dt)
@@ -273,6 +274,7 @@ def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> Scalars:
         inner_product(row, squares)
         for row in allocation_matrix(model.vehicle, sideways)
     ]
+    # rows of the sideways force exist only where the mixer has them
     across = Vec3(pushes[4], pushes[5], 0) if sideways else ZERO3
     again, _ = mix(mixer, Vec3(*pushes[:3]), pushes[3], across)
     return tuple(

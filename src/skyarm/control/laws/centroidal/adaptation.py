@@ -362,6 +362,7 @@ def adaptation_gains(
     """
     if not vehicle.n:
         return None
+    # bounds are numbers of the made law, so one pose stands for all
     M = np.array(mass_matrix_at_rest(vehicle), dtype=float)
     joints = [link.joint for link in vehicle.links]
     inertias = [float(M[6 + i][6 + i]) for i in range(vehicle.n)]
@@ -373,6 +374,7 @@ def adaptation_gains(
     )
     modelled = MODELLED * min(1.0, damping / fastest)
     gains = AdaptationGains(
+        # None and not 0, so that the program has no part of the mass at all
         load=(rate or None) if vehicle.end_effector else None,
         mass_limit=limit,
         damping_limits=tuple((0.0, STICKIEST * each) for each in inertias),

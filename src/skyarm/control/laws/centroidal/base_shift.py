@@ -442,6 +442,8 @@ def bounded_shift(
             0.5 * (base[4].z + sinks[2]),
         )
     )
+    # in free fall no tilt gives a force to the side, so the thrust is bounded from
+    # below
     up = choose(up > floor, up, floor)
     size = choose(lever > 0.0, lever, -lever)
     size = choose(size > LEAST, size, LEAST)
@@ -460,6 +462,8 @@ def bounded_shift(
     left = shares.left(series, yaw.truncate(2))
     force = [derivative(left, k) for k in range(3)]
     velocity = line[0].v - now * b
+    # one instant alone has no change of the force to sweep over: its rate now stands
+    # for it
     if not ahead:
         velocity = velocity - force[1] * divide(1.0, b * b)
     steep = _secant(now, per0) * up.derivative(0) * per0

@@ -99,6 +99,7 @@ def demands(
     yaw, joints = effect.signals[3], tuple(effect.signals[4:])
     R, w = state.quaternion.rotation(), state.rate
     course = plan(step, effect, coming)
+    # ints: the accelerations of the joints are what is looked for, and drop out
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
     if arm:
@@ -337,7 +338,10 @@ def within_limits(
     bounded = []
     for i, (desired, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
         joint = vehicle.links[i].joint
+        # a hard stop bears what overshoots, so less room is kept from it
         share = WITH_STOP if joint.has_stops else SHARE
+        # the pole that the joint's own loop brakes with: a slower one would bound
+        # ordinary motions
         pole = maximum(0.5 * gains.damping[i], sqrt(gains.stiffness[i]))
         square = pole * pole
         gone = square * state.joints[i] + 2.0 * pole * state.joint_rates[i]

@@ -88,6 +88,7 @@ class TrendGains(OptionalPart):
         rate.
         """
         chain = (ZERO3_DATA,) * STAGES
+        # large at first, so that a few chance agreements do not make a slope
         size = 0.25 * self.steep * self.steep
         return ForceTrend(
             level=ZERO3_DATA,
@@ -243,6 +244,7 @@ def foresee(
             near_rate=effect.force_rate,
         )
     late, slope = lateness(par), trend.rate
+    # an int is structure: without contact parts no force at the tip is told apart
     if type(effect.external) is not int:
         slope = slope * (1.0 - effect.external)
     rate, near = (slope * weight for weight in rate_weights(gains, trend))

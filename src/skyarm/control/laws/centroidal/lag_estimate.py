@@ -285,6 +285,7 @@ class LagGains(OptionalPart):
             for bank, p, pace in groups
         )
         weights = weigh(memory.base)
+        # in the order of `estimate`, so that the program computes this sum once
         inverse = divide(1.0, total(reversed(weights)))
         expected = [
             inner_product(weights, axis) * inverse
@@ -417,7 +418,9 @@ def lag_gains(
     The lags are those that halve the bandwidths of rotor and joint loops.
     """
     base, joints = lags
+    # candidates are whole periods apart: a period longer than the step counts as one
     stride = max(1, round(STEP / control_period))
+    # a whole number of periods times one rounds
     checked = delay_periods * control_period > OVERSTATED - 1e-9
     return LagGains(
         base=base,
@@ -516,6 +519,7 @@ def _bank(
     paid = [
         old + keep * (add(divide(e, e + half), price) - old) for old, e, price in rows
     ]
+    # evidence that could grow on would take as long to be overturned as it took to grow
     most = _least(paid) + LEAD
     return Bank(
         paid=tuple(minimum(each, most) for each in paid),

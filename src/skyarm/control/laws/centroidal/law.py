@@ -181,6 +181,7 @@ def centroidal(
         memories["trend"] = update_trend(
             par.parts.trend, part_memories.trend, seen.observed.force, dt
         )
+    # the base shifts for what lasts: a gust is over before the base has moved
     slow = low_pass(memory.slow_force, effect.force, par.tip.shift_rate, dt)
     coming = foresee(par, memories.get("trend"), effect, slow, adapted.force)
     demand, shifted = demands(step, effect, coming)
@@ -235,6 +236,7 @@ def time_of_action(
     late = lag.delay(memory.parts.lag, dt) if isinstance(lag, LagGains) else 0
     age = divide(late, dt) + float(par.delay_periods)
     lead = add(late, dt * float(par.lead_periods)) if par.lead_periods else late
+    # the lag is negative where the known delay is too long, and no reference goes back
     if par.delay_periods:
         lead = maximum(lead, 0.0)
     return Timing(late=late, lead=lead, age=age, past=past, acted=past.period(age))
@@ -299,6 +301,8 @@ def gains_of_now(
     """Constants of the law for one step, adapted to estimated lag, noise and load, and
     to an observed upward force.
     """
+    # zeros known before compilation: nothing measures it, so the program has no such
+    # filter
     if all(same(each, 0) for each in measurement.specific_force):
         par = dataclasses.replace(
             par, observer=dataclasses.replace(par.observer, accelerometer=None)
@@ -356,6 +360,7 @@ def present(
     that is found in flight.
     """
     state, sideways = seen.observed.state(), par.center.sideways is not None
+    # neither a known nor an estimated delay: the measured state is that of now
     if type(timing.late) is int and not par.delay_periods:
         return state
     done = timing.past.since(timing.age)

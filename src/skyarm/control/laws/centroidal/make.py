@@ -146,7 +146,9 @@ def make_centroidal(
         refuse("age", age, f"at most delay, {delay:g} s")
     # the observer finds a force late by its two poles and the known delay
     lead = periods * control_period + 2.0 / max(
-        gains["observer"][2] * gains["bandwidth"], 1.0
+        # an observer that is nearly off would give a lead of seconds
+        gains["observer"][2] * gains["bandwidth"],
+        1.0,
     )
     published = number_within("reference_period", reference_period, *PERIODS)
     kp, kv, kr, kw = gains["base"]
@@ -172,6 +174,8 @@ def make_centroidal(
         ),
         center=CenterGains(
             tilt=gains["tilt"],
+            # the attitude is that of this force, which must not vanish without gravity
+            # either
             floor=0.15 * vehicle.mass * model.gravity + 1e-3,
             sideways=sideways,
         ),

@@ -88,6 +88,8 @@ class White:
         the residual ``left``.
         """
         most = GROWTH * (maximum(self.variance, 0.0) + divide(density * density, dt))
+        # a mean over three axes; what lasts longer than a period makes it negative, so
+        # it is bounded on both sides
         variance = clip(change.dot(self.change) * (-1.0 / 3.0), -most, most)
         return White(
             last=vector_data(left),

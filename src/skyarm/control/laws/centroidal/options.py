@@ -156,6 +156,7 @@ def preview_of(
     preview, least = gains["preview"], late / SHARES[0]
     if mode != "tip" or not preview:
         return None
+    # equal but for rounding is enough
     if preview < least * (1.0 - 1e-9):
         if given:
             refuse(
@@ -164,6 +165,8 @@ def preview_of(
                 f"0, or {1.0 / SHARES[0]:g} periods of the reference at least,"
                 f" {least:g} s",
             )
+        # a preview longer than the option allows is not made up: the law flies without
+        # one
         return least if least <= OPTIONS["preview"][2] else None
     return float(preview)
 
@@ -298,6 +301,7 @@ def periods_of(delay: Any, control_period: Any, name: str = "delay") -> int:
     period = number_within("control_period", control_period, *PERIODS)
     seconds = number_within(name, delay, 0.0, OLDEST * period * (1.0 + 1e-9))
     periods = round(seconds / period)
+    # the quotient rounds, and a nanosecond is no delay
     if abs(periods * period - seconds) > 1e-9:
         refuse(
             name,

@@ -289,6 +289,8 @@ def turned_joints(
         Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3)
         for pose in level.links
     ]
+    # one Newton step from the level pose: tilts are small, and nothing iterates in
+    # flight
     change = level_joints(vehicle, gains, goal, still.R, poses)
     if not moving:
         return tuple(q + c for q, c in zip(joints, change, strict=True))
@@ -400,6 +402,7 @@ def joint_accelerations(
     carriers = chain(vehicle, vehicle.frame().link)
     for i in (i for i in range(vehicle.n) if i not in carriers):
         asked, against[i] = asked - against[i] * preferred[i], ZERO3
+    # the unit of the weights: what the tip needs comes first
     problem.require(against, asked, 1)
     directions = axes(vehicle, poses)
     errors = [

@@ -168,6 +168,7 @@ def unlike(vehicle: Vehicle, training: Training) -> str:
     empty if equal or unknown.
     """
     recorded = training.get("numbers", {})
+    # numbers that vary from flight to flight are of no one vehicle to compare
     if not concrete(
         *(body.mass for body in vehicle.bodies),
         *(c for joint in vehicle.joints for c in joint.position),
@@ -175,6 +176,7 @@ def unlike(vehicle: Vehicle, training: Training) -> str:
         return ""
     for name, there in numbers_of(vehicle).items():
         trained = recorded.get(name, there)
+        # a place may have zeros, of which a relative slack is none
         slack = SEEN * max(map(abs, trained), default=0.0) if name == "places" else 0.0
         if len(there) != len(trained) or not np.allclose(
             there, trained, rtol=SEEN, atol=slack

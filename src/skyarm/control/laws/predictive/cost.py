@@ -109,6 +109,7 @@ def under_contact(
             )
         )
 
+    # the acceleration is affine in the force, so two evaluations give the whole line
     free, moved = along(disturbance), along(disturbance + unit)
     force = (
         divide(
@@ -338,6 +339,7 @@ def planned_residuals(
     """Weighted errors of a predicted vehicle state against a planned one."""
     vehicle, R = model.vehicle, state.rotation
     turned = planned.attitude.conjugate() * state.quaternion
+    # times w, so that both signs of the quaternion give one error
     turn = Vec3(turned.x, turned.y, turned.z) * (2.0 * turned.w)
     residuals = [*((state.position - goal.position) * weights.position)]
     residuals += [*((state.velocity - goal.velocity) * weights.velocity)]

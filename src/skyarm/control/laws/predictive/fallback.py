@@ -123,6 +123,7 @@ def after_plan(trust: Trust, good: bool) -> Trust:
         count = trust.good + 1
         resting = 0.0 if trust.resting <= SPENT and count >= GOOD else trust.resting
         return Trust(count, resting, trust.rest, trust.calm)
+    # a bad plan while the substitute flies starts the count anew, not the rest
     if not trust.flies_plans:
         return Trust(0, trust.resting, trust.rest, 0.0)
     least, most = REST

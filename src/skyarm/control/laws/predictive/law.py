@@ -230,6 +230,8 @@ def make_engine(key: EngineKey) -> PredictiveEngine:
         float_array(joint.effort_limit for joint in vehicle.joints),
         float_array(rotor.max_speed for rotor in vehicle.rotors),
     )
+    # rotor accelerations (rad/s^2) and joint torques (N m) of usual flights: nudges of
+    # these sizes change the residuals alike
     scales = np.array([*(1000.0,) * len(vehicle.rotors), *(0.1,) * vehicle.n])
     compiled = CompiledStages(model, weights, mode, scales, presses)
     rollouts = Rollouts(model, weights, mode, bounds, presses)
@@ -252,6 +254,7 @@ def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
     """
     powers = np.maximum(np.arange(stages) - every + 1, 0)
     low, high = 1.0, 10.0
+    # sixty halvings of the interval leave less than rounding
     for _ in range(60):
         factor = 0.5 * (low + high)
         low, high = (
@@ -393,6 +396,7 @@ def _solve_plan(
             plan = solver.solve(problem, shift_plan(last, solver.steps, passed))
             if is_flyable(plan, engine.most):
                 return plan
+    # a plan that leads nowhere is a bad guess for the next one: begin from rest
     rest = _standing(problem.start, par)
     try:
         return solver.solve(problem, rest)
@@ -535,6 +539,7 @@ def problem_at(
     distance = norm(error)
     if distance > LONGEST_ERROR:
         targets[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
+    # the turn on the shorter side, as headings may be turns apart
     off = float(np.angle(np.exp(1j * (_heading(x) - targets[0, 6]))))
     targets[:, 6] += off - np.clip(off, -WIDEST_TURN, WIDEST_TURN)
     joints = model.vehicle.n

@@ -230,6 +230,7 @@ class Observation:
             np.array(measurement.rotor_speeds, dtype=float),
             self.dt,
         )
+        # early in a flight fewer commands than the delay are known: the oldest acts
         acted = command_row(shown[max(len(shown) - 1 - late.periods, 0)])
         # of the quaternion's two signs the one that is nearer to the last
         if reading[4:8] @ past.estimate[3:7] < 0.0:
@@ -320,6 +321,7 @@ def update_lateness(
         measured: (rotors,) speeds.
         dt: s.
     """
+    # one row for each delay that is compared, the newest first
     rows = np.vstack([modelled, before.modelled[:-1]])
     decay = np.exp(-dt / MEMORY)
     squares = decay * before.squares + np.mean((rows - measured) ** 2, axis=1)
@@ -330,6 +332,7 @@ def update_lateness(
     best = int(np.argmin(squares))
     if (
         late.count < LEAST
+        # negated, so that a speed that is no number changes nothing
         or not now > NOTICED**2 * late.weight
         or not squares[best] < CLEAR * now
     ):

@@ -110,6 +110,7 @@ def _shares(angle: Array) -> tuple[Array, Array, Array, Array]:
     1 at 0.
     """
     still = angle < SLOW
+    # no division by a phase near zero, where all shares are 1
     x = np.where(still, 1.0, angle)
     sine, cosine = np.sin(x), np.cos(x)
     shares = (sine / x, 2.0 * (1.0 - cosine) / x**2, 6.0 * (x - sine) / x**3, cosine)
@@ -155,6 +156,7 @@ def update_sample(
         # the second derivative of the acceleration, at the sample before
         bend = (jerks - before.secants) / (0.5 * (age + before.gap))
         decay = np.exp(-age / KEPT)
+        # least squares of bend = -k last, older samples forgotten
         pull = decay * pull - bend * last
         weight = decay * weight + last**2
     sample = SampledReference(
@@ -219,6 +221,8 @@ def _spline_at(samples: Array, knots: Array, k: IntArray, at: Array) -> Array:
     """
     orders, h = range(len(samples)), (knots[k + 1] - knots[k])[:, None]
     s = (at - knots[k])[:, None] / h
+    # derivatives in units of the interval, so that one matrix serves intervals of any
+    # length
     ends = np.stack([samples[d, side] * h**d for side in (k, k + 1) for d in orders])
     c = np.tensordot(HERMITE[len(samples)], ends, 1)
     powers = [

@@ -161,6 +161,7 @@ class CompiledStages:
         self.nx, self.nu = len(leaves(state)), len(leaves(inputs))
         self.input_errors = model.vehicle.n + len(model.vehicle.rotors) + contact
         self.scales = np.concatenate([np.ones(self.nx), scales])
+        # rotor speeds are some hundred rad/s, the other states of order one
         self.scales[self.nx - len(model.vehicle.rotors) : self.nx] = 100.0
         width = self.nx + self.nu
         self._nudges = (
@@ -449,6 +450,7 @@ def policy(
             + gains[:, :nx].T @ (inner @ gains + cross)
             + M[nu:, :nu] @ gains
         )
+        # rounding would make P unsymmetric, more with each stage
         P, p = 0.5 * (to_go[:, :nx] + to_go[:, :nx].T), to_go[:, nx]
     return Policy(Kk[:, :, nx], Kk[:, :, :nx], P, p)
 
@@ -564,10 +566,13 @@ class Riccati:
         Raises:
             NoPlanError: the guess leads nowhere.
         """
+        # a motion that runs away ends in inf or NaN, and is then not the cheapest
         with np.errstate(all="ignore"):
             try:
                 feedback = self._policy(problem, guess)
             except np.linalg.LinAlgError:
+                # no cure lies in the numbers of a singular system, so its message is
+                # dropped
                 raise NoPlanError from None
             given = self._times, problem.disturbance, problem.goals
             tried = self.rollouts.run(
@@ -669,6 +674,7 @@ def shift_plan(plan: MotionPlan, steps: Array, dt: float) -> MotionPlan:
     """
     times = np.append(0.0, np.cumsum(steps))
     later = np.minimum(times + dt, times[-1])
+    # the last instant belongs to the last interval, behind which there is none
     at = np.clip(np.searchsorted(times, later, side="right") - 1, 0, len(steps) - 1)
     part = ((later - times[at]) / steps[at])[:, None]
     x = plan.x[at] + part * (plan.x[at + 1] - plan.x[at])

@@ -129,6 +129,7 @@ class TipContact:
             return after, ContactState(
                 normal=tuple(n),
                 asked=where(desired.requests_contact, 1.0, 0.0),
+                # while the ramp falls the surface still bears what is left of the order
                 touching=where(logical_or(rising > 0.5, after.share > 0.0), 1.0, 0.0),
                 rising=rising,
                 share=after.share,

@@ -87,6 +87,7 @@ def _angular(
     roll = clip((specific.x * s - specific.y * c) * per_gravity, -STEEPEST, STEEPEST)
     pitch = clip((specific.x * c + specific.y * s) * per_gravity, -STEEPEST, STEEPEST)
     turn = psi - reference.yaw
+    # the heading takes the shorter way round; roll and pitch are far from half a turn
     error = Vec3(phi - roll, theta - pitch, atan2(sin(turn), cos(turn)))
     Q, rates = (
         rate_matrix(phi, theta),

@@ -148,6 +148,7 @@ def indi(
     alpha = turn_towards(par, measurement, reference, R, desired)
     along = desired.dot(R.column(2))
     qdd = joint_accelerations(par, measurement, reference)
+    # at zero rates: velocity products are in the measured accelerations already
     more, pull, _ = forces_under_thrust(
         vehicle,
         measurement.joints,
@@ -218,6 +219,7 @@ def _filter_signals(
         *measurement.joint_rates,
         *efforts,
     ]
+    # one filter for all signals, so that each is late by the same
     coefficients = butterworth(minimum(par.cutoff, divide(NYQUIST_SHARE, dt)), dt)
     taps = tuple(
         _begun(first, value, old, coefficients)

@@ -175,6 +175,8 @@ def kim_sliding_mode(
         qdd,
     )
     command, squares = make_command(par, force.torque, force.force.z, torques)
+    # one actuator that was cut spoils every acceleration, so all adaptations stand
+    # still
     unchanged = all_follow(memory.applied)
     free = logical_and(rotors_follow(par.mixer, squares), unchanged)
 

@@ -219,6 +219,7 @@ def l1_adaptive(
     measured = (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
     begun = memory.started > 0.5
     pairs = zip(predict_velocities(par, memory, dt), measured, strict=True)
+    # the first measurement has no prediction to miss
     error = tuple(where(begun, predicted - seen, 0.0) for predicted, seen in pairs)
     sigma = tuple(
         adaptation(e, a, dt) for e, a in zip(error, _predictor_rates(par), strict=True)

@@ -159,6 +159,7 @@ def _axis_step(
     velocity, acceleration.
     """
     M, D, K, x, w, f = axis
+    # an int mass is a held axis, known before compilation: nothing of it is computed
     if type(M) is int:
         return data(w), (0, 0, 0)
     per = divide(1.0, M)
@@ -360,6 +361,7 @@ def detect(
     counts = logical_or(
         loud, logical_and(memory.detected > 0.5, quiet < gains.patience)
     )
+    # the bias stands still meanwhile: a long push would be learned as one
     detected = where(counts, 1.0, 0.0)
     calm = detected < 0.5
     share = where(
@@ -410,6 +412,8 @@ def admittance_gains(
             if "normal" in fields.table
             else ()
         )
+        # a sensor lags by its filter alone, an observed force by the observer and the
+        # delay
         sensing = SENSING if gains["force_sensor"] else None
         tip = _compliance(fields, 1.0 / sensing if sensing else lead, axes)
         detection = Detection(

@@ -230,6 +230,8 @@ class CarryingGains(OptionalPart):
         if not reference.carry:
             return None
         carry = Carry.of(reference.carry)
+        # the observer sees a period of the past: what was fed forward then is what
+        # acted
         before = memory.earlier[-1] if memory.earlier else memory.ahead
         force = carry.force - self.force_in_model(memory, par, motion, carry)
         return before, planned_effect(
@@ -271,6 +273,7 @@ class CarryingGains(OptionalPart):
         )
         borne, holding = disturbance(observed) + given[0], carry.held > 0.5
         settled = low_pass_share(self.settling, dt)
+        # a bias that followed a held load would take it for its own
         share = where(holding, 0.0, settled)
         bias = memory.bias.blend_towards(borne, share, share)
         R = observed.quaternion.rotation()
@@ -368,6 +371,7 @@ def settling_sample(row: Sequence[Sample], carry: Carry, time: Scalar) -> list[S
     The shift is that of a critically damped filter whose input stays. The heading keeps
     its turn.
     """
+    # a shift that never settles would divide by zero
     w = maximum(carry.settling, SLOWEST)
     left, moved = exp(-w * time), list[Sample]()
     rows = zip(

@@ -113,6 +113,8 @@ class Interaction(InteractionGains, OptionalPart):
         course = Vec3(*(signal.derivative(1) for signal in effect.signals[:3]))
         across = course - desired.normal * desired.normal.dot(course)
         slides: Scalar = across.dot(across) > SLIDES * SLIDES
+        # while it slides friction is at its cone: less compensation would slow the tip
+        # and relieve nothing
         effort = where(slides, 0.0, _effort(vehicle, step.memory.sent))
         felt, reading, load = None, step.measurement.tip_force, step.memory.parts.load
         if memory.felt and reading and self.sensing is not None:
@@ -132,6 +134,8 @@ class Interaction(InteractionGains, OptionalPart):
         memory, pressing = interact(
             self, memory, desired, seen, then, into, effort, dt, felt, moving
         )
+        # until the full force acts the tip still moves along the normal, which is no
+        # lean
         slides = logical_and(slides, memory.share > 1.0 - 1e-9)
         lean = update_lean(
             memory.lean,
@@ -159,6 +163,7 @@ class Interaction(InteractionGains, OptionalPart):
             external=pressing.engaged,
             pressing=pressing,
         )
+        # until the first contact the lag is estimated all the same
         before = where(memory.free > SETTLED, 1.0 - memory.met, 0.0)
         effect = effect.isolating(contact_cleared(self, memory), before)
         return (

@@ -169,10 +169,13 @@ def learn_load(
     )
     m = clip(memory.mass + step * mass, 0.0, gains.limit)
     slow = _step(gains.place_pace, bandwidth, holds, learns, dt) * (1.0 - large)
+    # torque over weight is the place; a light load's torque is mostly noise, so its
+    # place moves slowly, and without gravity nothing tells it
     per_weight = divide(m, (m * m + least * least) * maximum(model.gravity, 1e-3))
     off = at.tip.apply_T(UP.cross(Vec3(about_x, about_y, 0))) * (-slow * per_weight)
     far = gains.furthest
     place = Vec3(*(clip(each, -far, far) for each in memory.place + off))
+    # a load that is held would be learned as the bias, and be gone from the estimate
     share = where(holds, 0.0, low_pass_share(gains.bias_rate, dt)) * learns
     after = LoadMemory(
         mass=where(holds, m, 0.0),
@@ -350,6 +353,7 @@ class LoadGains(OptionalPart):
                 where(holds, 1.0, contact_cleared(contact, before.parts.interaction)),
             )
         R = observed.quaternion.rotation()
+        # the mass is found from both, so no faster than the slower of them
         bandwidth = minimum(par.observer.force, par.observer.joints)
         at = hang(par.model.vehicle, R, observed.joints, par.model.gravity)
         load, resting = learn_load(
