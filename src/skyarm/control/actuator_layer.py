@@ -94,10 +94,8 @@ class JointMotion:
         first measurement.
         """
         fast, slow = double_pole(OBSERVING, dt)
-        error, share = (
-            where(started, rate - self.rate, 0.0),
-            low_pass_share(FOLLOWING, dt),
-        )
+        error = where(started, rate - self.rate, 0.0)
+        share = low_pass_share(FOLLOWING, dt)
         return JointMotion(
             position=where(
                 started, self.position + (position - self.position) * share, position
@@ -289,19 +287,15 @@ def with_consequences(
         changed: places of the numbers in it.
         control_period: s.
     """
-    vehicle, par, memory = (
-        ("par", "model", "vehicle"),
-        controller.par,
-        controller.memory,
-    )
+    vehicle = ("par", "model", "vehicle")
+    par = controller.par
+    memory = controller.memory
     inside = [
         place[len(vehicle) :] for place in changed if place[: len(vehicle)] == vehicle
     ]
     if any(place[0] == "rotors" for place in inside):
-        old, allocated = (
-            par.mixer,
-            (pairs_model(par.model) if turns_rotors(controller) else par.model),
-        )
+        old = par.mixer
+        allocated = pairs_model(par.model) if turns_rotors(controller) else par.model
         # the mixer is the inverse of the rotors' allocation, which has changed
         mixer = make_mixer(
             allocated.vehicle, old.policy, bool(old.across), old.yaw_slack
@@ -317,10 +311,8 @@ def with_consequences(
     own = innermost(controller.par)
     if any(place[0] in ("base", "links") for place in inside) and hasattr(own, "refit"):
         constants, begun = own.refit(innermost(memory), par.model, control_period)
-        par, memory = (
-            with_innermost(controller.par, constants),
-            with_innermost(memory, begun),
-        )
+        par = with_innermost(controller.par, constants)
+        memory = with_innermost(memory, begun)
         controller = replace(controller, par=par, memory=memory)
     # the memory of a late drive is sized by its latency, so it begins anew
     late = any(place[0] == "drives" and place[-1] == "latency" for place in inside)
@@ -338,10 +330,8 @@ def _with_layers_refitted(
 
     A layer whose constants follow from its law has a method ``refit_to(law, changed)``.
     """
-    par, places = (
-        controller.par,
-        [place[1:] for place in changed if place[:1] == ("par",)],
-    )
+    par = controller.par
+    places = [place[1:] for place in changed if place[:1] == ("par",)]
     if not is_record(getattr(par, "inner", None)) or not any(
         place[0] in ("inner", "limits") for place in places
     ):
@@ -360,7 +350,8 @@ def measured_places(controller: Controller) -> tuple[Place, ...]:
     """Places, in a controller, of the constants of its layers that are measured on the
     law inside.
     """
-    par, places = controller.par, list[Place]()
+    par = controller.par
+    places = list[Place]()
     at: Place = ("par",)
     while is_record(getattr(par, "inner", None)):
         places += [(*at, *place) for place in getattr(par, "measured_limits", ())]
@@ -422,7 +413,8 @@ def _setpoints(
     desired mean joint torques.
     """
     setpoints, drives, ahead = [], [], []
-    angles, started = _angles(plain.vehicle, memory, measurement), memory.started > 0.5
+    angles = _angles(plain.vehicle, memory, measurement)
+    started = memory.started > 0.5
     rows = zip(
         believed_drives(model),
         memory.drives,

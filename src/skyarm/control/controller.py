@@ -146,24 +146,23 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
     :func:`all_applied`: here the actuators whose command was changed become 0, and the
     law's integrators stand still for them in the next period.
     """
-    stored = getattr(memory, "sent", None)
-    if isinstance(stored, Command):
-        desired, updated = stored, replace(memory, sent=sent)
-    elif (
-        isinstance(stored, tuple)
-        and stored
-        and all(isinstance(each, Command) for each in stored)
-    ):
-        # older commands are those that were applied already: only the newest was
-        # altered
-        desired, updated = stored[-1], replace(memory, sent=(*stored[:-1], sent))
-    else:
+    commands = _stored_commands(memory)
+    if not commands:
         return memory
-    return (
-        replace(updated, applied=_applied_flags(desired, sent))
-        if hasattr(memory, "applied")
-        else updated
-    )
+    # older commands are those that were applied already: only the newest was altered
+    kept = (*commands[:-1], sent) if isinstance(memory.sent, tuple) else sent
+    updated = replace(memory, sent=kept)
+    if not hasattr(memory, "applied"):
+        return updated
+    return replace(updated, applied=_applied_flags(commands[-1], sent))
+
+
+def _stored_commands(memory: Any) -> tuple[Command, ...]:
+    """Commands that a law's internal state stores, the newest last; empty if none."""
+    stored = getattr(memory, "sent", ())
+    commands = stored if isinstance(stored, tuple) else (stored,)
+    # a user's law may use the name for something else
+    return commands if all(isinstance(each, Command) for each in commands) else ()
 
 
 def with_correction(memory: Any, par: Any, own: Command, sent: Command) -> Any:
@@ -179,11 +178,10 @@ def with_correction(memory: Any, par: Any, own: Command, sent: Command) -> Any:
         inside = getattr(memory, "inside", lambda _, command: command)
         within = with_correction(inner, par.own, inside(par, own), inside(par, sent))
         memory = replace(memory, inner=within)
-    stored = getattr(memory, "sent", None)
-    newest = stored[-1] if isinstance(stored, tuple) and stored else stored
-    if not isinstance(newest, Command):
+    commands = _stored_commands(memory)
+    if not commands:
         return memory
-    following = with_applied_command(memory, _shifted(newest, own, sent))
+    following = with_applied_command(memory, _shifted(commands[-1], own, sent))
     if not hasattr(memory, "applied"):
         return following
     flags = zip(memory.applied, following.applied, strict=True)

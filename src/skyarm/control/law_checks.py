@@ -407,7 +407,8 @@ def try_law(
     """
     if not controller.compiled or not is_own(controller):
         return
-    law, par = checked_law(controller), controller.par
+    law = checked_law(controller)
+    par = controller.par
 
     def step(
         memory: Any, measured: Measurement, reference: Reference
@@ -469,7 +470,8 @@ def _results_with_floats(
                 f"writes to its argument {name!r} in period {k}: must return new"
                 " records",
             )
-        numbers, memory = leaves(result), result[0]
+        numbers = leaves(result)
+        memory = result[0]
         if any(isinstance(number, Node) for number in numbers):
             raise wrong(
                 controller,

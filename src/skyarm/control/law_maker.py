@@ -28,13 +28,11 @@ from skyarm.records.leaves import Tree
 # gains in the paper: another vehicle then gets the same accelerations per error
 RATIO_POSITION, RATIO_VELOCITY = 4.0 / 0.806, 2.2 / 0.806
 
-RATIO_ATTITUDE, RATIO_RATE = (
-    (0.7 / 0.007, 0.7 / 0.007, 0.035 / 0.012),
-    (
-        0.1 / 0.007,
-        0.1 / 0.007,
-        0.025 / 0.012,
-    ),
+RATIO_ATTITUDE = (0.7 / 0.007, 0.7 / 0.007, 0.035 / 0.012)
+RATIO_RATE = (
+    0.1 / 0.007,
+    0.1 / 0.007,
+    0.025 / 0.012,
 )
 
 ACCELERATION_GAINS = (150.0, 17.0)

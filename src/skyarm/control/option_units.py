@@ -123,8 +123,8 @@ def _entry(value: object) -> str:
     """
     if isinstance(value, tuple) and len(value) in COUNTS:
         return f"{COUNTS[len(value)]} numbers"
-    words = {bool: "true or false", int: "whole number", float: "number", str: "text"}
-    return words.get(type(value), "") if value != "" else ""
+    types = {bool: "true or false", int: "whole number", float: "number", str: "text"}
+    return types.get(type(value), "") if value != "" else ""
 
 
 def _merge_units(declared: Unit, described: Unit) -> Unit:

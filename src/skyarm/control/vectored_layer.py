@@ -126,7 +126,8 @@ def law_inside(controller: Controller) -> Controller:
     """
     # without the check of its results
     layer: Any = getattr(controller.law, "keywords", {}).get("law", controller.law)
-    inner, memory = layer.keywords["inner"], controller.memory.inner
+    inner = layer.keywords["inner"]
+    memory = controller.memory.inner
     return replace(controller, law=inner, par=controller.par.own, memory=memory)
 
 

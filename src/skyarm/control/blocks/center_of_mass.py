@@ -90,10 +90,8 @@ def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
     for i in reversed(range(vehicle.n)):
         parent = vehicle.links[i].parent
         if parent != BASE:
-            masses[parent], moments[parent] = (
-                add(masses[parent], masses[i]),
-                moments[parent] + moments[i],
-            )
+            masses[parent] = add(masses[parent], masses[i])
+            moments[parent] = moments[parent] + moments[i]
     columns = []
     for i, axis in enumerate(axes(vehicle, poses)):
         if vehicle.links[i].joint.turns:

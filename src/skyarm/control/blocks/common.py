@@ -106,14 +106,13 @@ def coupled_forces(
     """Inverse dynamics of base and arm at the measured state: force on the base and
     joint torques.
     """
-    vehicle, joints, rate, rates = (
+    return dynamics.inverse_dynamics(
         par.model.vehicle,
         measurement.joints,
         measurement.rate,
         measurement.joint_rates,
-    )
-    return dynamics.inverse_dynamics(
-        vehicle, joints, rate, rates, base, joint_accelerations
+        base,
+        joint_accelerations,
     )
 
 

@@ -58,8 +58,8 @@ Huber 1981 (bounded influence of a reading; 4.8, one that falls again); Astrom, 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any
 
 from skyarm import dynamics
@@ -73,6 +73,7 @@ from skyarm.algebra import (
     Scalar,
     Scalars,
     Vec3,
+    differences,
 )
 from skyarm.algebra.scalars import (
     clip,
@@ -391,10 +392,8 @@ def observe(
     # is slight
     longer = maximum(1.0, dt * (1.0 / USUAL))
     per = divide(1.0, longer * longer)
-    jump, twist = (
-        ev.dot(ev) * divide(per, gains.jump * gains.jump),
-        ew.dot(ew) * (per * (1.0 / LEAP**2)),
-    )
+    jump = ev.dot(ev) * divide(per, gains.jump * gains.jump)
+    twist = ew.dot(ew) * (per * (1.0 / LEAP**2))
     leap = maximum(jump, twist)
     slight = divide(
         1.0, maximum(maximum(jump * fresh.velocity, twist * fresh.rate), 1.0)
@@ -403,15 +402,15 @@ def observe(
     blow = known - slight
     shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque)]
     shares += [
-        joint_gains(link.joint, gains, memory.readings.missed, dt)
-        for link in model.vehicle.links
+        joint_gains(joint, gains, memory.readings.missed, dt)
+        for joint in model.vehicle.joints
     ]
     slow = [L2 * slight / dt for _, L2 in shares]
     # a slide is at its limit before the second period
     believed = [
         blow,
         blow,
-        *(blow if link.joint.turns else 1.0 - slight for link in model.vehicle.links),
+        *(blow if joint.turns else 1.0 - slight for joint in model.vehicle.joints),
     ]
     fast = [
         share + L1 * (1.0 - share)
@@ -436,10 +435,10 @@ def observe(
         base = measure_translation(
             gains.accelerometer, base, measurement, R, linear, modelled, free, fresh, dt
         )
-        pace, rest = (
-            base.heard * (low_pass_share(gains.accelerometer.force, dt) * slight / dt),
-            1.0 - base.heard,
+        pace = base.heard * (
+            low_pass_share(gains.accelerometer.force, dt) * slight / dt
         )
+        rest = 1.0 - base.heard
         quick = [
             (e - last) * pace + b * rest
             for e, last, b in zip(er, residuals, bending, strict=True)
@@ -475,7 +474,7 @@ def observe(
         agreed=base.agreed,
         integrated=base.integrated,
     )
-    begun = dataclasses.replace(
+    begun = replace(
         memory,
         position=place.position,
         quaternion=place.quaternion,
@@ -524,7 +523,7 @@ def observe_uncompensated(
     disturbance in its prediction.
     """
     speeds = choose_each(started > 0.5, memory.rotor_speeds, measurement.rotor_speeds)
-    before = dataclasses.replace(memory, rotor_speeds=speeds)
+    before = replace(memory, rotor_speeds=speeds)
     done = actuation(model, before.rotor_speeds, acted, dt)
     return observe(
         model, gains, before, measurement, done, disturbance(before), started, free, dt
@@ -635,13 +634,11 @@ def filter_pose(
     """Low-pass filtered base pose and joint positions, predicted from the estimated
     velocities and then corrected.
     """
-    share, flags = (
-        low_pass_share(bandwidth, dt),
-        (
-            fresh.position,
-            fresh.quaternion,
-            fresh.joints,
-        ),
+    share = low_pass_share(bandwidth, dt)
+    flags = (
+        fresh.position,
+        fresh.quaternion,
+        fresh.joints,
     )
     moved, turned, bent = (where(started > 0.5, share * flag, 1.0) for flag in flags)
     position = memory.position + memory.velocity * dt
@@ -650,7 +647,7 @@ def filter_pose(
         q + qd * dt for q, qd in zip(memory.joints, memory.joint_rates, strict=True)
     ]
     measured = nearer_sign(measurement.quaternion, quaternion)
-    off = Quaternion(*(m - c for m, c in zip(measured, quaternion, strict=True)))
+    off = Quaternion(*differences(measured, quaternion))
     return FilteredPose(
         position + (measurement.position - position) * moved,
         quaternion.plus(off, turned).normalized(),
@@ -775,7 +772,7 @@ class Observed:
         feed-forward compensates from now on.
         """
         less = disturbance(self) - known
-        return dataclasses.replace(
+        return replace(
             self,
             force=vector_data(less.force),
             torque=vector_data(less.torque),

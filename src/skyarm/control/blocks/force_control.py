@@ -128,7 +128,8 @@ def interact(
         (load - gains.relief_start) / (gains.relief_end - gains.relief_start), 0.0, 1.0
     )
     if wanted.grips:
-        touching, losing = maximum(touching, wanted.grip), losing * (1.0 - wanted.grip)
+        touching = maximum(touching, wanted.grip)
+        losing = losing * (1.0 - wanted.grip)
         yields = yields * (1.0 - wanted.grip)
     pressed = where(asked, touching, 0.0)
     share = ramp_share(gains, memory.share, pressed, touching, dt)
@@ -212,13 +213,11 @@ def touches(
     the tip's force, N.
     """
     was = memory.touching > 0.5
-    weak, through = (
-        where(force < gains.lost, dt / gains.loss_time, 0.0),
-        where(
-            logical_and(into > gains.escape, memory.found > PRESSED),
-            dt / gains.escape_time,
-            0.0,
-        ),
+    weak = where(force < gains.lost, dt / gains.loss_time, 0.0)
+    through = where(
+        logical_and(into > gains.escape, memory.found > PRESSED),
+        dt / gains.escape_time,
+        0.0,
     )
     step = maximum(weak, through)
     losing = where(logical_and(was, step > 0.0), memory.losing + step, 0.0)

@@ -142,14 +142,23 @@ def omitted_thrust(model: Model, speeds: Sequence[Scalar], sideways: bool) -> Fo
     """Force and torque by which the rotors' thrust differs from the mixer's model; zero
     for plain upright rotors.
     """
-    total, rotors = Force(ZERO3, ZERO3), model.vehicle.rotors
     if all(
-        rotor.table is None and rotor.axis.coordinate_axis() == 2 for rotor in rotors
+        rotor.table is None and rotor.axis.coordinate_axis() == 2
+        for rotor in model.vehicle.rotors
     ):
-        return total
-    for rotor, speed in zip(rotors, speeds, strict=True):
+        return Force(ZERO3, ZERO3)
+    squares = [speed * speed for speed in speeds]
+    return calm_wrench(model.vehicle, speeds) - rotor_wrench(model, squares, sideways)
+
+
+def calm_wrench(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Force:
+    """Torque and force of rotors that do not move through the air, at the base origin,
+    base axes.
+    """
+    total = Force(ZERO3, ZERO3)
+    for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
         total = total + rotor_force(rotor, speed, ZERO3)
-    return total - rotor_wrench(model, [speed * speed for speed in speeds], sideways)
+    return total
 
 
 def hub_drag(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Scalar:

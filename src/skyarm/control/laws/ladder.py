@@ -21,7 +21,16 @@ from __future__ import annotations
 from typing import Annotated
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Scalar, Scalars, Vec3
+from skyarm.algebra import (
+    E_Z,
+    ZERO3,
+    Mat3,
+    Motion,
+    Scalar,
+    Scalars,
+    Vec3,
+    differences,
+)
 from skyarm.algebra.scalars import add, divide, minimum, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import (
@@ -323,7 +332,8 @@ def _force_series(
     """Desired force with two time derivatives, from reference, tracking errors and
     present thrust.
     """
-    mass, b3 = par.model.vehicle.mass, R.column(2)
+    mass = par.model.vehicle.mass
+    b3 = R.column(2)
     # the derivatives take the present thrust along body z, not the desired one: this is
     # what accelerates the base
     per_mass = divide(1.0, mass)
@@ -366,11 +376,9 @@ def _forces(
     compensated.
     """
     vehicle, q = par.model.vehicle, measurement.joints
-    rate, rates, weight = (
-        measurement.rate,
-        measurement.joint_rates,
-        R.apply_T(unknown.force),
-    )
+    rate = measurement.rate
+    rates = measurement.joint_rates
+    weight = R.apply_T(unknown.force)
     if par.steps >= CONSISTENT:
         thrust = force.dot(R.column(2))
         needed, efforts, _ = forces_under_thrust(
@@ -386,7 +394,7 @@ def _forces(
         base = Motion(alpha, R.apply_T(specific))
         needed, efforts = dynamics.inverse_dynamics(vehicle, q, rate, rates, base, qdd)
         thrust = needed.force.z - weight.z
-    torques = [a - b for a, b in zip(efforts, unknown.efforts, strict=True)]
+    torques = [*differences(efforts, unknown.efforts)]
     if par.steps >= OBSERVER:
         # the observer's model has the friction, so that no disturbance stands for it
         given = zip(torques, vehicle.links, rates, goal.joint_rates, strict=True)

@@ -9,8 +9,8 @@ Source: Barakou et al. 2026.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 
 from skyarm import dynamics
 from skyarm.algebra import (
@@ -275,7 +275,7 @@ def with_weighted_rates(par: Parameters, reference: Reference) -> Reference:
         mul(weight, qd_d)
         for weight, qd_d in zip(par.rate_weights, reference.joint_rates, strict=True)
     )
-    return dataclasses.replace(reference, joint_rates=rates)
+    return replace(reference, joint_rates=rates)
 
 
 def _base_speeds(

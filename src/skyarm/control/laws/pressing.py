@@ -316,10 +316,8 @@ def release_normal(touch: ObservedContact, wanted: Sequence[Scalar]) -> Scalars:
     length: Scalar = VAGUE * VAGUE
     along = touch.pressing.damping * -touch.into
     for each, acceleration in zip(row, wanted, strict=True):
-        length, along = (
-            add(length, mul(each, each)),
-            add(along, mul(each, acceleration)),
-        )
+        length = add(length, mul(each, each))
+        along = add(along, mul(each, acceleration))
     step = mul(touch.pressing.share, divide(along, length))
     return tuple(
         sub(acceleration, mul(each, step))
@@ -359,10 +357,8 @@ def admittance_pd(
     if touch is not None:
         shift = admittance_motion(par, memory, touch, dt)
         interaction = replace(after.interaction, shift=shift[0], shift_rate=shift[1])
-        after, reference = (
-            replace(after, interaction=interaction),
-            shift_base(reference, touch.pressing.n, shift),
-        )
+        after = replace(after, interaction=interaction)
+        reference = shift_base(reference, touch.pressing.n, shift)
     _, command = decoupled_pd((), measurement, reference, dt, par=par)
     if touch is not None:
         borne = touch.at.disturbance(

@@ -100,7 +100,8 @@ def _thrust(controller: Controller, position: float, velocity: float) -> float:
         felt = Vec3(0.0, 0.0, thrust / float(vehicle.mass))
         seen = replace(resting, rotor_speeds=speeds, specific_force=felt)
         _, command = law(memory, seen, reference, PERIOD, par=controller.par)
-        before, speeds = (speeds, thrust), tuple(map(float, command.rotor_speeds))
+        before = (speeds, thrust)
+        speeds = tuple(map(float, command.rotor_speeds))
         thrust = sum(
             share * speed * speed for share, speed in zip(shares, speeds, strict=True)
         )

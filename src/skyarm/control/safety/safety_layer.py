@@ -497,7 +497,9 @@ def _called_law(
     if not finite(measurement):
         return memory, memory.sent
     governed = govern(par, memory, measurement, reference, dt)
-    following, desired, failed = first, memory.sent, False
+    following = first
+    desired = memory.sent
+    failed = False
     # from its first memory a law may have much to prepare, in vain while the recovery
     # flies
     if memory.confidence.given_up < 0.5:

@@ -28,8 +28,8 @@ bandwidth is: it is lowered by the same share.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import accumulate
 from typing import Annotated
 
@@ -184,17 +184,15 @@ class LagGains(OptionalPart):
         lags.
         """
         base, joints = self.shares(memory, dt)
-        own = [link.joint.damping for link in par.model.vehicle.links]
+        own = [joint.damping for joint in par.model.vehicle.joints]
         par = at_shares(
             with_joint_damping(par, [mul(joints, damping) for damping in own]),
             base,
             joints,
         )
         most = par.observer.torque * maximum(1.0, WIDER * memory.obeyed)
-        observer = dataclasses.replace(
-            par.observer, joints=minimum(par.observer.joints, most)
-        )
-        return dataclasses.replace(par, observer=observer)
+        observer = replace(par.observer, joints=minimum(par.observer.joints, most))
+        return replace(par, observer=observer)
 
     def shares(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
         """Factors (0 to 1) on rotor and joint loop bandwidths for the lags that
@@ -227,19 +225,15 @@ class LagGains(OptionalPart):
         """
         if self.held:
             return memory
-        update, measurement, free, dt = (
-            step.seen.told,
-            step.measurement,
-            step.memory.free,
-            step.dt,
-        )
+        update = step.seen.told
+        measurement = step.measurement
+        free = step.memory.free
+        dt = step.dt
         running = where(step.memory.started > 0.5, 1.0, 0.0)
         rates = (measurement.rate.x, measurement.rate.y, *measurement.joint_rates)
         # the model's answer to what was sent, at the shortest candidate
-        last, sent = (
-            self.stride * self.earlier - step.par.delay_periods - 1,
-            step.timing.past,
-        )
+        last = self.stride * self.earlier - step.par.delay_periods - 1
+        sent = step.timing.past
         _, angular, joints = update.amid.accelerations(
             step.par.model, sent.squares[last], sent.efforts[last]
         )

@@ -18,9 +18,9 @@ Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 
 from __future__ import annotations
 
-import dataclasses
-import functools
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import reduce
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
@@ -58,9 +58,8 @@ from skyarm.control.laws.centroidal.step_records import (
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import Tree
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.reference.preview import Sample, samples, samples_ahead
@@ -78,7 +77,7 @@ class PartMemories:
     interaction: Tree = ()
     admittance: Tree = ()
     load: Tree = ()
-    carrying: Tree = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
+    carrying: Tree = field_if_any(default=())
     trend: Any = ()
     adaptation: Any = ()
 
@@ -124,11 +123,9 @@ class CentroidalMemory:
         lag = self.parts.lag
         if not lag:
             return self
-        return dataclasses.replace(
+        return replace(
             self,
-            parts=dataclasses.replace(
-                self.parts, lag=dataclasses.replace(lag, count=float("inf"))
-            ),
+            parts=replace(self.parts, lag=replace(lag, count=float("inf"))),
         )
 
 
@@ -143,14 +140,10 @@ def centroidal(
     """One control step of the centroidal law: computed torque on the centre of mass
     with a disturbance observer.
     """
-    par = dataclasses.replace(
-        par, model=with_held_damping(par.model, par.mobilities, dt)
-    )
-    part_memories, touching, vehicle = (
-        memory.parts,
-        par.parts.touching(),
-        par.model.vehicle,
-    )
+    par = replace(par, model=with_held_damping(par.model, par.mobilities, dt))
+    part_memories = memory.parts
+    touching = par.parts.touching()
+    vehicle = par.model.vehicle
     timing = time_of_action(par, memory, dt)
     motion, channels, age = continue_reference(par, memory, reference, timing.lead, dt)
     par = gains_of_now(par, memory, measurement, timing.lead, dt)
@@ -232,7 +225,8 @@ def time_of_action(
     """Delay of this step's command, and modelled rotor speeds and joint efforts before
     the measurement.
     """
-    lag, past = par.parts.lag, memory.past.after(par.model, memory.sent, dt)
+    lag = par.parts.lag
+    past = memory.past.after(par.model, memory.sent, dt)
     late = lag.delay(memory.parts.lag, dt) if isinstance(lag, LagGains) else 0
     age = divide(late, dt) + float(par.delay_periods)
     lead = add(late, dt * float(par.lead_periods)) if par.lead_periods else late
@@ -304,9 +298,7 @@ def gains_of_now(
     # zeros known before compilation: nothing measures it, so the program has no such
     # filter
     if all(same(each, 0) for each in measurement.specific_force):
-        par = dataclasses.replace(
-            par, observer=dataclasses.replace(par.observer, accelerometer=None)
-        )
+        par = replace(par, observer=replace(par.observer, accelerometer=None))
     for name, part in par.parts.present():
         par = part.adjust_gains(getattr(memory.parts, name), par, dt)
     return (
@@ -342,7 +334,8 @@ def see(
         memory.free,
         dt,
     )
-    alone, R = disturbance(observed) + adapted[1], observed.quaternion.rotation()
+    alone = disturbance(observed) + adapted[1]
+    R = observed.quaternion.rotation()
     across = par.center.sideways is not None
     unknown = with_side(
         model, alone, R, observed.rotor_speeds, observed.velocity, observed.rate, across
@@ -359,7 +352,8 @@ def present(
     That is now, after the measurement's delay, and later by a delay of the commands
     that is found in flight.
     """
-    state, sideways = seen.observed.state(), par.center.sideways is not None
+    state = seen.observed.state()
+    sideways = par.center.sideways is not None
     # neither a known nor an estimated delay: the measured state is that of now
     if type(timing.late) is int and not par.delay_periods:
         return state
@@ -395,4 +389,4 @@ def feedforward(
         for name, part in par.parts.present()
     ]
     given = [row for row in rows if row is not None] or [(none, none)]
-    return functools.reduce(lambda a, b: (a[0] + b[0], a[1] + b[1]), given)
+    return reduce(lambda a, b: (a[0] + b[0], a[1] + b[1]), given)

@@ -112,7 +112,8 @@ def make_centroidal(
     sideways = sideways_part(gains)
     must_be_whole(gains)
     presses, carries = any(gains["interaction"]), bool(gains["load"])
-    periods, whole = periods_of(delay, control_period), model
+    periods = periods_of(delay, control_period)
+    whole = model
     turns_rotors = sideways is not None and bool(model.vehicle.tilts)
     model = pairs_model(model) if turns_rotors else model
     vehicle, leads = model.vehicle, mode == "tip" and model.vehicle.n > 0
@@ -250,10 +251,9 @@ def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:
     """Two flags for each joint of a vehicle: True if it has a lower limit, True if it
     has an upper one.
     """
-    joints = (link.joint for link in vehicle.links)
     return tuple(
         (math.isfinite(float(joint.lower)), math.isfinite(float(joint.upper)))
-        for joint in joints
+        for joint in vehicle.joints
     )
 
 

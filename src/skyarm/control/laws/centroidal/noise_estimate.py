@@ -18,7 +18,7 @@ Sources: Mehra 1970 (noise from the innovations' autocovariance); Kalman, Bucy 1
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Vec3
@@ -144,16 +144,14 @@ class NoiseGains(OptionalPart):
             ratio = divide(calm, share)
             pole = clip(heard.velocity * (ratio * ratio), SLOWEST, QUICKEST)
             agreement = divide(heard.agreement, calm * calm)
-            heard = dataclasses.replace(
+            heard = replace(
                 heard, force=heard.force * share, velocity=pole, agreement=agreement
             )
         force = observer.force * seen.share(self.density, dt)
         # noise is no blow
         jump = sqrt(maximum(observer.jump * observer.jump, DEVIATIONS * seen.variance))
-        observer = dataclasses.replace(
-            observer, force=force, accelerometer=heard, jump=jump
-        )
-        return dataclasses.replace(par, observer=observer)
+        observer = replace(observer, force=force, accelerometer=heard, jump=jump)
+        return replace(par, observer=observer)
 
     def after(
         self, memory: NoiseMemory, seen: ObserverOutput, velocity: Vec3, dt: Scalar
@@ -164,10 +162,8 @@ class NoiseGains(OptionalPart):
         update, noise = seen.told, memory.accelerometer
         if noise and update.beside:
             noise = noise.after(update.beside - noise.last, update.beside, FELT, dt)
-        change, left = (
-            update.innovation - memory.velocity.last,
-            (velocity - seen.observed.velocity) * update.known,
-        )
+        change = update.innovation - memory.velocity.last
+        left = (velocity - seen.observed.velocity) * update.known
         return NoiseMemory(
             velocity=memory.velocity.after(change, left, self.density, dt),
             accelerometer=noise,

@@ -87,7 +87,8 @@ def arm_length(vehicle: Vehicle) -> float:
     joints are at zero.
     """
     frame = vehicle.frame()
-    total, index = math.hypot(*map(float, frame.position)), frame.link
+    total = math.hypot(*map(float, frame.position))
+    index = frame.link
     while index != BASE and vehicle.moving[index].parent != BASE:
         total += math.hypot(*map(float, vehicle.moving[index].joint.position))
         index = vehicle.moving[index].parent
@@ -122,21 +123,15 @@ def fit_gains(
             for name in ("damping", "preview")
         }
         if not presses:
-            fitted["tip"] = (
-                gains["tip"][0],
-                gains["tip"][1] * tip_damping_share(vehicle),
-            )
+            kp, kd = gains["tip"]
+            kd *= tip_damping_share(vehicle)
             if not carries:
-                light, (force, torque, joints, pose) = (
-                    tip_lightness(vehicle),
-                    gains["observer"],
-                )
-                fitted["tip"] = (
-                    fitted["tip"][0] / min(light, LIGHTEST),
-                    fitted["tip"][1],
-                )
+                light = tip_lightness(vehicle)
+                kp /= min(light, LIGHTEST)
+                force, torque, joints, pose = gains["observer"]
                 fitted["observer"] = force, torque, joints * min(light, QUICKEST), pose
                 fitted["reach"] = min(gains["reach"], slide_room(vehicle))
+            fitted["tip"] = kp, kd
     return {name: value for name, value in fitted.items() if name not in given}
 
 
@@ -153,7 +148,8 @@ def preview_of(
             to be late.
         given: whether the user has set it.
     """
-    preview, least = gains["preview"], late / SHARES[0]
+    preview = gains["preview"]
+    least = late / SHARES[0]
     if mode != "tip" or not preview:
         return None
     # equal but for rounding is enough
@@ -273,7 +269,8 @@ def check_entry(name: str, value: Any) -> float | tuple[float, ...]:
         raise ControllerError(
             f"controller.{name}: {must_be_one_of(sorted(ENTRIES), name)}"
         )
-    example, limits = VALUES[name], RANGES.get(name, (0.0, math.inf))
+    example = VALUES[name]
+    limits = RANGES.get(name, (0.0, math.inf))
     if type(example) is bool:
         return value if type(value) is bool else refuse(name, value, "true or false")
     if type(example) is not tuple:

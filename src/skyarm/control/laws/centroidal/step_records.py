@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Protocol
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
@@ -111,9 +111,7 @@ class Effect:
         ``never`` is 1 where none was there in this flight: the lag is estimated.
         """
         isolated = mul(self.isolated, maximum(share, never))
-        return dataclasses.replace(
-            self, learns=mul(self.learns, share), isolated=isolated
-        )
+        return replace(self, learns=mul(self.learns, share), isolated=isolated)
 
 
 class RotorForce:

@@ -16,8 +16,8 @@ Source: Wampler 1986, Nakamura, Hanafusa 1986 (damped least squares); Umetani, Y
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 
 from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, cos, divide, mul, sin, total
@@ -72,11 +72,7 @@ def goal(
     """
     yaw = yaw.truncate(2)
     arm = turn_by_yaw(yaw, level.tip)
-    tip = (
-        base[0] + derivative(arm, 0),
-        base[1] + derivative(arm, 1),
-        base[2] + derivative(arm, 2),
-    )
+    p, v, a = (base[k] + derivative(arm, k) for k in range(3))
     spin = Vec3(0, 0, yaw.derivative_series())
     rates: list[Vec3] = []
     links = []
@@ -91,7 +87,7 @@ def goal(
             rate = Vec3(*(add(a, b * slope) for a, b in zip(rate, along, strict=True)))
         rates.append(rate)
     return TipGoal(
-        tip,
+        (p, v, a),
         tuple(links),
         tuple(derivative(rate, 0) for rate in rates),
         tuple(derivative(rate, 1) for rate in rates),
@@ -110,7 +106,7 @@ def move_goal(goal: TipGoal, error: Sequence[Vec3], reach: Scalar) -> TipGoal:
     fourth = square * square * divide(1.0, reach * reach * reach * reach)
     moved = series * (fourth / (fourth + 1.0))
     p, v, a = (old + derivative(moved, k) for k, old in enumerate(goal.tip))
-    return dataclasses.replace(goal, tip=(p, v, a))
+    return replace(goal, tip=(p, v, a))
 
 
 def release_normal(
@@ -125,7 +121,7 @@ def release_normal(
     """
     p, v, a = goal.tip
     n, slower = pressing.n, 1.0 - pressing.damping / velocity_gain
-    return dataclasses.replace(
+    return replace(
         goal,
         tip=(
             p + n * (n.dot(tip - p) * pressing.share),
@@ -225,10 +221,8 @@ def tip_columns(
     """Jacobian of the tip against the centre of mass, one column per joint, base axes;
     ``poses`` are of the links.
     """
-    columns, share = (
-        jacobian_columns(vehicle, vehicle.frame(), joints, summed=True),
-        divide(1.0, vehicle.mass),
-    )
+    columns = jacobian_columns(vehicle, vehicle.frame(), joints, summed=True)
+    share = divide(1.0, vehicle.mass)
     return [
         a.linear - b * share
         for a, b in zip(columns, com_columns(vehicle, poses), strict=True)
@@ -243,9 +237,7 @@ def level_joints(
     """
     pairs = zip(poses[: vehicle.n], wanted.links, strict=True)
     errors = [orientation_error(pose.R, R.T @ link) for pose, link in pairs]
-    return joints_of_turns(
-        vehicle, gains, axes(vehicle, poses), errors, (0.0,) * vehicle.n
-    )
+    return joints_of_turns(vehicle, gains, axes(vehicle, poses), errors, vehicle.zeros)
 
 
 def level_motion(
@@ -262,7 +254,9 @@ def level_motion(
     ``poses`` are of the links turned so; ``told`` rates and accelerations of the
     joints' references, for the rest.
     """
-    directions, R, w = axes(vehicle, poses), still.R, still.rate
+    directions = axes(vehicle, poses)
+    R = still.R
+    w = still.rate
     turns = [R.apply_T(each) - w for each in wanted.rates]
     rates = joints_of_turns(vehicle, gains, directions, turns, told[0])
     links = link_turning(vehicle, directions, rates, w, still.acceleration)
@@ -415,10 +409,8 @@ def joint_accelerations(
     ):
         error = errors[i]
         calm = links[i] if links else 1
-        velocity, position = (
-            mul(gains.velocity, calm),
-            mul(gains.position, mul(calm, calm)),
-        )
+        velocity = mul(gains.velocity, calm)
+        position = mul(gains.position, mul(calm, calm))
         turn = (
             R.apply_T(wanted.accelerations[i] + wanted.rates[i] * velocity)
             + error * position

@@ -56,7 +56,7 @@ def needed(
         qd,
         applied=E_Z * demand.thrust
         + demand.across
-        + state.quaternion.rotation().apply_T(unknown.force),
+        + state.rotation.apply_T(unknown.force),
         angular=demand.alpha,
         joint_accelerations=demand.joints,
     )
@@ -96,7 +96,7 @@ def actuate(step: Step, unknown: Disturbance, demand: AccelerationDemand) -> Don
     par, state, dt, trim = step.par, step.state, step.dt, step.memory.trim
     model = par.model
     torque, efforts = needed(model, state, demand, unknown)
-    limits = [link.joint.effort_limit for link in model.vehicle.links]
+    limits = [joint.effort_limit for joint in model.vehicle.joints]
     limited = tuple(
         clip(data(effort), -limit, limit)
         for effort, limit in zip(efforts, limits, strict=True)

@@ -29,7 +29,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.algebra import E_Z, ZERO3, Force, Motion, Scalar, Scalars, Vec3, differences
+from skyarm.algebra import E_Z, Motion, Scalar, Scalars, Vec3, differences
 from skyarm.algebra.scalars import add, clip, divide, mul, sub, tanh, where
 from skyarm.control.blocks.common import (
     coupled_forces,
@@ -39,12 +39,13 @@ from skyarm.control.blocks.common import (
     wanted_specific_force,
 )
 from skyarm.control.blocks.filters import low_pass
+from skyarm.control.blocks.prediction import calm_wrench
 from skyarm.control.blocks.select import choose_each
 from skyarm.control.controller import ControllerError
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Model, Parameters
-from skyarm.dynamics.actuators import Command, rotor_force
+from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import concrete
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
@@ -296,16 +297,12 @@ def with_command(
     vehicle: Vehicle, history: History, command: Command, dt: Scalar
 ) -> History:
     """History of network inputs updated by the last command."""
-    pushed = Force(ZERO3, ZERO3)
-    for rotor, speed in zip(vehicle.rotors, command.rotor_speeds, strict=True):
-        pushed = pushed + rotor_force(rotor, speed, ZERO3)
-    begun, sent = (
-        history.started > 0.5,
-        (
-            *pushed.force,
-            *pushed.torque,
-            *command.efforts,
-        ),
+    pushed = calm_wrench(vehicle, command.rotor_speeds)
+    begun = history.started > 0.5
+    sent = (
+        *pushed.force,
+        *pushed.torque,
+        *command.efforts,
     )
     after = _filter_values(history.commanded < 0.5, history.commands, sent, dt)
     return replace(

@@ -28,9 +28,9 @@ Source: Diehl, Bock, Schloeder 2005 (real-time iteration); Tassa, Mansard, Todor
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from typing import Annotated, Any
 
@@ -307,9 +307,7 @@ def nmpc(
         # plan, touch and loss may be of other stages, and of a contact that is
         # requested no more
         silent = None if par.interaction is None else ZERO3_DATA
-        memory = dataclasses.replace(
-            memory, plan=None, since=0, interaction=None, tip_force=silent
-        )
+        memory = replace(memory, plan=None, since=0, interaction=None, tip_force=silent)
         engine = make_engine(key)
     if par.preview and not reference.turning:
         raise ControllerError(
@@ -321,7 +319,8 @@ def nmpc(
         past = engine.observation.first(measurement)
     elif len(sent) > par.delay_periods:
         # the first measurements are those of the start, repeated
-        past, sent = engine.observation.update(past, sent[0], measurement), sent[1:]
+        past = engine.observation.update(past, sent[0], measurement)
+        sent = sent[1:]
     estimate, late = past.estimate, past.late.periods
     nx = len(estimate) - 6 - par.model.vehicle.n
     # the state in which the command of this period begins to act
@@ -330,7 +329,9 @@ def nmpc(
         :nx
     ]
     sample = update_sample(reference, memory.sample, dt)
-    interaction, touch, disturbance = memory.interaction, None, estimate[nx:]
+    interaction = memory.interaction
+    touch = None
+    disturbance = estimate[nx:]
     if engine.contact is not None:
         signals = extrapolate(sample, np.array([sample.age]))[0, 0]
         interaction, touch = engine.contact.at(
@@ -342,7 +343,8 @@ def nmpc(
         problem = problem_at(
             engine, x, estimate[nx:], sample, float(late * dt), par, touch
         )
-        plan, since = _solve_plan(engine, plan, since * dt, problem, par), 0
+        plan = _solve_plan(engine, plan, since * dt, problem, par)
+        since = 0
         trust = after_plan(trust, is_flyable(plan, engine.most))
     if trust.flies_plans:
         command = _command(engine, plan, since, x, dt)

@@ -75,8 +75,14 @@ def base_accelerations(
     applied = _on_base(model, state, R, disturbance)
     # what the arm alone needs of the base; the rest of the wrench accelerates it
     still = Motion(ZERO3, ZERO3)
-    moving = state.joints, state.rate, state.joint_rates
-    needed, _ = dynamics.inverse_dynamics(vehicle, *moving, still, joint_accelerations)
+    needed, _ = dynamics.inverse_dynamics(
+        vehicle,
+        state.joints,
+        state.rate,
+        state.joint_rates,
+        still,
+        joint_accelerations,
+    )
     pushed = applied - needed
     whole = [
         row[:6]

@@ -219,7 +219,8 @@ def _spline_at(samples: Array, knots: Array, k: IntArray, at: Array) -> Array:
     Source: Hermite 1878 (the polynomial that meets values and derivatives at both
     ends).
     """
-    orders, h = range(len(samples)), (knots[k + 1] - knots[k])[:, None]
+    orders = range(len(samples))
+    h = (knots[k + 1] - knots[k])[:, None]
     s = (at - knots[k])[:, None] / h
     # derivatives in units of the interval, so that one matrix serves intervals of any
     # length

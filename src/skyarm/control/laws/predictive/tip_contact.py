@@ -10,8 +10,8 @@ over the horizon.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -107,10 +107,8 @@ class TipContact:
             signals: Sequence[Scalar],
         ) -> tuple[InteractionMemory, ContactState]:
             x, y, z, yaw, *joints = signals
-            desired, at = (
-                wanted_of(push),
-                levers(vehicle, now.quaternion.rotation(), now.joints),
-            )
+            desired = wanted_of(push)
+            at = levers(vehicle, now.rotation, now.joints)
             n, into = desired.normal, -desired.normal.dot(tip_velocity(model, now))
             after, pressing = interact(
                 gains, memory, desired, observed, at, into, 0.0, dt
@@ -119,7 +117,7 @@ class TipContact:
                 frame_pose(vehicle, vehicle.frame(), tuple(joints)).p
             )
             way = now.position + at.R.apply(at.tip) - Vec3(x, y, z) - arm
-            after = dataclasses.replace(after, gap=n.dot(way) - after.shift)
+            after = replace(after, gap=n.dot(way) - after.shift)
             along = n * n.dot(pressing.force)
             unanswered = along + (pressing.force - along) * (1.0 - KEPT)
             free = observed + at.disturbance(unanswered * -pressing.engaged)
@@ -182,12 +180,10 @@ def shift_ahead(
     A tip that comes keeps its speed; what follows the surface, or returns, does so as a
     critically damped swing.
     """
-    s, rate, speed, t = (
-        float(touch.shift),
-        float(touch.shift_rate),
-        float(touch.speed),
-        later,
-    )
+    s = float(touch.shift)
+    rate = float(touch.shift_rate)
+    speed = float(touch.speed)
+    t = later
     if touch.asked and not touch.rising:
         coming = float(gains.coming)
         late = np.exp(-coming * t)

@@ -89,10 +89,8 @@ def _angular(
     turn = psi - reference.yaw
     # the heading takes the shorter way round; roll and pitch are far from half a turn
     error = Vec3(phi - roll, theta - pitch, atan2(sin(turn), cos(turn)))
-    Q, rates = (
-        rate_matrix(phi, theta),
-        rate_matrix_inverse(phi, theta).apply(measurement.rate),
-    )
+    Q = rate_matrix(phi, theta)
+    rates = rate_matrix_inverse(phi, theta).apply(measurement.rate)
     pull = angular_acceleration(
         par.gains,
         par.model.vehicle.base.inertia,

@@ -46,6 +46,7 @@ from skyarm.algebra import (
     Scalar,
     Scalars,
     Vec3,
+    differences,
 )
 from skyarm.algebra.scalars import clip, divide, exp, minimum, where
 from skyarm.control.blocks.common import (
@@ -356,7 +357,7 @@ def _command(
     force, efforts = coupled_forces(
         par, measurement, base, joint_accelerations(par, measurement, reference)
     )
-    torques = [a - b for a, b in zip(efforts, filtered.efforts_twice, strict=True)]
+    torques = differences(efforts, filtered.efforts_twice)
     return make_command(
         par,
         force.torque - filtered.torque_twice,

@@ -18,9 +18,9 @@ the wind on the base is estimated.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
@@ -297,15 +297,13 @@ class AdmittanceGains(OptionalPart):
         """Shift the reference by the admittance offset; stop adaptation during and
         shortly after an external force.
         """
-        vehicle, reading, observed = (
-            step.par.model.vehicle,
-            step.measurement.tip_force,
-            step.seen.observed,
-        )
+        vehicle = step.par.model.vehicle
+        reading = step.measurement.tip_force
+        observed = step.seen.observed
         memory, signals = shift_reference(
             self, memory, vehicle, observed, effect.signals, reading, step.dt
         )
-        effect = dataclasses.replace(effect, signals=signals, external=memory.detected)
+        effect = replace(effect, signals=signals, external=memory.detected)
         return memory, effect.isolating(self.force_cleared(memory))
 
     def force_cleared(self, memory: AdmittanceMemory) -> Scalar:
@@ -335,14 +333,14 @@ def shift_reference(
         sensed = low_pass(sensed, Vec3(*reading), gains.sensing, dt)
         turned = at.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
         value, sensed = turned.apply(sensed - memory.sensor_bias), vector_data(sensed)
-    memory = dataclasses.replace(memory, force=vector_data(value), sensed=sensed)
+    memory = replace(memory, force=vector_data(value), sensed=sensed)
     memory = detect(gains.detection, memory, d, estimate, dt)
     body, shift = move(gains.tip, memory.body, memory.force * memory.detected, dt)
     moved = (
         signal + Taylor((p, v, mul(0.5, a), 0, 0))
         for signal, p, v, a in zip(signals[:3], *shift, strict=True)
     )
-    return dataclasses.replace(memory, body=body), [*moved, *signals[3:]]
+    return replace(memory, body=body), [*moved, *signals[3:]]
 
 
 def detect(
@@ -368,11 +366,11 @@ def detect(
         calm, low_pass_share(where(settled, gains.bias_rate, gains.settling), dt), 0.0
     )
     wind = where(calm, share, low_pass_share(gains.wind_rate, dt))
-    unexplained = dataclasses.replace(observed, force=observed.force - force * detected)
+    unexplained = replace(observed, force=observed.force - force * detected)
     offset = memory.sensor_bias
     if offset and memory.sensed:
         offset = vector_data(offset + (memory.sensed - offset) * share)
-    return dataclasses.replace(
+    return replace(
         memory,
         age=where(settled, memory.age, memory.age + dt),
         bias=memory.bias.blend_towards(unexplained, share, wind),
@@ -444,7 +442,7 @@ def _compliance(fields: Fields, lead: float, axes: tuple[Vec3, ...]) -> Complian
     damping, stiffness = (
         tuple(v if m else 0 for v, m in zip(row, mass, strict=True)) for row in rows[1:]
     )
-    return dataclasses.replace(body, damping=damping, stiffness=stiffness)
+    return replace(body, damping=damping, stiffness=stiffness)
 
 
 def require_moderate(at: str, name: str, body: Compliance) -> None:

@@ -12,8 +12,8 @@ more.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Sym3, Vec3
@@ -44,7 +44,7 @@ from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit
 from skyarm.vehicle import BASE, Body, Vehicle
 
@@ -59,7 +59,7 @@ VAGUE = 1e6
 depends on it, and it stays zero."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@positional
 class Hang:
     """Regressor of a tip load: wrench on base and joints per kg and per N m of
     horizontal torque.
@@ -120,7 +120,8 @@ def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> 
     """Unmodelled tip load that best explains a disturbance: mass (kg) and horizontal
     torque (N m).
     """
-    squares, errors = LeastSquares(3), gains.errors
+    squares = LeastSquares(3)
+    errors = gains.errors
     squares.require((at.lift, 0, 0), rest.force.z, 1)
     for turned, torque in zip(zip(*at.turning, strict=True), rest.torque, strict=True):
         squares.require(turned, torque, divide(1.0, errors.base * errors.base))
@@ -318,11 +319,9 @@ class LoadGains(OptionalPart):
             com=com,
             inertia=Sym3(about, about, about),
         )
-        par = dataclasses.replace(
+        par = replace(
             par,
-            model=dataclasses.replace(
-                par.model, vehicle=vehicle.with_body(tip.link, load)
-            ),
+            model=replace(par.model, vehicle=vehicle.with_body(tip.link, load)),
         )
         share = 1.0 - (1.0 - HOLDING) * self.load_share(memory.mass)
         return at_shares(par, share, share)
@@ -368,13 +367,9 @@ class LoadGains(OptionalPart):
         # there the load is nearly all of the inertia, and the grasp is elastic: turn
         # these links gently
         calm = tuple(1.0 - mul(1.0 - self.links, share) for share in shares)
-        unknown, force = (
-            dataclasses.replace(unknown, efforts=efforts),
-            effect.force + resting.force,
-        )
-        return load, dataclasses.replace(
-            effect, unknown=unknown, force=force, links=calm
-        )
+        unknown = replace(unknown, efforts=efforts)
+        force = effect.force + resting.force
+        return load, replace(effect, unknown=unknown, force=force, links=calm)
 
     def load_share(self, mass: Scalar) -> Scalar:
         """0 without a load, nearly 1 with a heavy one: m^2 / (m^2 + m_0^2), m_0 a part
@@ -433,9 +428,7 @@ def load_gains(limit: float, vehicle: Vehicle) -> LoadGains:
         )
     gains, lever = LoadGains(limit=limit), _last_lever(vehicle)
     wrist = lever.dot(lever) < gains.bulk * gains.bulk
-    return dataclasses.replace(
-        gains, inertia_share=where(wrist, gains.inertia_share, 1.0)
-    )
+    return replace(gains, inertia_share=where(wrist, gains.inertia_share, 1.0))
 
 
 def _last_lever(vehicle: Vehicle) -> Vec3:

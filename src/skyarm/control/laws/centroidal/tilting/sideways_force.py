@@ -100,7 +100,8 @@ class SidewaysForce(RotorForce):
         """Force (N, world axes) that the rotors can give at this attitude, or its first
         derivative (N/s).
         """
-        order, series = len(force) - 1, vector_series(force)
+        order = len(force) - 1
+        series = vector_series(force)
         turning = [
             [R.column(k), R.apply(w.cross(axis))]
             for k, axis in enumerate((E_X, E_Y, E_Z))
