@@ -192,7 +192,7 @@ SMALL = 1e-9
 
 
 @immutable
-class Felt:
+class TranslationEstimate:
     """Estimates of an observer after one period: base velocity, accelerometer bias,
     increment of the unknown force.
 
@@ -240,7 +240,7 @@ def modelled_specific_force(model: Model, R: Mat3, linear: Vec3, rotors: Vec3) -
 
 def measure_translation(
     gains: AccelerometerGains,
-    seen: Felt,
+    seen: TranslationEstimate,
     measurement: Measurement,
     R: Mat3,
     linear: Vec3,
@@ -248,7 +248,7 @@ def measure_translation(
     free: Sequence[Scalar],
     fresh: Fresh,
     dt: Scalar,
-) -> Felt:
+) -> TranslationEstimate:
     """Accelerometer-based estimate of the base's velocity and of the change of the
     external force in one period.
 
@@ -291,7 +291,7 @@ def measure_translation(
         share = mul(share, each)
     bias = seen.bias - R.apply_T(e) * mul(new * trust, divide(slow, dt))
     taken = beside * minimum(1.0, divide(MOST, sqrt(beside.dot(beside) + SMALL)))
-    return Felt(
+    return TranslationEstimate(
         velocity=integrated * used + seen.velocity * (1.0 - used),
         bias=Vec3(*(data(clip(each, -LARGEST_BIAS, LARGEST_BIAS)) for each in bias)),
         change=taken * mul(share, low_pass_share(gains.force, dt))
@@ -347,7 +347,7 @@ def observe(
     started: Scalar,
     free: Sequence[Scalar],
     dt: Scalar,
-) -> tuple[Observed, Told]:
+) -> tuple[Observed, ObserverCorrections]:
     """Update of the disturbance observer by one measurement: next state, and
     corrections of the predicted motion.
 
@@ -420,7 +420,7 @@ def observe(
     bending = [mul(e, L2) for e, L2 in zip(er, slow[2:], strict=True)]
     yielding = [maximum(each, YIELDING) for each in free[1:]]
     ev = ev * (fresh.velocity * known)
-    base = Felt(
+    base = TranslationEstimate(
         velocity=v + ev * fast[0],
         bias=memory.bias,
         change=ev * slow[0],
@@ -485,7 +485,7 @@ def observe(
         readings=readings,
         integrated=vector_data(measurement.velocity) if memory.integrated else (),
     )
-    return blend(started > 0.5, learned, begun), Told(
+    return blend(started > 0.5, learned, begun), ObserverCorrections(
         amid=amid,
         innovation=ev,
         known=known,
@@ -591,7 +591,7 @@ class Amid:
 
 
 @immutable
-class Told:
+class ObserverCorrections:
     """Corrections of the observer's prediction by one measurement, and the vehicle
     state half a period earlier.
 

@@ -399,6 +399,17 @@ SENSING = 60.0
 that of the contact."""
 
 
+SensorBandwidth = Annotated[
+    Scalar,
+    Unit(
+        "rad/s",
+        "bandwidth of the filter of the force sensor",
+        effect="lower values pass less sensor noise and add lag",
+    ),
+]
+"""Bandwidth of a force sensor's filter, as constants of several parts declare it."""
+
+
 @immutable
 class InteractionGains:
     """Constants of the contact force controller."""
@@ -610,17 +621,7 @@ class InteractionGains:
             bound=True,
         ),
     ] = 0.1
-    sensing: (
-        Annotated[
-            Scalar,
-            Unit(
-                "rad/s",
-                "bandwidth of the filter of the force sensor",
-                effect="lower values pass less sensor noise and add lag",
-            ),
-        ]
-        | None
-    ) = None
+    sensing: SensorBandwidth | None = None
     furthest: Annotated[
         Scalar, Unit("m", "longest search distance of the base beyond its last contact")
     ] = 0.5

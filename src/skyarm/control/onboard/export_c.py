@@ -167,15 +167,21 @@ def blank_readings(
     )
 
 
+def filtered_readings(readings: FilterReadings) -> dict[str, Any]:
+    """Readings of the sensors that the state estimator takes, by name."""
+    return {
+        name: each
+        for name, each in parts(readings).items()
+        # a law takes the force at the tip past the filter
+        if leaves(each) and name != "tip_force"
+    }
+
+
 def have_come(readings: FilterReadings) -> Scalar:
     """True if every reading that the filter needs has a time above 0, and an attitude a
     length of 1 within 1 %.
     """
-    taken = [
-        each
-        for name, each in parts(readings).items()
-        if leaves(each) and name != "tip_force"
-    ]
+    taken = filtered_readings(readings).values()
     conditions: list[Scalar] = [each.time > 0.0 for each in taken]
     conditions += [
         # the square of a length that is 1 within 1 %
@@ -229,11 +235,7 @@ def estimated_law(
     ) -> tuple[EstimatedMemory, Command]:
         model = constants.parameters.model
         estimator = constants.estimator.believing(model.vehicle, model.gravity)
-        arrived = {
-            name: each
-            for name, each in parts(readings).items()
-            if leaves(each) and name != "tip_force"
-        }
+        arrived = filtered_readings(readings)
         queue = (*memory.underway, memory.sent)
         # the filter's model must have what acts now, not what was just sent
         rotors, joints = (queue[-1 - age] for age in late)

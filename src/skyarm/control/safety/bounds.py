@@ -122,10 +122,8 @@ def govern_base(
     )
     if not (reference.center or reference.ahead):
         return governed
-    changes = [
-        differences(*rows)
-        for rows in zip(_base_motion(governed), _base_motion(reference), strict=True)
-    ]
+    pairs = zip(_base_motion(governed), _base_motion(reference), strict=True)
+    changes = [after - before for after, before in pairs]
     # numbers of a preview go signal by signal, those of a centre of mass derivative by
     # derivative
     others = (0,) * (3 * (1 + len(reference.joints)))
@@ -141,16 +139,15 @@ def govern_base(
     )
 
 
-def _base_motion(reference: Reference) -> list[Sequence[Scalar]]:
+def _base_motion(reference: Reference) -> tuple[Vec3, ...]:
     """Position of the base and its first four derivatives."""
-    motion = (
+    return (
         reference.position,
         reference.velocity,
         reference.acceleration,
         reference.jerk,
         reference.snap,
     )
-    return [tuple(each) for each in motion]
 
 
 def _limit_length(v: Vec3, longest: Scalar) -> Vec3:

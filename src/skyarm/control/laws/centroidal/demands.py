@@ -133,7 +133,7 @@ def demands(
     preferred = joint_accelerations(par, state, joints)
     missed = ZERO3
     if course.goal is not None:
-        present = tip_tasks.Now(
+        present = tip_tasks.PresentMotion(
             R=R,
             rate=w,
             alpha=alpha,

@@ -30,6 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 from itertools import accumulate
 from typing import Annotated
 
@@ -225,7 +226,7 @@ class LagGains(OptionalPart):
         """
         if self.held:
             return memory
-        update = step.seen.told
+        update = step.seen.corrections
         measurement = step.measurement
         free = step.memory.free
         dt = step.dt
@@ -438,7 +439,7 @@ def delay_share(memory: LagMemory) -> Scalar:
 
 def weigh(bank: Bank) -> list[Scalar]:
     """Weight of each candidate lag, its likelihood up to a common factor."""
-    least = _least(bank.paid)
+    least = reduce(minimum, bank.paid)
     inverse = divide(0.125 * SHARPNESS, least + PRIOR)
     start = 1.0 - least * inverse
     weights = []
@@ -460,14 +461,6 @@ def estimate(bank: Bank, step: Scalar, earlier: int = 0) -> Scalar:
         divide(total(above[:-1]), above[-1]),
         structural(-float(earlier)) if earlier else 0,
     )
-
-
-def _least(paid: Sequence[Scalar]) -> Scalar:
-    """Smallest penalised mean residual of the candidate lags."""
-    least = paid[0]
-    for each in paid[1:]:
-        least = minimum(least, each)
-    return least
 
 
 def _in_row(
@@ -514,7 +507,7 @@ def _bank(
         old + keep * (add(divide(e, e + half), price) - old) for old, e, price in rows
     ]
     # evidence that could grow on would take as long to be overturned as it took to grow
-    most = _least(paid) + LEAD
+    most = reduce(minimum, paid) + LEAD
     return Bank(
         paid=tuple(minimum(each, most) for each in paid),
         scale=bank.scale + passed * (size - bank.scale),

@@ -340,7 +340,9 @@ def see(
     unknown = with_side(
         model, alone, R, observed.rotor_speeds, observed.velocity, observed.rate, across
     )
-    return ObserverOutput(observed=observed, told=update, alone=alone, unknown=unknown)
+    return ObserverOutput(
+        observed=observed, corrections=update, alone=alone, unknown=unknown
+    )
 
 
 def present(

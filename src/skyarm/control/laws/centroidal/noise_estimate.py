@@ -159,7 +159,7 @@ class NoiseGains(OptionalPart):
         """Noise estimates one control period later, from the measured velocity and the
         observer's output.
         """
-        update, noise = seen.told, memory.accelerometer
+        update, noise = seen.corrections, memory.accelerometer
         if noise and update.beside:
             noise = noise.after(update.beside - noise.last, update.beside, FELT, dt)
         change = update.innovation - memory.velocity.last

@@ -246,25 +246,25 @@ def level_motion(
     wanted: TipGoal,
     still: DesiredAttitude,
     poses: Sequence[Pose],
-    told: Sequence[Sequence[Scalar]],
+    references: Sequence[Sequence[Scalar]],
 ) -> tuple[Scalars, Scalars]:
     """Joint rates and accelerations that keep the links moving as on a level base while
     the base turns.
 
-    ``poses`` are of the links turned so; ``told`` rates and accelerations of the
-    joints' references, for the rest.
+    ``poses`` are of the links turned so; ``references`` are rates and
+    accelerations of the joints' references, for the rest.
     """
     directions = axes(vehicle, poses)
     R = still.R
     w = still.rate
     turns = [R.apply_T(each) - w for each in wanted.rates]
-    rates = joints_of_turns(vehicle, gains, directions, turns, told[0])
+    rates = joints_of_turns(vehicle, gains, directions, turns, references[0])
     links = link_turning(vehicle, directions, rates, w, still.acceleration)
     bends = [
         R.apply_T(each) - bias
         for each, (_, bias) in zip(wanted.accelerations, links, strict=True)
     ]
-    return rates, joints_of_turns(vehicle, gains, directions, bends, told[1])
+    return rates, joints_of_turns(vehicle, gains, directions, bends, references[1])
 
 
 def turned_joints(
@@ -343,7 +343,7 @@ def plan_weight(
 
 
 @immutable
-class Now:
+class PresentMotion:
     """Present motion of the vehicle: attitude, body rate, joints, posture and tip.
 
     Attributes:
@@ -369,7 +369,7 @@ def joint_accelerations(
     vehicle: Vehicle,
     gains: TipGains,
     wanted: TipGoal,
-    now: Now,
+    now: PresentMotion,
     preferred: Sequence[Scalar],
     links: Sequence[Scalar] = (),
 ) -> Scalars:

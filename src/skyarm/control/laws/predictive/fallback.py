@@ -192,11 +192,11 @@ def _computed_torque(
     model, (values, rates, accelerations) = par.model, signals
     vehicle = model.vehicle
     R = reading.rotation
+    pushed = unknown.force * divide(1.0, vehicle.mass)
     goal = Reference(
         position=Vec3(*values[:3]),
         velocity=Vec3(*rates[:3]),
-        acceleration=Vec3(*accelerations[:3])
-        - unknown.force * divide(1.0, vehicle.mass),
+        acceleration=Vec3(*accelerations[:3]) - pushed,
         yaw=_near(values[3], yaw_of(reading.quaternion)),
         yaw_rate=rates[3],
         joints=tuple(values[4:]),
@@ -208,7 +208,7 @@ def _computed_torque(
     # give together
     base = Motion(
         turn_towards(par, reading, goal, R, up),
-        R.apply_T(up + unknown.force * divide(1.0, vehicle.mass)),
+        R.apply_T(up + pushed),
     )
     force, torques = generalized_force(
         par, R, reading, base, joint_accelerations(par, reading, goal)

@@ -59,7 +59,7 @@ class SampledReference:
         pull, weight: sums of -a d2a/dt2 and of a^2 of the accelerations so far, older
             ones forgotten; their quotient is the squared angular frequency of the swing
             that fits best, 1/s^2.
-        foretold: samples in a row, this one included, that came when predicted by the
+        predicted: samples in a row, this one included, that came when predicted by the
             last one.
         secants, gap: mean jerks since the sample before and the time since then, s.
         coming: (3, T, signals) this sample and those of the preview. turning: (2, T,
@@ -72,7 +72,7 @@ class SampledReference:
     age: float
     pull: Array
     weight: Array
-    foretold: int = 0
+    predicted: int = 0
     secants: Array | None = None
     gap: float = 0.0
     coming: Array = field(default_factory=partial(np.zeros, (3, 0, 0)))
@@ -151,8 +151,8 @@ def update_sample(
         return first
     accelerations, last = motion[2], before.motion[2]
     jerks = (accelerations - last) / age
-    pull, weight, foretold = before.pull, before.weight, before.foretold + 1
-    if foretold > SETTLED and before.secants is not None:
+    pull, weight, predicted = before.pull, before.weight, before.predicted + 1
+    if predicted > SETTLED and before.secants is not None:
         # the second derivative of the acceleration, at the sample before
         bend = (jerks - before.secants) / (0.5 * (age + before.gap))
         decay = np.exp(-age / KEPT)
@@ -165,7 +165,7 @@ def update_sample(
         0.0,
         pull,
         weight,
-        foretold,
+        predicted,
         jerks,
         age,
         first.coming,

@@ -34,7 +34,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 
-TOLD = 5
+ENTRIES = 5
 """Number of used entries of a desired contact: force, speed, normal. A gripping tip is
 controlled as a free one."""
 KEPT = 0.6
@@ -97,7 +97,6 @@ class TipContact:
         state, _, disturbance, _ = examples(vehicle.n, len(vehicle.rotors))
         first = first_interaction(vehicle.n)
         self.gains, self.first = gains, first
-        rows = (state, disturbance, (0.0,) * TOLD, (0.0,) * (4 + vehicle.n))
 
         def step(
             memory: InteractionMemory,
@@ -148,7 +147,8 @@ class TipContact:
                 tip_force=tuple(after.force),
             )
 
-        self.step = Compiled(step, first, *rows)
+        push, signals = (0.0,) * ENTRIES, (0.0,) * (4 + vehicle.n)
+        self.step = Compiled(step, first, state, disturbance, push, signals)
 
     def at(
         self,
@@ -167,7 +167,7 @@ class TipContact:
         """
         memory = np.array(leaves(before or self.first), dtype=float)
         return self.step.record(
-            memory, estimate, np.array(push[:TOLD], dtype=float), signals
+            memory, estimate, np.array(push[:ENTRIES], dtype=float), signals
         )
 
 

@@ -37,7 +37,7 @@ from skyarm.algebra.scalars import (
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
 from skyarm.control.blocks.filters import low_pass, low_pass_share
-from skyarm.control.blocks.force_control import SENSING
+from skyarm.control.blocks.force_control import SENSING, SensorBandwidth
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import ForceErrors, levers, tip_force
@@ -267,17 +267,7 @@ class AdmittanceGains(OptionalPart):
             "s", "time after a force before loads, friction and lag are estimated again"
         ),
     ] = 0.5
-    sensing: (
-        Annotated[
-            Scalar,
-            Unit(
-                "rad/s",
-                "bandwidth of the filter of the force sensor",
-                effect="lower values pass less sensor noise and add lag",
-            ),
-        ]
-        | None
-    ) = None
+    sensing: SensorBandwidth | None = None
 
     def __post_init__(self) -> None:
         require_moderate("controller.parts.admittance.tip", "inertia", self.tip)

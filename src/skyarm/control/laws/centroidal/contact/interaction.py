@@ -293,11 +293,11 @@ STEEPEST = 0.4
 a nominally level surface."""
 
 
-def estimated_normal(told: Vec3, lean: Vec3) -> Vec3:
+def estimated_normal(nominal: Vec3, lean: Vec3) -> Vec3:
     """Unit normal of the surface: the reference's normal corrected by the estimated
     tilt of the surface.
     """
-    n = told + lean
+    n = nominal + lean
     # a reference that has not begun has no normal
     return n * divide(1.0, sqrt(n.dot(n) + 1e-12))
 
