@@ -74,15 +74,12 @@ def is_own(controller: Controller) -> bool:
     return own_code(controller.law) is not None
 
 
-def wrong(controller: Controller, words: str, place: str = "") -> LawError:
-    """One-line error about a user-defined law, with its file and line.
+def wrong(controller: Controller, words: str) -> LawError:
+    """One-line error about a user-defined law, with the file and line where it begins.
 
-    Args:
-        controller: controller of the law.
-        words: the fault and the requirement.
-        place: file and line; where the law begins if left out.
+    ``words`` state the fault and the requirement.
     """
-    return _fault(controller.law, controller.name, words, place)
+    return _fault(controller.law, controller.name, words)
 
 
 def _fault(law: Law, name: str, words: str, place: str = "") -> LawError:

@@ -73,7 +73,6 @@ from skyarm.algebra import (
     Scalar,
     Scalars,
     Vec3,
-    differences,
 )
 from skyarm.algebra.scalars import (
     clip,
@@ -647,7 +646,7 @@ def filter_pose(
         q + qd * dt for q, qd in zip(memory.joints, memory.joint_rates, strict=True)
     ]
     measured = nearer_sign(measurement.quaternion, quaternion)
-    off = Quaternion(*differences(measured, quaternion))
+    off = Quaternion(*(m - c for m, c in zip(measured, quaternion, strict=True)))
     return FilteredPose(
         position + (measurement.position - position) * moved,
         quaternion.plus(off, turned).normalized(),
