@@ -752,7 +752,7 @@ def test_the_observer_tells_by_how_much_its_disturbance_changes():
     _, angular, joints = told.amid.accelerations(
         MODEL, (500.0**2,) * 4, command.efforts
     )
-    for gain, rate, foretold, correction in (
+    for gain, rate, predicted, correction in (
         (
             par.observer.torque,
             measured.rate,
@@ -767,5 +767,5 @@ def test_the_observer_tells_by_how_much_its_disturbance_changes():
         ),
     ):
         share = (1.0 - math.exp(-gain * DT)) ** 2 / DT
-        wanted = [share * (m - f) for m, f in zip(rate, foretold, strict=True)]
+        wanted = [share * (m - f) for m, f in zip(rate, predicted, strict=True)]
         assert list(correction) == pytest.approx(wanted)
