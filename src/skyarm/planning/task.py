@@ -143,7 +143,7 @@ class Goal:
 
 @immutable
 @checked("contact", TaskError)
-class TipContact:
+class PlannedContact:
     """Contact of the tip throughout a phase.
 
     Attributes:
@@ -180,7 +180,7 @@ class PlanPhase:
     step: Annotated[
         float | None, Unit("s", "time between nodes", low=0.002, high=0.5)
     ] = None
-    contact: TipContact | None = None
+    contact: PlannedContact | None = None
     gripper: Annotated[str, Unit("", "gripper that closes when the phase begins")] = ""
     release: Annotated[str, Unit("", "gripper that opens when the phase begins")] = ""
     tilt: Annotated[
