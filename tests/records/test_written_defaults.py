@@ -21,7 +21,7 @@ import pytest
 
 import skyarm
 from skyarm.log.metrics.score import score
-from skyarm.planning.task import Goal, Start, TaskLimits, PlannedContact
+from skyarm.planning.task import Goal, PlannedContact, Start, TaskLimits
 from skyarm.records.files import Fields
 from skyarm.records.plain import plain
 from skyarm.records.read_table import record_from
